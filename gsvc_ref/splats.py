@@ -1,0 +1,102 @@
+"""The data everybody passes on: the 2D Gaussian splats of one frame."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+
+F4 = NDArray[np.float32]
+
+PARAMETERS_PER_SPLAT = 8
+"""Position (2), Cholesky factor (3), weighted colour (3); paper section 3.2."""
+
+
+@dataclass(frozen=True, eq=False)
+class Splats:
+    """N splats as three binary32 arrays; index n is the same splat in each.
+
+    Attributes
+    ----------
+    positions
+        (N, 2) f4, the centre mu = (x, y) in pixels of the coded frame; origin top left, y down, the centre of the
+        first pixel at (0.5, 0.5).
+    cholesky
+        (N, 3) f4, the entries (l11, l21, l22) in pixels of the lower triangular L with covariance L L^T.
+    colors
+        (N, 3) f4, the weighted colour c' as (R, G, B); 1 is full scale, any sign.
+
+    Raises
+    ------
+    UsageError
+        A shape does not fit, or a value is NaN or infinite.
+    """
+
+    positions: F4
+    cholesky: F4
+    colors: F4
+
+    def __post_init__(self) -> None:
+        for name, columns in (("positions", 2), ("cholesky", 3), ("colors", 3)):
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            if array.ndim != 2 or array.shape[1] != columns:
+                raise UsageError(f"Splats.{name} has shape {array.shape}; it must be (N, {columns})")
+            if not np.isfinite(array).all():
+                bad = int(np.argwhere(~np.isfinite(array))[0, 0])
+                raise UsageError(f"Splats.{name} is NaN or infinite at splat {bad}; every parameter must be finite")
+            object.__setattr__(self, name, array)
+        if not len(self.positions) == len(self.cholesky) == len(self.colors):
+            counts = f"{len(self.positions)}, {len(self.cholesky)} and {len(self.colors)}"
+            raise UsageError(f"positions, cholesky and colors hold {counts} splats; the counts must be equal")
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __eq__(self, other: object) -> bool:
+        """Bit-equality of all parameters (so -0 differs from +0)."""
+        return isinstance(other, Splats) and len(self) == len(other) and self.tobytes() == other.tobytes()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @classmethod
+    def empty(cls) -> Self:
+        """No splats: a black frame."""
+        return cls(np.empty((0, 2), np.float32), np.empty((0, 3), np.float32), np.empty((0, 3), np.float32))
+
+    @classmethod
+    def from_array(cls, array: ArrayLike) -> Self:
+        """Split an (N, 8) array with columns x, y, l11, l21, l22, R, G, B."""
+        packed = np.asarray(array, dtype=np.float32)
+        if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
+            raise UsageError(f"the array has shape {packed.shape}; it must be (N, {PARAMETERS_PER_SPLAT})")
+        return cls(packed[:, 0:2], packed[:, 2:5], packed[:, 5:8])
+
+    def to_array(self) -> F4:
+        """All parameters as (N, 8) f4 with columns x, y, l11, l21, l22, R, G, B."""
+        return np.concatenate([self.positions, self.cholesky, self.colors], axis=1)
+
+    def tobytes(self) -> bytes:
+        """Positions, Cholesky factors and colours, each little-endian binary32 in C order: what a checksum covers."""
+        return b"".join(part.astype("<f4", copy=False).tobytes() for part in (self.positions, self.cholesky, self.colors))
+
+    def take(self, indices: NDArray[Any]) -> "Splats":
+        """The splats that an index or boolean array selects, in its order."""
+        return Splats(self.positions[indices], self.cholesky[indices], self.colors[indices])
+
+    def append(self, other: "Splats") -> "Splats":
+        """These splats, then the other ones."""
+        return Splats(
+            np.concatenate([self.positions, other.positions]),
+            np.concatenate([self.cholesky, other.cholesky]),
+            np.concatenate([self.colors, other.colors]),
+        )
+
+    def scaled(self, scale_x: float, scale_y: float) -> "Splats":
+        """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale."""
+        return Splats(
+            self.positions * np.array([scale_x, scale_y], np.float32),
+            self.cholesky * np.array([scale_x, scale_y, scale_y], np.float32),
+            self.colors,
+        )
