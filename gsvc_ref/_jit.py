@@ -9,7 +9,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def kernel(*, parallel: bool = False, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def kernel(
+    *, parallel: bool = False, contract: bool = False, inline: bool = False
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile a function with Numba, cached on disk; it stays plain Python under ``NUMBA_DISABLE_JIT=1``.
 
     Parameters

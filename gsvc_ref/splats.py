@@ -79,7 +79,9 @@ class Splats:
 
     def tobytes(self) -> bytes:
         """Positions, Cholesky factors and colours, each little-endian binary32 in C order: what a checksum covers."""
-        return b"".join(part.astype("<f4", copy=False).tobytes() for part in (self.positions, self.cholesky, self.colors))
+        return b"".join(
+            part.astype("<f4", copy=False).tobytes() for part in (self.positions, self.cholesky, self.colors)
+        )
 
     def take(self, indices: NDArray[Any]) -> "Splats":
         """The splats that an index or boolean array selects, in its order."""
