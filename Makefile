@@ -1,0 +1,39 @@
+# `make demo` and `make test` set up everything they need in .venv; `make help` lists the rest.
+
+PYTHON ?= python3
+EXTRAS ?= test
+BIN    := .venv/bin
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format bench clean
+
+help:            ## list the commands
+	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+# One stamp for each set of extras: a second `make` starts at once.
+.venv/.ready-%: pyproject.toml
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@touch $@
+
+demo: .venv/.ready-progress            ## encode, decode and compare the built-in clip; writes demo/report.html
+	$(BIN)/gsvc demo
+
+test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
+	$(BIN)/python -m pytest
+
+lint: .venv/.ready-lint,testing            ## check style and types
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+format: .venv/.ready-lint,testing            ## put the code into the house style
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+bench: .venv/.ready-test,peers            ## measure speed against peers in the same run
+	$(BIN)/python -m benchmarks
+
+clean:            ## remove what the other commands made
+	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	find . -name __pycache__ -prune -exec rm -rf {} +

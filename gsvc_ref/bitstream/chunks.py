@@ -1,0 +1,129 @@
+"""The container: stream prefix, chunks, index and end (spec.md sections 6.1, 6.2, 6.7 and 6.8)."""
+
+from collections.abc import Callable
+from typing import Final, Literal, cast
+
+import numpy as np
+
+from gsvc_ref.bitstream.coder import U4, Coder, encode_uv
+from gsvc_ref.bitstream.crc import crc32c
+from gsvc_ref.errors import UsageError
+
+MAGIC: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
+VERSION_MAJOR: Final = 1
+VERSION_MINOR: Final = 0
+PREFIX_SIZE: Final = len(MAGIC) + 2
+END_CHUNK_SIZE: Final = 14
+CRC_BITS: Final = 32
+
+HEADER_TYPE: Final = ord("H")
+INDEX_TYPE: Final = ord("x")
+END_TYPE: Final = ord("E")
+FRAME_TYPE_CODES: Final = frozenset(b"IPR")
+CRITICAL_TYPES: Final = FRAME_TYPE_CODES | {HEADER_TYPE, END_TYPE}
+
+
+def magic(s: Coder) -> None:
+    """`magic` of stream(), spec.md section 6.1."""
+    if s.raw("magic", len(MAGIC), MAGIC) != MAGIC:
+        s.fail(
+            "R-6.1-1", "this is no .gsvc stream, or a transfer in text mode has damaged it: its magic number differs"
+        )
+
+
+def version(s: Coder) -> int:
+    """`version_major` and `version_minor` of stream(), spec.md section 6.1; the minor one."""
+    if (major := s.le("version_major", 1, VERSION_MAJOR)) != VERSION_MAJOR:
+        s.fail("R-6.1-2", f"the stream is of version {major}; this decoder reads version {VERSION_MAJOR}")
+    return s.le("version_minor", 1, VERSION_MINOR)
+
+
+def chunk_head(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, chunk_length: int = 0) -> tuple[int, int]:
+    """The first two elements of chunk(); `longest` tells the most bytes of a payload of a type."""
+    chunk_type = s.le("chunk_type", 1, chunk_type)
+    if not is_letter(chunk_type):
+        s.fail("R-6.2-1", f"`chunk_type` is {chunk_type:#04x}, which is no ASCII letter")
+    chunk_length = s.uv("chunk_length", chunk_length)
+    if chunk_length > longest(chunk_type):
+        s.fail("R-5-3", f"a chunk {chr(chunk_type)} has {chunk_length} bytes; {longest(chunk_type)} are allowed")
+    return chunk_type, chunk_length
+
+
+def chunk_rest(s: Coder, chunk_type: int, chunk_length: int, payload: bytes = b"") -> bytes:
+    """The other two elements of chunk(): the payload, whose bits the payload's own elements count, and the checksum."""
+    payload = s.raw("payload", chunk_length, payload, counted=False)
+    crc = crc32c(payload, crc32c(bytes([chunk_type]) + encode_uv(chunk_length)))
+    if s.le("chunk_crc", 4, crc) != crc:
+        s.fail("R-6.2-2", f"the checksum of a chunk {chr(chunk_type)} is wrong: the chunk is damaged")
+    return payload
+
+
+def chunk(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, payload: bytes = b"") -> tuple[int, bytes]:
+    """chunk() of spec.md section 6.2: its type and payload."""
+    chunk_type, chunk_length = chunk_head(s, longest, chunk_type, len(payload))
+    return chunk_type, chunk_rest(s, chunk_type, chunk_length, payload)
+
+
+def is_letter(chunk_type: int) -> bool:
+    """Whether a chunk type is an ASCII letter (R-6.2-1)."""
+    return bytes([chunk_type]).isalpha()
+
+
+def is_ancillary(chunk_type: int) -> bool:
+    """Whether a decoder that does not know a chunk type skips it."""
+    return bytes([chunk_type]).islower()
+
+
+def check_known(s: Coder, chunk_type: int) -> None:
+    """Refuse critical types that this version does not define."""
+    if chunk_type not in CRITICAL_TYPES and not is_ancillary(chunk_type):
+        s.fail("R-3.2-1", f"a chunk is of the critical type {chr(chunk_type)}, which version 1.0 reserves")
+
+
+def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:
+    """The frame type that a chunk type in `FRAME_TYPE_CODES` stands for."""
+    return cast(Literal["I", "P", "R"], chr(chunk_type))
+
+
+def index(s: Coder, index_offset: int, steps: U4 | None = None) -> U4:
+    """index() of spec.md section 6.7: (entry_count, 2) u4 with columns `frame_number_step`, `offset_step`.
+
+    `index_offset` is the offset in bytes of the index chunk, before which all offsets lie.
+    """
+    blocks: list[U4] = [np.empty((0, 2), np.uint32)]
+    offset = 0
+    with s.part("index"):
+        entry_count = s.uv("entry_count", 0 if steps is None else len(steps))
+        for block in s.pairs(("frame_number_step", "offset_step"), entry_count, steps):
+            after_first = block[1:] if len(blocks) == 1 else block
+            offset += int(block[:, 1].sum(dtype=np.uint64))
+            if (after_first == 0).any() or offset >= index_offset:
+                s.fail("R-6.7-1", "frame numbers and offsets of the index must grow, and end before the index")
+            blocks.append(block)
+    return np.concatenate(blocks)
+
+
+def index_steps(entries: list[tuple[int, int]]) -> U4:
+    """The steps of index() for I-frames (frame number, offset in bytes), as far as steps are below 2^32.
+
+    An index that ends early is still true: it need not name every I-frame.
+    """
+    steps = np.diff(np.array([(0, 0), *entries], np.int64), axis=0)  # (entry_count, 2)
+    whole = int(np.argmax((steps >= 1 << 32).any(axis=1))) if (steps >= 1 << 32).any() else len(steps)
+    return steps[:whole].astype(np.uint32)
+
+
+def end(s: Coder, frame_count: int = 0, index_length: int = 0) -> tuple[int, int]:
+    """end() of spec.md section 6.8: `frame_count` and `index_length`."""
+    with s.part("end"):
+        frame_count = s.le("frame_count", 4, frame_count)
+        return frame_count, s.le("index_length", 4, index_length)
+
+
+def check_ancillary_type(chunk_type: str) -> int:
+    """The code of a type that an application may give an ancillary chunk of its own: a lower-case letter but `x`."""
+    if len(chunk_type) != 1 or not chunk_type.isascii() or not chunk_type.islower() or chunk_type == "x":
+        raise UsageError(
+            f"the type of an ancillary chunk is {chunk_type!r}; it must be a lower-case ASCII letter but x"
+        )
+    return ord(chunk_type)

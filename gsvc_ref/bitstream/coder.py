@@ -1,0 +1,203 @@
+"""The interface of bits: what a syntax function may say, whether it is read or written (spec.md section 3.1).
+
+Each syntax function of spec.md stands once in this package. It is handed a `Coder` and calls it for every element in
+the order of the spec's table, with the element's name. A `Reader` ignores the values it is given and returns what the
+bytes say; a `Writer` writes the values and returns them:
+
+    width = s.le("width", 2, given.width)
+
+Checks stand beside the elements and call `fail`: a Reader raises GsvcError with the bit offset of the element at fault,
+a Writer raises UsageError, since the caller asked for a stream that no decoder may accept.
+"""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+CATEGORIES: Final = (
+    "container",  # magic, version, chunk types, lengths and checksums
+    "header",  # sequence header
+    "frame_header",  # frame numbers, splat counts, flags of blocks
+    "checksums",  # parameter_checksum
+    "survivors",
+    "positions",
+    "cholesky",
+    "quantizers",  # cholesky_scale, cholesky_offset
+    "colors",
+    "codebooks",  # stage_count, codeword_count, codeword
+    "index",
+    "end",
+    "ancillary",  # payloads of chunks that this version does not know
+)
+"""What bits are spent on; these categories add up to the size of a stream. Alignment counts to its element's."""
+
+UV_LIMIT: Final = 1 << 32
+GOLOMB_LONGEST: Final = 16
+"""Largest z of an `eg(k)` (R-3.1-3)."""
+
+SMALLEST_NORMAL: Final = np.float32(2.0**-126)
+
+U2 = NDArray[np.uint16]
+U4 = NDArray[np.uint32]
+I8 = NDArray[np.int64]
+F2 = NDArray[np.float16]
+
+
+@dataclass(frozen=True)
+class Element:
+    """One syntax element, or a run of equal ones, in a stream.
+
+    Attributes
+    ----------
+    bit
+        Offset of its first bit from the start of the stream.
+    bits
+        Its size in bits.
+    category
+        One of `CATEGORIES`.
+    name
+        Its name in spec.md, after the name of the plane that it is part of, if any.
+    value
+        An int, a float, or an array for a run.
+    """
+
+    bit: int
+    bits: int
+    category: str
+    name: str
+    value: Any
+
+
+class Coder(ABC):
+    """Bits in the making or under examination, and an account of them.
+
+    Attributes
+    ----------
+    bits
+        How many bits went to each (category, element).
+    element_bit
+        Offset in bits, from the start of the stream, of the element coded last.
+    first_bit
+        Offset in bits, from the start of the stream, of the first element.
+    """
+
+    def __init__(self, first_bit: int = 0, trace: Callable[[Element], None] | None = None) -> None:
+        self.bits: Counter[tuple[str, str]] = Counter()
+        self.element_bit = first_bit
+        self.first_bit = first_bit
+        self._trace = trace
+        self._category = "container"
+        self._prefix = ""
+
+    @property
+    @abstractmethod
+    def position(self) -> int:
+        """Offset in bits, from the start of the stream, of the next element."""
+
+    @property
+    @abstractmethod
+    def bytes_left(self) -> int:
+        """Whole bytes that may still follow."""
+
+    @contextmanager
+    def part(self, category: str, prefix: str = "") -> Iterator[None]:
+        """Count the elements of a ``with`` block to a category; name them after a plane."""
+        outside = self._category, self._prefix
+        self._category, self._prefix = category, prefix and f"{prefix}."
+        try:
+            yield
+        finally:
+            self._category, self._prefix = outside
+
+    def bits_by_category(self) -> Counter[str]:
+        """How many bits went to each category."""
+        counts: Counter[str] = Counter()
+        for (category, _), bits in self.bits.items():
+            counts[category] += bits
+        return counts
+
+    def _record(self, name: str, start: int, value: Any) -> None:
+        self.element_bit = start
+        size = self.position - start
+        self.bits[self._category, name] += size
+        if self._trace is not None:
+            self._trace(Element(start, size, self._category, self._prefix + name, value))
+
+    @abstractmethod
+    def fail(self, rule: str, message: str, *, bit: int | None = None) -> NoReturn:
+        """Say that the element coded last (or the one at `bit`) breaks a rule."""
+
+    @abstractmethod
+    def u(self, name: str, size: int, value: int = 0) -> int:
+        """`u(size)`."""
+
+    @abstractmethod
+    def le(self, name: str, size: int, value: int = 0) -> int:
+        """`le(size)`."""
+
+    @abstractmethod
+    def uv(self, name: str, value: int = 0) -> int:
+        """`uv` (R-3.1-1)."""
+
+    @abstractmethod
+    def eg(self, name: str, order: int, value: int = 0) -> int:
+        """`eg(order)` (R-3.1-3)."""
+
+    @abstractmethod
+    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> bytes:
+        """A run of `size` bytes; not `counted` if its elements are counted elsewhere."""
+
+    @abstractmethod
+    def align(self) -> None:
+        """`align()`: zero bits up to the next byte boundary (R-3.1-4)."""
+
+    @abstractmethod
+    def fixed(self, name: str, count: int, size: int, values: U2 | None = None) -> U2:
+        """A run of `count` elements `u(size)`, size at most 16: (count,) u2."""
+
+    @abstractmethod
+    def golombs(self, name: str, count: int, order: int, values: I8 | None = None) -> I8:
+        """A run of `count` elements `eg(order)`: (count,) i8 (R-3.1-3)."""
+
+    @abstractmethod
+    def pairs(self, names: tuple[str, str], count: int, values: U4 | None = None) -> Iterator[U4]:
+        """`count` pairs of `uv`, as blocks (n, 2) u4; what precedes a fault is yielded before the fault is raised."""
+
+    def integers(self, name: str, count: int, size: int, values: NDArray[np.unsignedinteger] | None = None) -> U4:
+        """A run of `count` elements `le(size)`, size 2 or 4: (count,) u2 or u4."""
+        dtype = np.dtype(f"<u{size}")
+        data = b"" if values is None else values.astype(dtype).tobytes()
+        read: U4 = np.frombuffer(self.raw(name, count * size, data), dtype).astype(dtype.newbyteorder("="))
+        return read
+
+    def halves(self, name: str, count: int, values: F2 | None = None) -> F2:
+        """A run of `count` elements `f16`: (count,) f2 (R-3.1-2)."""
+        read: F2 = self.integers(name, count, 2, None if values is None else values.view(np.uint16)).view(np.float16)
+        if not np.isfinite(read).all():
+            first = int(np.argmin(np.isfinite(read)))
+            self.fail("R-3.1-2", f"{name} is not a finite binary16", bit=self.element_bit + 16 * first)
+        return read
+
+    def f32(self, name: str, value: float = 0.0) -> np.float32:
+        """`f32` (R-3.1-2)."""
+        given = np.array([value], np.float32).view(np.uint32)
+        read: np.float32 = self.integers(name, 1, 4, given).view(np.float32)[0]
+        if not np.isfinite(read):
+            self.fail("R-3.1-2", f"{name} is not a finite binary32")
+        return read
+
+
+def encode_uv(value: int) -> bytes:
+    """The bytes of a `uv`."""
+    groups = bytearray()
+    while value >= 0x80:
+        groups.append(value & 0x7F | 0x80)
+        value >>= 7
+    groups.append(value)
+    return bytes(groups)

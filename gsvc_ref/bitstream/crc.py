@@ -1,0 +1,73 @@
+"""CRC-32C, the checksum of chunks (R-6.2-2) and of reconstructed parameters (R-6.4-3)."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.splats import Splats
+
+REFLECTED_POLYNOMIAL: Final = 0x82F63B78
+"""1EDC6F41, the Castagnoli polynomial, with its bits in reverse order."""
+
+
+def crc32c_plain(data: bytes, crc: int = 0) -> int:
+    """The definition, bit by bit: CRC-32C of `data`, continuing from the checksum `crc` of what stood before it."""
+    register = crc ^ 0xFFFFFFFF
+    for byte in data:
+        register ^= byte
+        for _ in range(8):
+            register = (register >> 1) ^ (REFLECTED_POLYNOMIAL if register & 1 else 0)
+    return register ^ 0xFFFFFFFF
+
+
+def _tables() -> NDArray[np.uint32]:
+    """(8, 256) u4: the register after a byte that is followed by 0, 1, … 7 zero bytes."""
+    tables = np.empty((8, 256), np.uint32)
+    register = np.arange(256, dtype=np.uint32)
+    for _ in range(8):
+        register = (register >> 1 ^ (register & 1) * np.uint32(REFLECTED_POLYNOMIAL)).astype(np.uint32)
+    tables[0] = register
+    for zeros in range(1, 8):
+        tables[zeros] = (tables[zeros - 1] >> 8) ^ tables[0][tables[zeros - 1] & 0xFF]
+    return tables
+
+
+_TABLES: Final = _tables()
+
+
+@kernel()
+def _crc32c_kernel(data: NDArray[np.uint8], register: np.int64, tables: NDArray[np.uint32]) -> np.int64:
+    """Eight bytes at a time: the CRC is linear, so each byte's share is looked up on its own."""
+    size = len(data)
+    whole = size - size % 8
+    for at in range(0, whole, 8):
+        register = (
+            np.int64(tables[7, (register ^ data[at]) & 0xFF])
+            ^ np.int64(tables[6, ((register >> 8) ^ data[at + 1]) & 0xFF])
+            ^ np.int64(tables[5, ((register >> 16) ^ data[at + 2]) & 0xFF])
+            ^ np.int64(tables[4, ((register >> 24) ^ data[at + 3]) & 0xFF])
+            ^ np.int64(tables[3, data[at + 4]])
+            ^ np.int64(tables[2, data[at + 5]])
+            ^ np.int64(tables[1, data[at + 6]])
+            ^ np.int64(tables[0, data[at + 7]])
+        )
+    for at in range(whole, size):
+        register = (register >> 8) ^ np.int64(tables[0, (register ^ data[at]) & 0xFF])
+    return register
+
+
+def crc32c(data: bytes | memoryview, crc: int = 0) -> int:
+    """CRC-32C of `data`, continuing from the checksum `crc` of what stood before it: of b"123456789", E3069283."""
+    # Read-only, so that Numba compiles the kernel for one type of array only.
+    bytes_ = np.frombuffer(memoryview(data).toreadonly(), np.uint8)
+    return int(_crc32c_kernel(bytes_, np.int64(crc ^ 0xFFFFFFFF), _TABLES)) ^ 0xFFFFFFFF
+
+
+def parameter_checksum(splats: Splats) -> int:
+    """`parameter_checksum` of a frame with these splats (R-6.4-3)."""
+    checksum = 0
+    for part in (splats.positions, splats.cholesky, splats.colors):
+        checksum = crc32c(part.astype("<f4", copy=False).view(np.uint8).data, checksum)
+    return checksum

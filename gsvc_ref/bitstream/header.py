@@ -1,0 +1,155 @@
+"""The sequence header and the levels (spec.md sections 5 and 6.3)."""
+
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from typing import Any, Final
+
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.coder import Coder
+from gsvc_ref.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Level:
+    """What a level limits, for each frame; the payload is in bytes."""
+
+    pixels: int
+    splats: int
+    work: int
+    payload: int
+
+
+LEVELS: Final[dict[int, Level]] = {
+    1: Level(1 << 17, 1 << 14, 1 << 25, 1 << 20),
+    2: Level(1 << 20, 1 << 16, 1 << 28, 1 << 22),
+    3: Level(1 << 22, 1 << 18, 1 << 30, 1 << 24),
+    4: Level(1 << 24, 1 << 20, 1 << 32, 1 << 26),
+    5: Level(1 << 26, 1 << 22, 1 << 34, 1 << 28),
+}
+
+LONGEST_HEADER: Final = 1024
+"""Most bytes of a sequence header's payload (R-5-3)."""
+
+
+def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payload: int = 0) -> int:
+    """The least level for frames of `width` by `height` pixels with that many splats, work and bytes of a chunk.
+
+    Raises
+    ------
+    UsageError
+        Even the highest level does not allow it.
+    """
+    for number, level in LEVELS.items():
+        allowed = (level.pixels, level.splats, level.work, level.payload)
+        if all(need <= most for need, most in zip((width * height, splats, work, payload), allowed, strict=True)):
+            return number
+    raise UsageError(
+        f"no level allows {width}x{height} pixels with {splats} splats, {work} pairs of rendering work and chunks of "
+        f"{payload} bytes; the highest, {number}, allows {level}"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequenceHeader:
+    """The sequence header, element by element as in spec.md section 6.3.
+
+    `parameter_checksum_flag` is the flag of that name in `flags`; `frame_count` 0 is unknown.
+
+    Raises
+    ------
+    UsageError
+        A value is not allowed; the message names the rule.
+    """
+
+    profile: int = 0
+    level: int
+    parameter_checksum_flag: bool = False
+    width: int
+    height: int
+    frame_rate_numerator: int = 25
+    frame_rate_denominator: int = 1
+    sample_aspect_numerator: int = 0
+    sample_aspect_denominator: int = 0
+    frame_count: int = 0
+    bit_depth: int = 8
+    chroma_format: int = 0
+    color_primaries: int = 1
+    transfer_characteristics: int = 1
+    matrix_coefficients: int = 0
+    video_full_range_flag: int = 1
+    chroma_sample_loc_type: int = 0
+    cholesky_bits: int = 6
+    color_stages: int = 2
+    color_codewords: int = 8
+    entropy_precision: int = 14
+    lane_count: int = 1
+
+    def __post_init__(self) -> None:
+        _header_elements(Writer(), self)
+
+    @property
+    def frame_rate(self) -> Fraction:
+        """Frames per second."""
+        return Fraction(self.frame_rate_numerator, self.frame_rate_denominator)
+
+    @property
+    def sample_aspect_ratio(self) -> Fraction | None:
+        """Width over height of a sample; None if unknown."""
+        if self.sample_aspect_numerator == 0:
+            return None
+        return Fraction(self.sample_aspect_numerator, self.sample_aspect_denominator)
+
+    @property
+    def limits(self) -> Level:
+        """What the level allows."""
+        return LEVELS[self.level]
+
+
+def sequence_header(s: Coder, header: SequenceHeader | None = None) -> SequenceHeader:
+    """sequence_header() of spec.md section 6.3."""
+    with s.part("header"):
+        elements = _header_elements(s, header)
+    return header or SequenceHeader(**elements)
+
+
+def _header_elements(s: Coder, header: SequenceHeader | None) -> dict[str, Any]:
+    given = {field.name: getattr(header, field.name, 0) for field in fields(SequenceHeader)}
+    elements: dict[str, Any] = {}
+
+    def element(name: str, size: int, lowest: int, highest: int, *, others_reserved: bool = False) -> int:
+        value = elements[name] = s.le(name, size, given[name])
+        if not lowest <= value <= highest:
+            rule = "R-3.2-1" if others_reserved else "R-6.3-1"
+            s.fail(rule, f"`{name}` is {value}; it must be in {lowest}..{highest}")
+        return value
+
+    element("profile", 1, 0, 0, others_reserved=True)
+    level = element("level", 1, 1, max(LEVELS), others_reserved=True)
+    flags = s.le("flags", 1, int(given["parameter_checksum_flag"]))
+    if flags > 1:
+        s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last are reserved")
+    elements["parameter_checksum_flag"] = flags == 1
+    width = element("width", 2, 1, 0xFFFF)
+    height = element("height", 2, 1, 0xFFFF)
+    if width * height > LEVELS[level].pixels:
+        s.fail("R-5-1", f"a frame has {width}x{height} pixels; level {level} allows {LEVELS[level].pixels}")
+    element("frame_rate_numerator", 4, 1, 0xFFFFFFFF)
+    element("frame_rate_denominator", 4, 1, 0xFFFFFFFF)
+    numerator = element("sample_aspect_numerator", 2, 0, 0xFFFF)
+    denominator = element("sample_aspect_denominator", 2, 0, 0xFFFF)
+    if (numerator == 0) != (denominator == 0):
+        s.fail("R-6.3-1", f"the sample aspect ratio is {numerator}:{denominator}; both must be 0 (unknown) or neither")
+    element("frame_count", 4, 0, 0xFFFFFFFF)
+    element("bit_depth", 1, 8, 16)
+    element("chroma_format", 1, 0, 3, others_reserved=True)
+    element("color_primaries", 1, 0, 0xFF)
+    element("transfer_characteristics", 1, 0, 0xFF)
+    element("matrix_coefficients", 1, 0, 0xFF)
+    element("video_full_range_flag", 1, 0, 1)
+    element("chroma_sample_loc_type", 1, 0, 5)
+    element("cholesky_bits", 1, 1, 12)
+    element("color_stages", 1, 1, 8)
+    element("color_codewords", 2, 1, 1024)
+    element("entropy_precision", 1, 12, 16)
+    element("lane_count", 1, 1, 64)
+    return elements

@@ -1,0 +1,23 @@
+"""Which kind of error each rule of spec.md stands for (section 10)."""
+
+from typing import Final
+
+from gsvc_ref.errors import ErrorKind, GsvcError
+
+_KINDS: Final[dict[str, ErrorKind]] = {
+    **dict.fromkeys(
+        ("R-3.1-1", "R-3.1-3", "R-6.1-1", "R-6.2-1", "R-6.2-2", "R-6.2-3", "R-6.2-4", "R-6.6-6", "R-7-1"), "malformed"
+    ),
+    **dict.fromkeys(("R-3.2-1", "R-6.1-2", "R-6.5-1", "R-6.6-1"), "unsupported"),
+    **dict.fromkeys(("R-5-1", "R-5-2", "R-5-3", "R-5-4"), "limit"),
+}
+
+
+def kind_of(rule: str) -> ErrorKind:
+    """The kind that an error about a rule has: ``invalid`` for all rules that section 10 does not list elsewhere."""
+    return _KINDS.get(rule, "invalid")
+
+
+def broken(rule: str, message: str, bit: int) -> GsvcError:
+    """The error of a rule that the element at `bit` of a stream breaks."""
+    return GsvcError(kind_of(rule), message, rule=rule, bit=bit)

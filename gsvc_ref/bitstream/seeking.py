@@ -1,0 +1,79 @@
+"""Finding an I-frame: through the index, or hopping from chunk to chunk (spec.md sections 4 and 6.7)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gsvc_ref.bitstream import chunks
+from gsvc_ref.bitstream.chunk_decoder import ChunkDecoder, Place
+from gsvc_ref.bitstream.source import SourceReader
+from gsvc_ref.errors import GsvcError
+
+I_TYPE = ord("I")
+
+
+def find_frame(decoder: ChunkDecoder, number: int) -> Place:
+    """A place at or before frame `number` from which it can be decoded."""
+    if number == 0 or not decoder.source.seekable:
+        return decoder.first
+    return find_by_index(decoder, number) or find_by_hopping(decoder, number)
+
+
+def read_end(decoder: ChunkDecoder) -> tuple[int, int] | None:
+    """`frame_count` and `index_length`, if the last bytes of a seekable source are an end chunk."""
+    size = decoder.source.size
+    if size is None or size < decoder.first.offset + chunks.END_CHUNK_SIZE:
+        return None
+    try:
+        chunk_type, p = decoder.chunk_at(size - chunks.END_CHUNK_SIZE)
+        return chunks.end(p) if chunk_type == chunks.END_TYPE else None
+    except GsvcError:
+        return None
+
+
+def find_by_index(decoder: ChunkDecoder, number: int) -> Place | None:
+    """The last I-frame at or before a frame that the index names; None without an index that tells the truth."""
+    ending, size = read_end(decoder), decoder.source.size
+    if ending is None or size is None:
+        return None
+    index_offset = size - chunks.END_CHUNK_SIZE - ending[1]
+    if not decoder.first.offset <= index_offset < size - chunks.END_CHUNK_SIZE:
+        return None
+    try:
+        chunk_type, p = decoder.chunk_at(index_offset)
+        if chunk_type != chunks.INDEX_TYPE:
+            return None
+        entries = chunks.index(p, index_offset).cumsum(axis=0, dtype=np.int64)  # (entry_count, 2): number, offset
+        entry = int(np.searchsorted(entries[:, 0], number, side="right")) - 1
+        if entry < 0 or entries[entry, 1] < decoder.first.offset:
+            return None
+        frame_number, offset = entries[entry].tolist()
+        chunk_type, p = decoder.chunk_at(offset)
+        if chunk_type != I_TYPE or p.uv("frame_number") != frame_number:
+            return None
+    except GsvcError:
+        return None
+    return replace(decoder.first, offset=offset, next_number=frame_number)
+
+
+def find_by_hopping(decoder: ChunkDecoder, number: int) -> Place:
+    """The last I-frame at or before a frame, found from the heads of the chunks.
+
+    A fault on the way ends the search: decoding from the I-frame before it will come to the fault and report it.
+    """
+    place, next_number, offset = decoder.first, 0, decoder.first.offset
+    try:
+        while next_number <= number:
+            decoder.source.seek(offset)
+            s = SourceReader(decoder.source)
+            chunk_type, chunk_length = chunks.chunk_head(s, decoder.longest_payload)
+            chunks.check_known(s, chunk_type)
+            if chunk_type in (chunks.HEADER_TYPE, chunks.END_TYPE):
+                break
+            if chunk_type == I_TYPE:
+                place = replace(decoder.first, offset=offset, next_number=next_number)
+            next_number += chunk_type in chunks.FRAME_TYPE_CODES
+            offset = (s.position + chunks.CRC_BITS) // 8 + chunk_length
+    except GsvcError:
+        pass
+    return place

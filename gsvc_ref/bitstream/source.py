@@ -1,0 +1,121 @@
+"""Where a stream's bytes come from: a path, bytes, or any binary file, be it a pipe."""
+
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Final, Self
+
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.coder import Element
+from gsvc_ref.errors import UsageError
+
+PIECE: Final = 1 << 20
+"""Bytes asked for at once: a length that a stream claims is never allocated before the bytes have come."""
+
+
+class Source:
+    """A binary source that counts offsets from where it stood when it was handed in.
+
+    Attributes
+    ----------
+    seekable
+        Whether `seek` may go back.
+    size
+        Bytes from the start of the stream to the end of the source; None for a pipe.
+    offset
+        Bytes from the start of the stream to what `read` returns next.
+
+    Raises
+    ------
+    UsageError
+        The source is neither a path nor bytes nor a binary file.
+    """
+
+    def __init__(self, source: str | Path | bytes | bytearray | memoryview | BinaryIO) -> None:
+        self._owned = not hasattr(source, "read")
+        self._file: BinaryIO
+        if isinstance(source, (bytes, bytearray, memoryview)):
+            self._file = BytesIO(source)
+        elif isinstance(source, (str, Path)):
+            self._file = open(source, "rb")  # noqa: SIM115  (closed by `close`)
+        elif hasattr(source, "read"):
+            self._file = source
+        else:
+            raise UsageError(
+                f"a {type(source).__name__} is no source; give a path, bytes or a file opened in mode 'rb'"
+            )
+        self.seekable = hasattr(self._file, "seekable") and self._file.seekable()
+        self.offset = 0
+        self.size: int | None = None
+        if self.seekable:
+            self._start = self._file.tell()
+            self.size = self._file.seek(0, 2) - self._start
+            self._file.seek(self._start)
+
+    def read(self, size: int) -> bytes:
+        """The next `size` bytes; fewer if the source ends before."""
+        pieces = []
+        while size > 0:
+            piece = self._file.read(min(size, PIECE))
+            if not piece:
+                break
+            if not isinstance(piece, bytes):
+                raise UsageError("the source yields text; open the file in mode 'rb'")
+            pieces.append(piece)
+            size -= len(piece)
+            self.offset += len(piece)
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+    def seek(self, offset: int) -> None:
+        """Go to an offset.
+
+        Raises
+        ------
+        UsageError
+            The offset lies behind, and the source cannot go back.
+        """
+        if offset == self.offset:
+            return
+        if self.seekable:
+            self._file.seek(self._start + offset)
+            self.offset = offset
+        elif offset < self.offset:
+            raise UsageError("a pipe can be read only once, from its start; give a file to read it again")
+        while self.offset < offset and self.read(min(PIECE, offset - self.offset)):
+            pass
+
+    def close(self) -> None:
+        """Close the file, if it was opened here."""
+        if self._owned:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class SourceReader(Reader):
+    """A Reader of what stands outside of payloads; it takes bytes from a source as they are needed."""
+
+    def __init__(
+        self, source: Source, trace: Callable[[Element], None] | None = None, *, end_rule: str = "R-6.2-4"
+    ) -> None:
+        super().__init__(b"", first_bit=8 * source.offset, end_rule=end_rule, trace=trace)
+        self._source = source
+
+    def at_end(self) -> bool:
+        """Whether no byte follows."""
+        if not self.bits_left:
+            self._data += self._source.read(1)
+        return not self.bits_left
+
+    def _need(self, bits: int, name: str) -> None:
+        missing = (bits - self.bits_left + 7) // 8
+        if missing > 0:
+            self._data += self._source.read(missing)
+        super()._need(bits, name)

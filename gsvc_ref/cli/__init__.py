@@ -1,0 +1,62 @@
+"""The command ``gsvc``: one module per command, each with `add_command`; heavy imports happen inside a command's `run`.
+
+Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what was saved is said); 2 wrong use;
+70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C; 141 the reader of standard output went away.
+"""
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from contextlib import suppress
+from io import TextIOWrapper
+from typing import NoReturn
+
+from gsvc_ref import __version__
+from gsvc_ref.cli import compare, decode, demo, encode, info
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded
+
+
+class Parser(ArgumentParser):
+    """A parser whose complaints look like all other messages: the command, what is wrong, what to do."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and exit."""
+        self.exit(EXIT_USAGE, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def build_parser() -> Parser:
+    """The parser of all commands; parsing sets `command` and `run`, the function that takes the parsed arguments."""
+    parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for module in (encode, decode, info, compare, demo):
+        module.add_command(commands)
+    parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code (see the package's docstring).
+
+    Parameters
+    ----------
+    argv
+        The arguments without the program's name; None takes those of the process.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a file name may hold what the terminal cannot show
+            with suppress(OSError):
+                stream.reconfigure(errors="backslashreplace")
+    return guarded("gsvc", lambda: _run(argv))
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    parser = build_parser()
+    try:
+        arguments: Namespace = parser.parse_args(argv)
+    except SystemExit as end:  # argparse has said why
+        return int(end.code or 0)
+    if arguments.command is None:
+        parser.print_help(sys.stderr)
+        return EXIT_USAGE
+    return guarded(f"gsvc {arguments.command}", lambda: int(arguments.run(arguments)))

@@ -1,0 +1,52 @@
+"""Types of arguments: text to value, with a message that says what is allowed."""
+
+import math
+import re
+from argparse import ArgumentTypeError
+
+
+def frame_range(text: str) -> tuple[int, int | None]:
+    """``30:60`` is (30, 60), ``30:`` is (30, None) and ``:60`` is (0, 60); the end is not included."""
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
+    if match is None:
+        raise ArgumentTypeError(f"{text!r} is not A:B, such as 30:60 (frames 30 to 59), 30: or :60")
+    start, stop = int(match[1] or 0), int(match[2]) if match[2] else None
+    if stop is not None and stop <= start:
+        raise ArgumentTypeError(f"{text!r} holds no frame: B must be greater than A, and frame B is not included")
+    return start, stop
+
+
+def key_frames(text: str) -> str | int | tuple[int, ...]:
+    """``auto``, a number for every k frames, or a list such as ``0,12,40`` (``0,`` is a list of one)."""
+    if text == "auto":
+        return text
+    if re.fullmatch(r"\d{1,9}", text, re.ASCII):
+        return int(text)
+    if re.fullmatch(r"\d{1,9}(,\d{1,9})*,?", text, re.ASCII):
+        return tuple(int(number) for number in text.split(",") if number)
+    raise ArgumentTypeError(f"{text!r} is none of: auto, K (every K frames), or frame numbers such as 0,12,40")
+
+
+def finite(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ArgumentTypeError(f"{text!r} is not a finite number, such as 34.5")
+    return value
+
+
+def positive(text: str) -> float:
+    """A finite number above 0."""
+    if (value := finite(text)) <= 0:
+        raise ArgumentTypeError(f"{text!r} is not above 0")
+    return value
+
+
+def whole(text: str) -> int:
+    """An integer; its range is the concern of whoever uses it."""
+    if not re.fullmatch(r"[+-]?\d{1,18}", text, re.ASCII):
+        raise ArgumentTypeError(f"{text!r} is not a whole number")
+    return int(text)

@@ -1,0 +1,149 @@
+"""``gsvc decode``: a `.gsvc` file in, a video out."""
+
+import sys
+from argparse import Namespace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
+from typing import TYPE_CHECKING, Any, Final
+
+from gsvc_ref.cli.arguments import frame_range, positive
+from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_ref.cli.files import STDIO, CompleteFrames, check_input, check_output, display_name, stream_source
+from gsvc_ref.cli.progress import ProgressDisplay
+from gsvc_ref.cli.text import describe_format, plural
+from gsvc_ref.errors import GsvcError, UsageError
+
+if TYPE_CHECKING:
+    from gsvc_ref.codec import Stream
+    from gsvc_ref.video import Frame, VideoFormat, VideoWriter
+
+COMMAND: Final = "gsvc decode"
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the subparsers of ``gsvc``."""
+    parser = commands.add_parser(
+        "decode",
+        help="decode a .gsvc file to a video",
+        description="Decode a .gsvc file to a video. Of a damaged file all complete frames are written (exit code 1).",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("input", metavar="IN.gsvc", help="the file to decode, or - for standard input")
+    parser.add_argument(
+        "output", metavar="OUT",
+        help="OUT.y4m; a folder, for PNG files; OUT.mp4, .mkv, .mov or .webm for a lossy copy to look at; "
+        "or - for y4m on standard output",
+    )  # fmt: skip
+    parser.add_argument(
+        "--frames", type=frame_range, default=(0, None), metavar="A:B",
+        help="decode frames A to B-1 only, from the I-frame at or before A",
+    )  # fmt: skip
+    parser.add_argument("--scale", type=positive, default=1.0, metavar="S", help="render at S times the size")
+    parser.add_argument(
+        "--precision", choices=("fast", "exact"), default="fast",
+        help="fast (default): binary32; exact: the definition in binary64, slow",
+    )  # fmt: skip
+    parser.add_argument(
+        "--chroma", choices=("rgb", "420", "422", "444"), help="chroma format to write; default: as the source had"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run(arguments: Namespace) -> int:
+    """Decode; 0, 1 for a damaged stream, 130 when interrupted."""
+    check_input(arguments.input)
+    check_output(arguments.output, arguments.input, folder_allowed=True)
+    try:
+        return _decode(arguments)
+    except KeyboardInterrupt:
+        say(COMMAND, "interrupted; nothing was saved")
+        return EXIT_INTERRUPTED
+
+
+def _decode(arguments: Namespace) -> int:
+    import gsvc_ref
+
+    start, stop = arguments.frames
+    with gsvc_ref.open(stream_source(arguments.input)) as stream:
+        decoded = gsvc_ref.decode(
+            stream, start=start, stop=stop, scale=arguments.scale, precision=arguments.precision
+        )
+        frames = CompleteFrames(iter(decoded))
+        writer = _write(frames, stream, arguments)
+        if frames.damage is not None:
+            return _report_damage(arguments, frames.damage, frames.count, stream)
+        if writer is None:
+            raise UsageError(f"{_frames_of(stream, arguments)} holds no frame of --frames {start}:{stop or ''}")
+    if not arguments.quiet:
+        out = sys.stderr if arguments.output == STDIO else sys.stdout
+        written = replace(writer.format, frame_count=frames.count)
+        print(f"{display_name(arguments.output, 'standard output')}: {describe_format(written)}", file=out)
+        for note in writer.notes:
+            print(f"  note: {note}", file=out)
+    return 0
+
+
+def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace) -> "VideoWriter | None":
+    """Write all frames; the closed writer, or None when there was no frame."""
+    from gsvc_ref.video import open_writer
+
+    first = next(frames, None)
+    if first is None:
+        return None
+    height, width, _ = first.shape
+    video = replace(stream.format, width=width, height=height, frame_count=None)
+    if arguments.chroma is not None:
+        video = with_chroma(video, arguments.chroma)
+    with (
+        open_writer(arguments.output, video) as writer,
+        ProgressDisplay(quiet=arguments.quiet) as display,
+    ):
+        for frame in _with_progress(chain([first], frames), _expected(stream, arguments), display):
+            writer.write(frame)
+    return writer
+
+
+def with_chroma(video: "VideoFormat", chroma: Any) -> "VideoFormat":
+    """The format with other planes; R'G'B' and Y'CbCr need a matrix that suits them."""
+    from gsvc_ref.video.format import assumed_matrix
+
+    color = video.color
+    if chroma == "rgb":
+        color = replace(color, matrix=0, full_range=True)
+    elif color.matrix == 0:
+        color = replace(color, matrix=assumed_matrix(video.height), full_range=False)
+    return replace(video, chroma_format=chroma, color=color)
+
+
+def _with_progress(frames: "Iterable[Frame]", expected: int | None, display: ProgressDisplay) -> "Iterator[Frame]":
+    of_all = f"/{expected}" if expected else ""
+    for count, frame in enumerate(frames, 1):
+        display.update(f"frame {count}{of_all}", count, expected)
+        yield frame
+
+
+def _expected(stream: "Stream", arguments: Namespace) -> int | None:
+    """How many frames the header promises for the range that was asked for."""
+    start, stop = arguments.frames
+    total = stream.header.frame_count or None
+    ends = [end for end in (stop, total) if end is not None]
+    return max(min(ends) - start, 0) if ends else None
+
+
+def _frames_of(stream: "Stream", arguments: Namespace) -> str:
+    total = stream.header.frame_count
+    return f"{display_name(arguments.input)}" + (f", with its {plural(total, 'frame')}," if total else "")
+
+
+def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: "Stream") -> int:
+    """Say what the fault is, what was saved and what is missing."""
+    name, output = display_name(arguments.input), display_name(arguments.output, "standard output")
+    expected, first_missing = _expected(stream, arguments), arguments.frames[0] + count
+    missing = f"frames {first_missing} to {first_missing + expected - count - 1}" if expected and expected > count else ""
+    missing = missing or f"what follows frame {first_missing - 1}" if count else "all"
+    kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
+    say(COMMAND, f"{name} is damaged: {damage}")
+    say(COMMAND, f"{kept}; missing: {missing}. Fetch the file again if you can")
+    return EXIT_DATA

@@ -1,0 +1,214 @@
+"""``gsvc encode``: a video in, a `.gsvc` file out."""
+
+import sys
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, TextIO
+
+from gsvc_ref.cli.arguments import finite, frame_range, key_frames, whole
+from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
+from gsvc_ref.cli.progress import ProgressDisplay
+from gsvc_ref.cli.text import decibel, describe_format, duration, plural, print_json, to_json
+from gsvc_ref.errors import UsageError
+
+if TYPE_CHECKING:
+    from gsvc_ref import Settings
+    from gsvc_ref.codec import EncodeReport, Progress
+    from gsvc_ref.video import VideoFormat, VideoReader
+
+COMMAND: Final = "gsvc encode"
+
+OVERRIDES: Final = (
+    "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "cholesky_bits",
+    "color_stages", "color_codewords", "lane_count", "index", "checksums",
+)  # fmt: skip
+"""Options that are settings of the same name; one that is not given leaves the preset's value."""
+
+STAGES: Final = {"detect": "looking for cuts", "fit": "fitting", "quantize": "quantising"}
+"""What to call the stages of an encode."""
+FIT_SHARE: Final = 0.6
+"""About how much of a frame's time goes to its first stage, for the estimate of the time left."""
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the subparsers of ``gsvc``."""
+    parser = commands.add_parser(
+        "encode",
+        help="encode a video as a .gsvc file",
+        description="Encode a video as a .gsvc file. Ctrl-C keeps the frames done so far as a valid file.",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
+    parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
+    parser.add_argument(
+        "--preset", choices=("quick", "paper"), default="quick",
+        help="quick (default): good pictures in about a second a frame; paper: the settings of the paper, minutes a frame",
+    )  # fmt: skip
+    rate = parser.add_argument_group("rate and quality")
+    rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most of one with --psnr")
+    rate.add_argument("--psnr", type=finite, metavar="DB", help="as few splats as keep each frame at this PSNR")
+    rate.add_argument("--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame")
+    rate.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12")
+    rate.add_argument("--color-stages", type=whole, metavar="M", help="stages of the colour quantiser, 1..8")
+    rate.add_argument("--color-codewords", type=whole, metavar="B", help="codewords of a stage, 1..1024")
+    frames = parser.add_argument_group("frames")
+    frames.add_argument("--frames", type=frame_range, metavar="A:B", help="encode frames A to B-1 only")
+    frames.add_argument(
+        "--key-frames", type=key_frames, metavar="auto|K|LIST",
+        help="I-frames: auto (default; at cuts), every K frames, or listed as 0,12,40",
+    )  # fmt: skip
+    # With default=None an option that is not given leaves the preset's value.
+    frames.add_argument(
+        "--low-latency", action="store_true", default=None, help="decide I-frames without looking ahead"
+    )
+    stream = parser.add_argument_group("stream")
+    stream.add_argument("--lanes", type=whole, metavar="L", dest="lane_count", help="lanes of the entropy coder, 1..64")
+    stream.add_argument(
+        "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"
+    )
+    stream.add_argument("--checksums", action="store_true", default=None, help="add a checksum of each frame's splats")
+    other = parser.add_argument_group("other")
+    other.add_argument("--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file")
+    other.add_argument("--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it")
+    other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
+    other.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run(arguments: Namespace) -> int:
+    """Encode; 0, or 130 when it was interrupted."""
+    if arguments.json and arguments.output == STDIO:
+        raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
+    check_input(arguments.input, folder_allowed=True)
+    check_output(arguments.output, arguments.input)
+    try:
+        return _encode(arguments)
+    except KeyboardInterrupt:
+        say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
+        return EXIT_INTERRUPTED
+
+
+def _encode(arguments: Namespace) -> int:
+    from gsvc_ref import encode
+    from gsvc_ref.video import open_video
+
+    settings = make_settings(arguments)
+    out = sys.stderr if arguments.output == STDIO else sys.stdout
+    talkative = not (arguments.quiet or arguments.json)
+    with open_video(arguments.input) as reader:
+        if talkative:
+            _introduce(arguments.input, reader, settings, out)
+        told = len(reader.notes)
+        with ProgressDisplay(quiet=arguments.quiet) as display:
+            report = encode(reader, arguments.output, settings, progress=progress_callback(display))
+        if talkative:
+            for note in reader.notes[told:]:
+                print(f"  note: {note}", file=out)
+            print("\n".join(summary(arguments.output, report)), file=out)
+        elif arguments.json:
+            print_json(report_object(arguments, report, reader.format))
+    if report.interrupted:
+        say(COMMAND, _interrupted(arguments.output, report))
+        return EXIT_INTERRUPTED
+    return 0
+
+
+def make_settings(arguments: Namespace) -> "Settings":
+    """The preset with what the command line overrides."""
+    from gsvc_ref import Settings
+
+    given = {name: getattr(arguments, name) for name in OVERRIDES}
+    overrides = {name: value for name, value in given.items() if value is not None}
+    return Settings.paper(**overrides) if arguments.preset == "paper" else Settings.quick(**overrides)
+
+
+def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:
+    """Say what is encoded, what was assumed about it, and how."""
+    video = reader.format
+    print(f"{display_name(name)}: {describe_format(video)}", file=out)
+    for note in reader.notes:
+        print(f"  note: {note}", file=out)
+    print(f"settings: {describe_settings(settings, video.width, video.height)}", file=out, flush=True)
+
+
+def describe_settings(settings: "Settings", width: int, height: int) -> str:
+    """The settings that matter most, in one line."""
+    splats = plural(settings.splat_count(width, height), "splat")
+    rate = f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
+    keys = settings.key_frames
+    if keys == "auto":
+        chosen = "found from the past alone" if settings.low_latency else "found automatically"
+    elif isinstance(keys, int):
+        chosen = f"every {plural(keys, 'frame')}"
+    else:
+        chosen = "listed"
+    return f"preset {settings.preset}, {rate}, I-frames {chosen}, seed {settings.seed}"
+
+
+def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
+    """What `gsvc_ref.encode` calls to have its progress shown; None when nothing is to be shown."""
+    if not display.active:
+        return None
+    done = 0.0
+
+    def show(progress: "Progress") -> None:
+        nonlocal done
+        share = progress.iteration / progress.iterations if progress.iterations else 0.0
+        if progress.stage != "detect":  # which runs ahead of the frames that are done
+            done = progress.frame + (share * FIT_SHARE if progress.stage == "fit" else FIT_SHARE + share * (1 - FIT_SHARE))
+        of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+        quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
+        steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
+        text = f"frame {progress.frame + 1}{of_all}  {STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
+        display.update(text, done, progress.frame_count)
+
+    return show
+
+
+def summary(output: str, report: "EncodeReport") -> list[str]:
+    """What came out, in lines."""
+    frames = report.frames
+    counts = Counter(frame.type for frame in frames)
+    types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
+    splats = max(frame.splats for frame in frames)
+    stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
+    shares = ", ".join(f"{stage} {seconds / report.seconds:.0%}" for stage, seconds in stages[:4] if report.seconds)
+    return [
+        f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}, "
+        f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
+        f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
+        f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
+        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame" + (f" ({shares})" if shares else ""),
+    ]
+
+
+def kilobits_per_second(report: "EncodeReport") -> float:
+    """The rate of the whole file in 1000 bits per second."""
+    return float(8 * report.file_bytes * report.header.frame_rate / len(report.frames) / 1000)
+
+
+def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFormat") -> dict[str, Any]:
+    """The report for ``--json``."""
+    return {
+        "input": arguments.input,
+        "output": arguments.output,
+        "format": video,
+        "file_bytes": report.file_bytes,
+        "bits_per_pixel": report.bits_per_pixel,
+        "kilobits_per_second": kilobits_per_second(report),
+        "mean_psnr": report.mean_psnr,
+        "seconds": report.seconds,
+        "seconds_by_stage": report.seconds_by_stage,
+        "interrupted": report.interrupted,
+        "header": report.header,
+        "frames": report.frames,
+        "notes": report.notes,
+        "settings": to_json(report.settings),
+    }
+
+
+def _interrupted(output: str, report: "EncodeReport") -> str:
+    count = plural(len(report.frames), "frame")
+    return f"interrupted; {display_name(output, 'standard output')} is a valid file with the {count} done so far"

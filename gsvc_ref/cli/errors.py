@@ -1,0 +1,108 @@
+"""From exceptions to one line on standard error and an exit code."""
+
+import errno
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from gsvc_ref.errors import GsvcError, UsageError
+
+EXIT_DATA: Final = 1
+EXIT_USAGE: Final = 2
+EXIT_INTERNAL: Final = 70
+"""``EX_SOFTWARE`` of sysexits.h."""
+EXIT_INTERRUPTED: Final = 130
+"""128 + SIGINT, as shells report it."""
+EXIT_PIPE_CLOSED: Final = 141
+"""128 + SIGPIPE, as shells report it."""
+
+DEBUG_VARIABLE: Final = "GSVC_DEBUG"
+
+WRONG_PATH: Final = (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError)
+"""Errors of the operating system that another argument cures."""
+
+ADVICE: Final = {
+    errno.ENOSPC: "; free some space or write to another disk: nothing stands under the final name",
+    errno.EACCES: "; check the permissions, or give another path",
+}
+"""What to do about an error of the operating system, by its number."""
+
+
+def say(command: str, message: str) -> None:
+    """Write a line to standard error that begins with the command."""
+    with suppress(OSError, ValueError):  # nowhere is left to complain when standard error is closed
+        print(f"{command}: {message}", file=sys.stderr, flush=True)
+
+
+def guarded(command: str, action: Callable[[], int]) -> int:
+    """Run an action and turn whatever it raises into a message and an exit code; ``GSVC_DEBUG=1`` shows tracebacks.
+
+    Parameters
+    ----------
+    command
+        What messages begin with, such as ``gsvc encode``.
+    action
+        Returns an exit code.
+    """
+    try:
+        status = action()
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where a full disk or a closed pipe can still be reported
+        return status
+    except (Exception, KeyboardInterrupt) as error:
+        if os.environ.get(DEBUG_VARIABLE, "0") not in ("", "0"):
+            traceback.print_exc()
+        return _explain(command, error)
+
+
+def _explain(command: str, error: BaseException) -> int:
+    """Say what went wrong; the exit code."""
+    if isinstance(error, BrokenPipeError):  # the reader has enough, as in `gsvc decode x.gsvc - | head`
+        _drop_stdout()
+        return EXIT_PIPE_CLOSED
+    if isinstance(error, KeyboardInterrupt):
+        say(command, "interrupted")
+        return EXIT_INTERRUPTED
+    if isinstance(error, UsageError):
+        say(command, str(error))
+        return EXIT_USAGE
+    if isinstance(error, GsvcError):
+        say(command, str(error))
+        return EXIT_DATA
+    if isinstance(error, OSError):
+        say(command, describe_os_error(error))
+        _drop_stdout()
+        return EXIT_USAGE if isinstance(error, WRONG_PATH) else EXIT_DATA
+    if isinstance(error, MemoryError):
+        say(command, "there is not enough memory; use smaller frames or fewer splats, or a machine with more")
+        return EXIT_DATA
+    summary = " ".join(f"{type(error).__name__}: {error}".split())
+    say(
+        command,
+        f"stopped by a fault of gsvc_ref ({summary}). Please report this line with the command that you "
+        f"gave; {DEBUG_VARIABLE}=1 shows where it happened",
+    )
+    return EXIT_INTERNAL
+
+
+def describe_os_error(error: OSError) -> str:
+    """What the operating system refused, for which file, and what to do where that is known."""
+    if error.strerror is None:  # raised with a message of our own
+        return str(error)
+    place = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
+    return f"{place}{error.strerror}{ADVICE.get(error.errno or 0, '')}"
+
+
+def _drop_stdout() -> None:
+    """Let Python's own flush at exit go nowhere, if standard output takes nothing any more."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except (OSError, ValueError):
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())
+            os.close(nowhere)

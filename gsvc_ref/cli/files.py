@@ -1,0 +1,110 @@
+"""Inputs and outputs of the commands: what can be said about a name before anything is read or written."""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Final
+
+from gsvc_ref.errors import GsvcError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gsvc_ref.video import Frame
+
+STDIO: Final = "-"
+STREAM_SUFFIX: Final = ".gsvc"
+
+
+def display_name(name: str, standard: str = "standard input") -> str:
+    """What to call a file in messages."""
+    return standard if name == STDIO else name
+
+
+def check_input(name: str, *, folder_allowed: bool = False) -> None:
+    """Refuse an input that cannot be one.
+
+    Raises
+    ------
+    UsageError
+        It does not exist, is a folder where none is allowed, or is a terminal.
+    """
+    if name == STDIO:
+        if sys.stdin is None or sys.stdin.isatty():
+            raise UsageError("- reads from standard input, which is a terminal: pipe something in, or give a file")
+        return
+    path = Path(name)
+    if not name or not path.exists():
+        raise UsageError(f"there is no file {name!r}; check the name (the current folder is {Path.cwd()})")
+    if path.is_dir() and not folder_allowed:
+        raise UsageError(f"{name} is a folder; give a {STREAM_SUFFIX} file")
+
+
+def check_output(name: str, source: str, *, folder_allowed: bool = False) -> None:
+    """Refuse an output that cannot be written, before work is done for it.
+
+    Raises
+    ------
+    UsageError
+        Its folder does not exist, it is a folder where none is allowed, a terminal, or the input itself.
+    """
+    if name == STDIO:
+        if sys.stdout is None or sys.stdout.isatty():
+            raise UsageError("- writes to standard output, which is a terminal: pipe it somewhere, or give a file")
+        return
+    path = Path(name)
+    if not name or not path.parent.is_dir():
+        raise UsageError(f"the folder {path.parent} does not exist; create it first (mkdir -p {path.parent})")
+    if path.is_dir() and not folder_allowed:
+        raise UsageError(f"{name} is a folder; give the name of a file to write, such as {path / 'out'}{STREAM_SUFFIX}")
+    if path.is_file() and source != STDIO and os.path.samefile(path, source):
+        raise UsageError(f"{name} is the input itself; give the output another name")
+
+
+def holds_stream(name: str) -> bool:
+    """Whether a file is, or claims by its name to be, a GSVC stream."""
+    from gsvc_ref.bitstream.chunks import MAGIC
+
+    path = Path(name)
+    if path.suffix.lower() == STREAM_SUFFIX:
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def stream_source(name: str) -> str | BinaryIO:
+    """What `gsvc_ref.open` takes for the name of a stream."""
+    return sys.stdin.buffer if name == STDIO else name
+
+
+class CompleteFrames:
+    """The frames of a stream up to a fault, which is kept instead of raised.
+
+    Attributes
+    ----------
+    damage
+        The fault, once all frames before it have been taken; None while there is none.
+    count
+        Frames taken so far.
+    """
+
+    def __init__(self, frames: "Iterator[Frame]") -> None:
+        self._frames = frames
+        self.damage: GsvcError | None = None
+        self.count = 0
+
+    def __iter__(self) -> "Iterator[Frame]":
+        return self
+
+    def __next__(self) -> "Frame":
+        if self.damage is not None:
+            raise StopIteration
+        try:
+            frame = next(self._frames)
+        except GsvcError as error:
+            self.damage = error
+            raise StopIteration from None
+        self.count += 1
+        return frame

@@ -1,0 +1,139 @@
+"""``gsvc info``: what a `.gsvc` file holds and where its bits went."""
+
+from argparse import Namespace
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+from gsvc_ref.cli.errors import EXIT_DATA, say
+from gsvc_ref.cli.files import check_input, display_name, stream_source
+from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
+from gsvc_ref.errors import GsvcError
+
+if TYPE_CHECKING:
+    from gsvc_ref.bitstream import FrameSummary, SequenceHeader, StreamSummary
+    from gsvc_ref.video import VideoFormat
+
+COMMAND: Final = "gsvc info"
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the subparsers of ``gsvc``."""
+    parser = commands.add_parser(
+        "info",
+        help="tell what a .gsvc file holds and where its bits went",
+        description="Tell what a .gsvc file holds and where its bits went.",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("input", metavar="FILE", help="a .gsvc file, or - for standard input")
+    parser.add_argument("--json", action="store_true", help="print everything, frame by frame, as JSON")
+    parser.add_argument("--frames-table", action="store_true", help="print a line for each frame")
+
+
+def run(arguments: Namespace) -> int:
+    """Print the information; 0, or 1 for a damaged stream."""
+    check_input(arguments.input)
+    import gsvc_ref
+
+    name = display_name(arguments.input)
+    try:
+        with gsvc_ref.open(stream_source(arguments.input)) as stream:
+            video, summary = stream.format, stream.info()
+    except GsvcError as error:  # there is not even a header
+        if arguments.json:
+            print_json({"error": error_object(error)})
+        raise
+    if arguments.json:
+        print_json(info_object(summary))
+    else:
+        print("\n".join(describe(name, video, summary, frame_by_frame=arguments.frames_table)))
+    if summary.error is None:
+        return 0
+    say(COMMAND, f"{name} is damaged after {plural(len(summary.frames), 'complete frame')}: {summary.error}")
+    return EXIT_DATA
+
+
+def error_object(error: GsvcError) -> dict[str, Any]:
+    """A fault for JSON."""
+    return {"kind": error.kind, "message": error.message, "rule": error.rule, "bit": error.bit}
+
+
+def info_object(summary: "StreamSummary") -> dict[str, Any]:
+    """The summary for ``--json``; `error` is there only when the stream is damaged."""
+    rate = summary.header.frame_rate
+    info = {
+        "header": summary.header,
+        "frame_rate": rate,
+        "time_base": 1 / rate,
+        "frame_count": len(summary.frames),
+        "file_bytes": summary.file_bytes,
+        "bits": summary.bits,
+        "frames": summary.frames,
+    }
+    return info if summary.error is None else {**info, "error": error_object(summary.error)}
+
+
+def describe(name: str, video: "VideoFormat", summary: "StreamSummary", *, frame_by_frame: bool) -> list[str]:
+    """The information in lines."""
+    lines = [
+        f"{name}: {plural(summary.file_bytes, 'byte')}, {plural(len(summary.frames), 'complete frame')}",
+        *_header_lines(summary.header, video),
+    ]
+    if summary.frames:
+        lines += [_rate_line(summary), _type_line(summary.frames)]
+    lines += ["", *_bit_lines(summary)]
+    return lines + (["", *_frame_lines(summary.frames)] if frame_by_frame and summary.frames else [])
+
+
+def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
+    from gsvc_ref.video.format import SITING_NAMES
+
+    color = video.color
+    siting = f", chroma siting {SITING_NAMES[color.chroma_location]}" if video.chroma_format in ("420", "422") else ""
+    promised = plural(header.frame_count, "frame") if header.frame_count else "number of frames unknown"
+    checksums = ", a checksum of each frame's splats" if header.parameter_checksum_flag else ""
+    return [
+        f"  video       {describe_format(replace(video, frame_count=None))}",
+        f"  colour      primaries {color.primaries}, transfer {color.transfer}, matrix {color.matrix} (H.273){siting}",
+        f"  header      profile {header.profile}, level {header.level}, {promised}{checksums}",
+        f"  quantisers  Cholesky {header.cholesky_bits} bits; colours at most {plural(header.color_stages, 'stage')} of "
+        f"{plural(header.color_codewords, 'codeword')}",
+        f"  entropy     {header.entropy_precision}-bit frequencies, {plural(header.lane_count, 'lane')}",
+    ]
+
+
+def _rate_line(summary: "StreamSummary") -> str:
+    header, bits = summary.header, 8 * summary.file_bytes
+    seconds = len(summary.frames) / header.frame_rate
+    bits_per_pixel = bits / (header.width * header.height * len(summary.frames))
+    kilobits = float(bits / seconds / 1000)
+    return f"  rate        {bits_per_pixel:.4f} bits/pixel, {kilobits:.1f} kbit/s, {float(seconds):.2f} s of video"
+
+
+def _type_line(frames: "list[FrameSummary]") -> str:
+    types: list[str] = [frame.type for frame in frames]
+    splats = [frame.splats for frame in frames]
+    counts = ", ".join(f"{types.count(kind)} {kind}" for kind in "IPR" if kind in types)
+    span = f"{min(splats):,}" if min(splats) == max(splats) else f"{min(splats):,} to {max(splats):,}"
+    return f"  frames      {counts} ({frame_runs(types)}); {span} splats each"
+
+
+def _bit_lines(summary: "StreamSummary") -> list[str]:
+    total = 8 * summary.file_bytes
+    rows = [[part, f"{count:,}", f"{count / total:.1%}"] for part, count in summary.bits.items() if count]
+    return table(("part", "bits", "share"), [*rows, ["total", f"{total:,}", "100.0%"]])
+
+
+def _frame_lines(frames: "list[FrameSummary]") -> list[str]:
+    parts = list(dict.fromkeys(part for frame in frames for part, count in frame.bits.items() if count))
+    rows = [
+        [
+            str(frame.number),
+            frame.type,
+            f"{frame.splats:,}",
+            f"{8 * frame.size:,}",
+            *(f"{frame.bits.get(part, 0):,}" for part in parts),
+        ]
+        for frame in frames
+    ]
+    return table(("frame", "type", "splats", "bits", *parts), rows)

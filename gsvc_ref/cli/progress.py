@@ -1,0 +1,172 @@
+"""One line on a terminal that tells how far a command is; nothing anywhere else."""
+
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Protocol, Self, TextIO
+
+from gsvc_ref.cli.text import duration
+
+DELAY_S: Final = 0.7
+"""Commands that end sooner show nothing."""
+INTERVAL_S: Final = 0.1
+"""Least time between two updates."""
+KERNEL_FOLDER: Final = "render"
+"""The package whose compiled kernels every command needs."""
+
+
+class Line(Protocol):
+    """A place where one line can be shown again and again."""
+
+    def show(self, text: str, share: float | None) -> None:
+        """Replace the line; `share` 0..1 is how much is done, None unknown."""
+
+    def clear(self) -> None:
+        """Remove the line."""
+
+
+class PlainLine:
+    """A line by carriage return, for terminals without rich."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._shown = 0
+
+    def show(self, text: str, share: float | None) -> None:
+        """Replace the line."""
+        columns = shutil.get_terminal_size().columns - 1
+        text = (f"{share:4.0%}  {text}" if share is not None else text)[:columns]
+        self._stream.write("\r" + text.ljust(min(self._shown, columns)))
+        self._stream.flush()
+        self._shown = len(text)
+
+    def clear(self) -> None:
+        """Overwrite the line with blanks."""
+        self._stream.write("\r" + " " * self._shown + "\r")
+        self._stream.flush()
+        self._shown = 0
+
+
+class RichLine:
+    """A line with a bar, drawn by rich."""
+
+    def __init__(self, stream: TextIO) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        self._progress = Progress(
+            BarColumn(bar_width=24),
+            TextColumn("{task.description}", markup=False),
+            console=Console(file=stream),
+            auto_refresh=False,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = self._progress.add_task("", total=None)
+        self._progress.start()
+
+    def show(self, text: str, share: float | None) -> None:
+        """Replace the line."""
+        total = None if share is None else 1.0
+        self._progress.update(self._task, description=text, total=total, completed=share or 0.0, refresh=True)
+
+    def clear(self) -> None:
+        """Remove the line and give the cursor back."""
+        self._progress.stop()
+
+
+def open_line(stream: TextIO) -> Line:
+    """The best line that this terminal and installation offer."""
+    if os.environ.get("TERM") == "dumb":
+        return PlainLine(stream)
+    try:
+        return RichLine(stream)
+    except ImportError:  # rich is an optional extra
+        return PlainLine(stream)
+
+
+class ProgressDisplay:
+    """Shows how far a command is and how long it will take; a context manager, which clears the line at its end.
+
+    Nothing is shown in the first `DELAY_S`, with `quiet`, or when standard error is no terminal.
+
+    Attributes
+    ----------
+    active
+        Whether anything will ever be shown; what costs time to find out can be left out if not.
+    """
+
+    def __init__(
+        self,
+        *,
+        quiet: bool = False,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        line: Callable[[TextIO], Line] = open_line,
+    ) -> None:
+        self._stream: Any = stream if stream is not None else sys.stderr
+        self.active = not quiet and self._stream is not None and self._stream.isatty()
+        self._clock, self._open_line = clock, line
+        self._start = clock()
+        self._next = self._start + DELAY_S
+        self._line: Line | None = None
+
+    def status(self, text: str) -> None:
+        """Show a sentence at once, however short the command will be."""
+        if self.active:
+            self._show(text, None)
+
+    def update(self, text: str, done: float, total: float | None) -> None:
+        """Tell that `done` of `total` (None: unknown) units of work are complete."""
+        now = self._clock()
+        if not self.active or now < self._next:
+            return
+        share = min(done / total, 1.0) if total else None
+        if share:
+            left = (now - self._start) * (1 - share) / share
+            text = f"{text}  {duration(left)} left"
+        self._show(text, share)
+        self._next = now + INTERVAL_S
+
+    def _show(self, text: str, share: float | None) -> None:
+        if self._line is None:
+            self._line = self._open_line(self._stream)
+        self._line.show(text, share)
+
+    def close(self) -> None:
+        """Clear the line; harmless when there is none."""
+        if self._line is not None:
+            self._line.clear()
+            self._line = None
+
+    def __enter__(self) -> Self:
+        if self.active and kernels_are_cold():
+            self.status("compiling kernels (first run only) …")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def kernels_are_cold(package: Path = Path(__file__).parent.parent) -> bool:
+    """Whether Numba will have to compile, as far as its cache folders tell without importing it.
+
+    Parameters
+    ----------
+    package
+        The folder of gsvc_ref.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return not any(Path(chosen).glob(f"{KERNEL_FOLDER}_*/*.nbi"))
+    cache = package / KERNEL_FOLDER / "__pycache__"
+    if not os.access(package / KERNEL_FOLDER, os.W_OK):
+        return False  # Numba then chooses a folder of the user's, which only Numba knows
+    newest = max((path.stat().st_mtime for path in cache.glob("*.nbi")), default=0.0)
+    return newest < max(path.stat().st_mtime for path in (package / KERNEL_FOLDER).glob("*.py"))

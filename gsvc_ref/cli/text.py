@@ -1,0 +1,106 @@
+"""Numbers, tables and JSON as the commands print them."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from gsvc_ref.video import VideoFormat
+
+CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
+
+
+def plural(count: int, noun: str) -> str:
+    """A count with its noun: ``1 frame``, ``1,200 frames``."""
+    return f"{count:,} {noun}" + ("" if count == 1 else "s")
+
+
+def duration(seconds: float) -> str:
+    """A time span: ``0.8 s``, ``41 s``, ``3:05 min``, ``2:10 h``."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02} min"
+    return f"{whole // 3600}:{whole % 3600 // 60:02} h"
+
+
+def decibel(value: float | None, infinite: str = "identical") -> str:
+    """A PSNR: ``34.56 dB``; an infinite one, or JSON's null in its place, is `infinite`."""
+    return f"{value:.2f} dB" if value is not None and math.isfinite(value) else infinite
+
+
+def per_second(rate: Fraction) -> str:
+    """A frame rate: ``25 frames/s``, ``29.97 frames/s``."""
+    return f"{float(rate):.5g} frames/s"
+
+
+def describe_format(video: "VideoFormat") -> str:
+    """A video's format in one line: size, number of frames, rate, bit depth, chroma format and colour."""
+    from gsvc_ref.video.format import MATRIX_NAMES
+
+    frames = f"{plural(video.frame_count, 'frame')}, " if video.frame_count is not None else ""
+    if video.chroma_format == "rgb":
+        color = ""
+    else:
+        name = MATRIX_NAMES.get(video.color.matrix, f"matrix {video.color.matrix}")
+        color = f", {name}, {'full' if video.color.full_range else 'limited'} range"
+    return (
+        f"{video.width}x{video.height}, {frames}{per_second(video.frame_rate)}, {video.bit_depth} bits, "
+        f"{CHROMA_NAMES[video.chroma_format]}{color}"
+    )
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table: the first column to the left, the others to the right."""
+    cells = [header, *rows]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
+    return [
+        "  ".join(
+            cell.rjust(width) if column else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def frame_runs(types: Sequence[str], first: int = 0) -> str:
+    """Frame types in runs: ``0 I, 1-11 P, 12 I``; many runs are cut short."""
+    runs: list[list[int]] = []
+    for number, kind in enumerate(types, first):
+        if runs and types[runs[-1][0] - first] == kind:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    texts = [f"{a} {types[a - first]}" if a == b else f"{a}-{b} {types[a - first]}" for a, b in runs]
+    return ", ".join(texts if len(texts) <= 24 else [*texts[:20], f"and {len(texts) - 20} more runs"])
+
+
+def to_json(value: Any) -> Any:
+    """Any result as strict JSON knows it: a number that is not finite is null, a ratio an object of two integers."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Fraction):
+        return {"numerator": value.numerator, "denominator": value.denominator}
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    return to_json(value.item())  # a NumPy number
+
+
+def print_json(value: Any) -> None:
+    """Print a result as strict JSON on standard output."""
+    print(json.dumps(to_json(value), allow_nan=False, indent=2))

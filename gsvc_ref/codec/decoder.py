@@ -1,0 +1,137 @@
+"""Decoding: a `.gsvc` stream in, frames or splats out, one after the other."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
+from gsvc_ref.codec.formats import video_format
+from gsvc_ref.errors import UsageError
+from gsvc_ref.render import render, render_frame, to_frame
+from gsvc_ref.render.rendering import Precision
+from gsvc_ref.splats import Splats
+from gsvc_ref.video import VideoFormat
+
+Frame = NDArray[np.unsignedinteger[Any]]
+Source = str | Path | bytes | bytearray | memoryview | BinaryIO
+
+
+class Stream:
+    """An open `.gsvc` stream: ``for frame in gsvc_ref.open("a.gsvc"): frame.splats``.
+
+    Frames are decoded one at a time as they are asked for. A damaged stream yields all complete frames before the
+    damage, then raises GsvcError.
+
+    Attributes
+    ----------
+    header
+        The sequence header.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._reader = StreamReader(source)
+        self.header: SequenceHeader = self._reader.header
+
+    @property
+    def format(self) -> VideoFormat:
+        """The format of the source that was encoded, with the number of frames if it can be told."""
+        return replace(video_format(self.header), frame_count=self._reader.frame_count)
+
+    def __iter__(self) -> Iterator[DecodedFrame]:
+        return self._reader.frames()
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
+        """Frames `start` to `stop` - 1 with their splats, beginning to decode at the nearest I-frame."""
+        return self._reader.frames(start, stop)
+
+    def info(self) -> StreamSummary:
+        """All frames and where every bit of the stream went; a fault is in it, not raised."""
+        return self._reader.summary()
+
+    def close(self) -> None:
+        """Close the file, if a path was given."""
+        self._reader.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def decode(
+    source: Source,
+    *,
+    start: int = 0,
+    stop: int | None = None,
+    scale: float = 1.0,
+    precision: Precision = "fast",
+    threads: int | None = None,
+) -> Iterator[Frame]:
+    """Decode a stream to frames, lazily.
+
+    Parameters
+    ----------
+    source
+        A path, bytes, or a binary file.
+    start, stop
+        Half-open range of frames; decoding begins at the nearest I-frame at or before `start`.
+    scale
+        Render at this many times the coded size (spec.md section 9.3).
+    precision, threads
+        As for `gsvc_ref.render`.
+
+    Yields
+    ------
+    Frames (H, W, 3), R'G'B' at full range: u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    GsvcError
+        The stream is damaged; all complete frames before the damage have been yielded.
+    UsageError
+        An argument is out of range.
+    """
+    with Stream(source) as stream:
+        header = stream.header
+        width, height = scaled_size(header, scale)
+        last: tuple[Splats, Frame] | None = None
+        for decoded in stream.frames(start, stop):
+            if last is None or decoded.type != "R":
+                splats = decoded.splats.scaled(width / header.width, height / header.height)
+                last = decoded.splats, _picture(splats, width, height, header.bit_depth, precision, threads)
+            yield last[1]
+
+
+def _picture(
+    splats: Splats, width: int, height: int, bit_depth: int, precision: Precision, threads: int | None
+) -> Frame:
+    if precision == "fast":
+        return render_frame(splats, width, height, bit_depth, threads=threads)
+    return to_frame(render(splats, width, height, precision=precision), bit_depth)
+
+
+def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:
+    """Width and height in pixels at a scale, each rounded, at least 1.
+
+    Raises
+    ------
+    UsageError
+        The scale is not a positive number, or a side would exceed 65535.
+    """
+    if not 0 < scale <= 65535:
+        raise UsageError(f"scale is {scale}; it must be a positive number, for instance 2")
+    width, height = max(1, round(header.width * scale)), max(1, round(header.height * scale))
+    if max(width, height) > 65535:
+        raise UsageError(f"scale {scale} gives {width}x{height} pixels; at most 65535 on a side")
+    return width, height

@@ -1,0 +1,214 @@
+"""Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
+
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.bitstream import SequenceHeader, StreamWriter, level_for
+from gsvc_ref.codec.detection import TypedFrame, typed_frames
+from gsvc_ref.codec.formats import header_fields
+from gsvc_ref.codec.frame_encoder import EncodedFrame, FrameEncoder
+from gsvc_ref.codec.report import EncodeReport, FrameReport, OnProgress, Progress
+from gsvc_ref.codec.settings import Settings
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, open_video
+from gsvc_ref.video.format import check_frame
+
+Frame = NDArray[np.unsignedinteger[Any]]
+Source = str | Path | BinaryIO | VideoReader | tuple[Iterable[Frame], VideoFormat]
+
+
+def encode(
+    source: Source,
+    target: str | Path | BinaryIO,
+    settings: Settings | None = None,
+    *,
+    progress: OnProgress | None = None,
+) -> EncodeReport:
+    """Encode a video.
+
+    Parameters
+    ----------
+    source
+        A path to anything `gsvc_ref.video.open_video` reads, ``-`` for y4m from standard input, an open VideoReader, or
+        a pair of frames ((H, W, 3) u1 or u2 each) and their VideoFormat.
+    target
+        A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
+        folder, and its own name when it is complete.
+    settings
+        Settings.quick() if not given.
+    progress
+        Called now and then with where the encode is.
+
+    Returns
+    -------
+    What was encoded and how; `interrupted` is True if Ctrl-C stopped it after at least one complete frame.
+
+    Raises
+    ------
+    GsvcError
+        The source cannot be read, or has no frames.
+    UsageError
+        The settings do not fit the source.
+    OSError
+        The target cannot be written; nothing is left under its name.
+    """
+    chosen = Settings.quick() if settings is None else settings
+    with _opened(source) as reader, _target_file(target) as file:
+        return _Encode(reader, file, chosen, progress).run()
+
+
+class _Encode:
+    """One encode: the objects that its steps share."""
+
+    def __init__(self, reader: VideoReader, file: BinaryIO, settings: Settings, progress: OnProgress | None) -> None:
+        self.reader, self.settings, self.progress = reader, settings, progress
+        self.format = reader.format
+        self.begin = time.perf_counter()
+        self.seconds: dict[str, float] = {}
+        self.reports: list[FrameReport] = []
+        start, stop = settings.frames
+        count = reader.format.frame_count
+        ends = [end for end in (count, stop) if end is not None]
+        self.frame_count = max(0, min(ends) - start) if ends else None
+        self.encoder = FrameEncoder(settings, self.format.width, self.format.height, self.format.bit_depth)
+        self.writer = StreamWriter(file, self._header(), index=settings.index)
+
+    def _header(self) -> SequenceHeader:
+        settings, video = self.settings, self.format
+        blocks = (settings.intra.quantizer, settings.inter.quantizer)
+        level = level_for(video.width, video.height, splats=2 * self.encoder.total)
+        return SequenceHeader(
+            level=level,
+            parameter_checksum_flag=settings.checksums,
+            cholesky_bits=settings.intra.quantizer.cholesky_bits,
+            color_stages=max(len(block.colors.codewords) for block in blocks),
+            color_codewords=max(max(block.colors.codewords) for block in blocks),
+            entropy_precision=settings.entropy_precision,
+            lane_count=settings.lane_count,
+            **header_fields(video),
+        )
+
+    def run(self) -> EncodeReport:
+        """Encode all frames; Ctrl-C ends it after the last complete frame."""
+        interrupted = False
+        try:
+            for item in self._typed():
+                self._encode(item)
+        except KeyboardInterrupt:
+            if not self.reports:
+                raise
+            interrupted = True
+        if not self.reports:
+            raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
+        bits = self.writer.finish()
+        return EncodeReport(
+            self.writer.header, self.settings, self.reports, sum(bits.values()) // 8, time.perf_counter() - self.begin,
+            self.seconds, interrupted, self.reader.notes,
+        )  # fmt: skip
+
+    def _typed(self) -> Iterator[TypedFrame]:
+        """The frames with their types; the time between them is that of reading and detecting."""
+        frames = islice(self.reader, *self.settings.frames)
+        typed = typed_frames(frames, self.settings, self.format.peak, lambda number: self._tell("detect", number))
+        while True:
+            with self._timed("read and detect"):
+                item = next(typed, None)
+            if item is None:
+                return
+            yield item
+
+    def _encode(self, item: TypedFrame) -> None:
+        begin = time.perf_counter()
+        before = len(self.encoder.state.splats)
+        encoded = self.encoder.encode(
+            item.frame, item.type, item.number,
+            lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
+        )  # fmt: skip
+        with self._timed("write"):
+            written = self.writer.write_frame(encoded.codes)
+        for stage, seconds in encoded.seconds.items():
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        self.reports.append(self._report(item, encoded, before, written.bits, time.perf_counter() - begin))
+
+    def _report(
+        self, item: TypedFrame, encoded: EncodedFrame, before: int, bits: dict[str, int], seconds: float
+    ) -> FrameReport:
+        codes = encoded.codes
+        pruned = before - codes.survivor_count if item.type == "P" else 0
+        return FrameReport(
+            item.number, item.type, item.reason, len(encoded.state.splats), codes.intra_count, pruned,
+            encoded.iterations, encoded.psnr, bits, seconds,
+        )  # fmt: skip
+
+    def _tell(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
+        if self.progress:
+            elapsed = time.perf_counter() - self.begin
+            self.progress(Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed))
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+
+@contextmanager
+def _opened(source: Source) -> Iterator[VideoReader]:
+    if isinstance(source, VideoReader):
+        yield source
+    elif isinstance(source, tuple):
+        yield FrameSource(*source)
+    else:
+        with open_video(source) as reader:
+            yield reader
+
+
+class FrameSource(VideoReader):
+    """Frames that the caller has, as a source."""
+
+    def __init__(self, frames: Iterable[Frame], video: VideoFormat) -> None:
+        super().__init__()
+        self.format, self._source = video, frames
+
+    def _read(self) -> Iterator[Frame]:
+        for number, frame in enumerate(self._source):
+            try:
+                check_frame(np.asarray(frame), self.format)
+            except UsageError as error:
+                raise UsageError(f"frame {number}: {error}") from None
+            yield frame
+
+
+@contextmanager
+def _target_file(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
+    """The file to write to; a path stands under its own name only when the block has ended well."""
+    if not isinstance(target, str | Path):
+        yield target
+        return
+    if str(target) == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    path = Path(target)
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
+    if path.exists() and not path.is_file():  # a pipe or device has no name to take at the end
+        with path.open("wb") as file:
+            yield file
+        return
+    part = PartialFile(path)
+    try:
+        with part.path.open("w+b") as file:
+            yield file
+        part.commit()
+    except BaseException:
+        part.discard()
+        raise

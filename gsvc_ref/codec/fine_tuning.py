@@ -1,0 +1,179 @@
+"""Quantisation-aware fine-tuning of a frame (paper section 3.8): the loss is that of what the decoder will show."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref.codec.quantizer import Active, BlockQuantizer
+from gsvc_ref.codec.settings import FrameSettings, Settings
+from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
+from gsvc_ref.render import Objective
+from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
+from gsvc_ref.training.adan import Adan
+from gsvc_ref.training.fit import (
+    GEOMETRY,
+    NEW,
+    FitSettings,
+    OnIteration,
+    Population,
+    keep_factors,
+    learned_unit,
+    step_factors,
+)  # fmt: skip
+
+REUSE_ERROR: Final = 1.25
+"""The decoder's codebooks are used again if they raise the squared error of the differences by at most this factor."""
+
+
+class FrameQuantizer:
+    """The quantisers of a frame: one for the survivors' differences, one for the values of all other splats.
+
+    Parameters
+    ----------
+    population
+        The fitted splats: survivors first, in the order of the reference, then new ones.
+    objective
+        The frame's picture.
+    settings
+        All settings.
+    before
+        The decoder's state before the frame (that of `State.forget` for an I-frame).
+    rng
+        Draws the starts of codebooks.
+    """
+
+    def __init__(
+        self, population: Population, objective: Objective, settings: Settings, before: State, rng: np.random.Generator
+    ) -> None:
+        values = population.parameters()
+        origins = population.origins[population.origins != NEW]
+        self.before, self.survivors = before, len(origins)
+        self.map = np.zeros(len(before.splats), np.bool_)
+        self.map[origins] = True
+        size = np.array([before.width / 2, before.height / 2], np.float32)
+        self.inter: BlockQuantizer | None = None
+        self.intra: BlockQuantizer | None = None
+        if self.survivors:
+            old, reference = values[: self.survivors], before.splats.to_array()[origins]
+            share = objective.loss(values) * before.width * before.height / len(values)
+            active = changed(old, reference, share * settings.inter.still_threshold)
+            self.inter = inter_quantizer(old, reference, active, size, settings.inter, before.inter, rng)
+        if self.survivors < len(values):
+            new = values[self.survivors :]
+            self.intra = BlockQuantizer(new, None, None, size, settings.intra.quantizer, rng, before.intra)
+
+    def codes(self, values: F4) -> FrameCodes:
+        """The codes of values (n, 8) f4."""
+        inter = self.inter.codes(values[: self.survivors]) if self.inter else None
+        intra = self.intra.codes(values[self.survivors :]) if self.intra else None
+        if len(self.map) == 0:
+            return FrameCodes.intra_frame(intra)
+        return FrameCodes.predicted_frame(self.map, inter, intra)
+
+    def backward(self, values: F4, codes: FrameCodes, gradient: F4) -> F4:
+        """The gradient by the values given that by the reconstruction, both (n, 8) f4."""
+        parts = []
+        if self.inter and codes.inter:
+            parts.append(self.inter.backward(values[: self.survivors], codes.inter, gradient[: self.survivors]))
+        if self.intra and codes.intra:
+            parts.append(self.intra.backward(values[self.survivors :], codes.intra, gradient[self.survivors :]))
+        return np.concatenate(parts)
+
+    def learn(self, values: F4, codes: FrameCodes, factor: float) -> None:
+        """One step of all quantisers that are learned."""
+        if self.inter and codes.inter:
+            self.inter.learn(values[: self.survivors], codes.inter, factor)
+        if self.intra and codes.intra:
+            self.intra.learn(values[self.survivors :], codes.intra, factor)
+
+
+def changed(values: F4, reference: F4, least: float) -> Active:
+    """Which attributes moved enough to be seen, (n, 3) bool: position, Cholesky factor, colour.
+
+    The effect of a change on the picture, as a sum of squared differences over all pixels, to second order and for one
+    splat alone: with A = pi l11 l22 (the sum of g^2) and the change (du, dv) = L^-1 dmu, it is
+    |c'|^2 A (du^2 + dv^2) / 2 for the position; |c'|^2 A (3/4 (dl11/l11)^2 + 3/4 (dl22/l22)^2 + 1/2 (dl21/l22)^2) for
+    the Cholesky factor, cross terms left out; |dc'|^2 A for the colour.
+    """
+    difference = values - reference
+    l11, l21, l22 = values[:, 2], values[:, 3], values[:, 4]
+    area = math.pi * l11 * l22
+    seen = np.square(values[:, 5:8]).sum(axis=1) * area
+    du = difference[:, 0] / l11
+    dv = (difference[:, 1] - l21 * du) / l22
+    shape = 0.75 * ((difference[:, 2] / l11) ** 2 + (difference[:, 4] / l22) ** 2) + 0.5 * (difference[:, 3] / l22) ** 2
+    color = np.square(difference[:, 5:8]).sum(axis=1) * area
+    effects = np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)  # (n, 3) f4
+    return np.asarray(effects >= least, np.bool_)
+
+
+def inter_quantizer(
+    values: F4,
+    reference: F4,
+    active: Active,
+    size: F4,
+    settings: FrameSettings,
+    kept: Kept,
+    rng: np.random.Generator,
+) -> BlockQuantizer:
+    """A quantiser of differences, with the decoder's codebooks where they do nearly as well as new ones."""
+    fresh = BlockQuantizer(values, reference, active, size, settings.quantizer, rng, Kept())
+    # A learned quantiser is the block's own; a fixed step need not be sent twice.
+    same_step = kept.quantizer if settings.quantizer.cholesky_step is not None else None
+    if kept.codebooks is not None:
+        again = BlockQuantizer(
+            values, reference, active, size, settings.quantizer, rng, Kept(same_step, kept.codebooks)
+        )
+        if again.color_error(values) <= REUSE_ERROR * fresh.color_error(values):
+            return again
+    return BlockQuantizer(values, reference, active, size, settings.quantizer, rng, Kept(same_step, None))
+
+
+def fine_tune(
+    values: F4,
+    quantizer: FrameQuantizer,
+    objective: Objective,
+    settings: FitSettings,
+    on_iteration: OnIteration | None = None,
+) -> tuple[FrameCodes, State, int]:
+    """Minimise the loss of the reconstructed splats over the values and the learned quantisers.
+
+    Parameters
+    ----------
+    values
+        (n, 8) f4, the fitted parameters in the order of the quantiser's population.
+    quantizer
+        Changed in place.
+    objective, settings, on_iteration
+        As for `gsvc_ref.training.fit.fit`.
+
+    Returns
+    -------
+    The codes with the least loss of all iterations, the decoder's state after them, and the iterations made.
+    """
+    values = values.copy()
+    optimizer = Adan(len(values), PARAMETERS_PER_SPLAT, settings.optimizer)
+    unit = learned_unit(settings.learn_pixels, objective.width, objective.height)[:PARAMETERS_PER_SPLAT]
+    rates = settings.rates.columns()[:PARAMETERS_PER_SPLAT]
+    convergence = settings.convergence.start() if settings.convergence else None
+    least = math.inf
+    for i in range(settings.iterations + 1):
+        codes = quantizer.codes(values)
+        state = reconstruct(codes, quantizer.before)
+        loss, gradient = objective.evaluate(state.splats.to_array())
+        if loss < least:
+            least, best = loss, (codes, state)
+        if on_iteration:
+            on_iteration(i, settings.iterations, loss)
+        if i == settings.iterations or (convergence and convergence.update(loss)):
+            break
+        factor = settings.schedule(i)
+        gradient = quantizer.backward(values, codes, gradient)
+        quantizer.learn(values, codes, factor)
+        optimizer.step(
+            values, gradient, rates * factor, units=unit, row_columns=GEOMETRY[:PARAMETERS_PER_SPLAT],
+            row_factors=step_factors(values) if settings.relative_steps else None,
+        )  # fmt: skip
+        keep_factors(values)
+    return *best, i

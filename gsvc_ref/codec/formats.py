@@ -1,0 +1,53 @@
+"""The video format of a source in the sequence header, and back."""
+
+from fractions import Fraction
+from typing import Final
+
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.video import ChromaFormat, ColorDescription, VideoFormat
+
+CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("rgb", "420", "422", "444")
+"""`chroma_format` 0 to 3 (spec.md section 6.3)."""
+
+LARGEST_ASPECT: Final = 65535
+
+
+def header_fields(video: VideoFormat) -> dict[str, int]:
+    """The elements of the sequence header that describe the source."""
+    aspect = video.sample_aspect_ratio.limit_denominator(LARGEST_ASPECT)
+    if max(aspect.numerator, aspect.denominator) > LARGEST_ASPECT or aspect == 0:
+        aspect = Fraction(1)
+    color = video.color
+    return {
+        "width": video.width,
+        "height": video.height,
+        "frame_rate_numerator": video.frame_rate.numerator,
+        "frame_rate_denominator": video.frame_rate.denominator,
+        "sample_aspect_numerator": aspect.numerator,
+        "sample_aspect_denominator": aspect.denominator,
+        "bit_depth": video.bit_depth,
+        "chroma_format": CHROMA_FORMATS.index(video.chroma_format),
+        "color_primaries": color.primaries,
+        "transfer_characteristics": color.transfer,
+        "matrix_coefficients": color.matrix,
+        "video_full_range_flag": int(color.full_range),
+        "chroma_sample_loc_type": color.chroma_location,
+    }
+
+
+def video_format(header: SequenceHeader) -> VideoFormat:
+    """The format of the source that a header describes.
+
+    Raises
+    ------
+    UsageError
+        The header describes a format that no writer makes, such as identity-matrix 4:2:0.
+    """
+    color = ColorDescription(
+        header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
+        bool(header.video_full_range_flag), header.chroma_sample_loc_type,
+    )  # fmt: skip
+    return VideoFormat(
+        header.width, header.height, header.frame_rate, header.bit_depth, CHROMA_FORMATS[header.chroma_format], color,
+        header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
+    )  # fmt: skip

@@ -1,0 +1,169 @@
+"""One frame at a time, as in the paper's algorithm 1: start, fit, fine-tune with quantisation, reconstruct."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
+from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, psnr_of_loss, quality_goal
+from gsvc_ref.codec.settings import FrameSettings, Settings
+from gsvc_ref.metrics import psnr
+from gsvc_ref.reconstruction import FrameCodes, FrameType, State
+from gsvc_ref.render import Objective, render_frame
+from gsvc_ref.splats import F4
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
+from gsvc_ref.training.fit import NEW, OnIteration, Population, fit
+
+Frame = NDArray[np.unsignedinteger[Any]]
+
+FIRST_MARGIN: Final = 0.85
+"""Constant quality: the fit aims at this fraction of the loss allowed, so that quantisation has room (0.7 dB)."""
+
+QUALITY_ROUNDS: Final = 4
+"""Constant quality: most attempts to hold the quality of the decoded frame."""
+
+OnStage = Callable[[str, int, int, float], None]
+"""Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
+
+
+@dataclass(frozen=True)
+class EncodedFrame:
+    """What came of one frame.
+
+    Attributes
+    ----------
+    codes
+        To be written.
+    state
+        The decoder's state after the frame, with the reconstructed splats.
+    psnr
+        Of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+    iterations
+        Of all fits and fine-tuning together.
+    seconds
+        Time by stage: start, fit, rate, quantize, check.
+    """
+
+    codes: FrameCodes
+    state: State
+    psnr: float
+    iterations: int
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+class FrameEncoder:
+    """Encodes frames in order, each against the reconstruction of the one before (closed loop).
+
+    Parameters
+    ----------
+    settings
+        All settings.
+    width, height, bit_depth
+        Of the frames.
+    """
+
+    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+        self.settings, self.bit_depth = settings, bit_depth
+        self.state = State.initial(width, height)
+        self.total = settings.splat_count(width, height)
+
+    def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
+        work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
+        result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
+        self.state = result.state
+        return result
+
+
+class _FrameWork:
+    """The work on one frame: what its steps share, and the time that each takes."""
+
+    def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
+        self.settings, self.frame, self.rng, self.progress = encoder.settings, frame, rng, progress
+        self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
+        self.height, self.width = frame.shape[:2]
+        self.peak = (1 << encoder.bit_depth) - 1
+        self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
+        self.objective = Objective(self.picture, self.settings.threads)
+        self.seconds: dict[str, float] = {}
+        self.iterations = 0
+
+    def repeat(self) -> EncodedFrame:
+        """An R-frame: nothing changes."""
+        return self._finish(FrameCodes.repeated_frame(), self.before)
+
+    def intra(self) -> EncodedFrame:
+        """An I-frame: fit from scratch, then fine-tune with quantisation."""
+        settings = self.settings.intra
+        with self._timed("start"):
+            count = settings.fit.growth.start(self.total) if settings.fit.growth else self.total
+            if settings.start == "image":
+                splats, weight = image_start(self.picture, count, self.rng), KEPT_WEIGHT
+            else:
+                splats, weight = random_splats(count, self.width, self.height, self.rng), NEW_WEIGHT
+            population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
+        return self._encode(population, settings, self.before.forget())
+
+    def inter(self) -> EncodedFrame:
+        """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
+        settings = self.settings.inter
+        with self._timed("start"):
+            reference = self.before.splats
+            population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.fit)
+            new = round(settings.new_fraction * self.total)
+            if settings.new_from_residual:
+                exchange_splats(population, self.objective, new, self.total, self.rng)
+            else:
+                population.append(random_splats(new, self.width, self.height, self.rng), NEW_WEIGHT)
+        return self._encode(population, settings, self.before)
+
+    def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
+        """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
+        goal = quality_goal(self.settings.psnr)
+        with self._timed("fit"):
+            report = self._report("fit")
+            _, done = fit(population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=report)
+            self.iterations += done
+        if goal is None:
+            return self._finish(*self._quantize(population, settings, before))
+        margin = FIRST_MARGIN
+        for _ in range(QUALITY_ROUNDS):
+            with self._timed("rate"):
+                self.iterations += hold_quality(
+                    population, self.objective, goal * margin, self.total, settings.tune, self.rng
+                )
+            best = self._quantize(population, settings, before)
+            loss = self.objective.loss(best[1].splats.to_array())
+            if loss <= goal or len(population) >= self.total:
+                break
+            margin *= goal / loss
+        return self._finish(*best)
+
+    def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
+        with self._timed("quantize"):
+            quantizer = FrameQuantizer(population, self.objective, self.settings, before, self.rng)
+            codes, state, done = fine_tune(
+                population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
+            )
+            self.iterations += done
+            return codes, state
+
+    def _finish(self, codes: FrameCodes, state: State) -> EncodedFrame:
+        with self._timed("check"):
+            decoded = render_frame(state.splats, self.width, self.height, self.bit_depth, threads=self.settings.threads)
+            quality = psnr(self.frame, decoded, self.peak)
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds)
+
+    def _report(self, stage: str) -> OnIteration:
+        return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin

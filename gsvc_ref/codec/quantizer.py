@@ -1,0 +1,209 @@
+"""The quantisers of one frame while they are fine-tuned: values to codes, straight-through gradients, and learning.
+
+The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.reconstruction`, so what fine-tuning
+sees is, bit for bit, what a decoder will have.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, rvq, to_half_bits
+from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse
+from gsvc_ref.quantization.rvq_training import RvqState, initialise, update
+from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
+from gsvc_ref.splats import F4
+from gsvc_ref.training.adan import Adan, AdanSettings
+
+Active = NDArray[np.bool_]
+"""(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
+
+LARGEST_HALF: Final = 65504.0
+"""Largest finite binary16."""
+
+
+@dataclass(frozen=True)
+class BlockSettings:
+    """The quantisers of a block; the defaults are those of the paper and, where it is silent, of its public code.
+
+    Attributes
+    ----------
+    position_exponent
+        Positions, normalised to -1..1, are rounded to multiples of 2^position_exponent before binary16, so that their
+        low bits cost nothing; None keeps all bits of binary16.
+    cholesky_bits
+        b, the bits of a Cholesky code.
+    cholesky_step
+        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset.
+    colors
+        Stages, codewords and training of the residual vector quantiser.
+    weigh_by_area
+        Let a colour count by the square root of its splat's area, since a large splat shows its error on more pixels.
+    commitment
+        Weight of the commitment loss.
+    quantizer_rate
+        Learning rate of scale (as a fraction of itself) and offset (as a fraction of the scale).
+    """
+
+    position_exponent: int | None = None
+    cholesky_bits: int = 6
+    cholesky_step: float | None = None
+    colors: RvqSettings = field(default_factory=RvqSettings)
+    weigh_by_area: bool = False
+    commitment: float = 1.0
+    quantizer_rate: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.cholesky_bits <= 12:
+            raise UsageError(f"cholesky_bits is {self.cholesky_bits}; it must be 1..12")
+        if len(self.colors.codewords) > 8:
+            raise UsageError(f"color_stages is {len(self.colors.codewords)}; it must be 1..8")
+
+
+class BlockQuantizer:
+    """Quantises one block: values as they are (intra), or their difference from a reference (inter).
+
+    Parameters
+    ----------
+    values
+        (n, 8) f4 with the columns of `Splats.to_array`: what the quantisers are started from.
+    reference
+        (n, 8) f4, the same splats in the decoded frame before; None for an intra block.
+    active
+        Which attributes of which splats may differ from the reference; None: all.
+    size
+        (2,) f4, half the width and half the height of the frame in pixels.
+    settings, rng
+        The settings; draws the starts of codebooks and replacements for dead codewords.
+    kept
+        Quantiser and codebooks that the decoder has and that are to be used unchanged, if there are any.
+    """
+
+    def __init__(
+        self,
+        values: F4,
+        reference: F4 | None,
+        active: Active | None,
+        size: F4,
+        settings: BlockSettings,
+        rng: np.random.Generator,
+        kept: Kept,
+    ) -> None:
+        self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
+        self.active = np.ones((len(values), 3), np.bool_) if active is None else active
+        difference = self._difference(values)
+        self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
+        self.lsq = self._start_lsq(difference[:, 2:5])
+        self.rvq = self._start_rvq(difference[:, 5:8])
+        # A row each for scale and offset, in steps of the scale; the decoder's arithmetic stays binary32.
+        self._lsq_optimizer = Adan(2, 3, AdanSettings(0.9, 0.92, 0.99))
+        self._lsq_gradient = np.zeros((2, 3), np.float32)
+
+    def _difference(self, values: F4) -> F4:
+        """What is quantised, (n, 8) f4: the values, or the difference that is active."""
+        if self.reference is None:
+            return values
+        mask = np.repeat(self.active, [2, 3, 3], axis=1)  # (n, 8)
+        return np.where(mask, values - self.reference, np.float32(0)).astype(np.float32)
+
+    def _start_lsq(self, cholesky: F4) -> LsqParameters:
+        if self.kept.quantizer is not None:
+            return LsqParameters(self.kept.quantizer.scale, self.kept.quantizer.offset)
+        if self.settings.cholesky_step is not None:
+            scale = np.full(3, self.settings.cholesky_step, np.float32)
+            middle = np.float32(1 << (self.settings.cholesky_bits - 1))
+            return LsqParameters(scale, np.float32(0) - middle * scale)
+        return from_mse(cholesky, self.settings.cholesky_bits)
+
+    def _start_rvq(self, colors: F4) -> RvqState | None:
+        if self.kept.codebooks is not None:
+            return None
+        chosen = self.active[:, 2]
+        if not chosen.any():
+            chosen = np.ones_like(chosen)
+        return initialise(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
+
+    @property
+    def codebooks(self) -> tuple[F4, ...]:
+        """The codebooks in use, each (B, 3) f4 of binary16 values."""
+        if self.rvq is not None:
+            return self.rvq.codebooks
+        assert self.kept.codebooks is not None
+        return tuple(book.astype(np.float32) for book in self.kept.codebooks)
+
+    def codes(self, values: F4) -> SplatBlock:
+        """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
+        difference = self._difference(values)
+        indices = rvq.assign(difference[:, 5:8], self.codebooks)
+        indices[~self.active[:, 2]] = self._zero_indices()
+        position, cholesky, color = (self.reference is None or bool(part.any()) for part in self.active.T)
+        own_quantizer = cholesky and self.kept.quantizer is None
+        own_codebooks = color and self.rvq is not None
+        return SplatBlock(
+            positions=self._position_bits(difference[:, :2]) if position else None,
+            cholesky=lsq.quantise(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
+            if cholesky
+            else None,
+            colors=indices if color else None,
+            quantizer=Quantizer(self.lsq.scale, self.lsq.offset) if own_quantizer else None,
+            codebooks=tuple(book.astype(np.float16) for book in self.codebooks) if own_codebooks else None,
+        )
+
+    def _zero_indices(self) -> NDArray[np.uint16]:
+        """The index of each stage's codeword nearest to nothing (index 0 where there is a zero codeword), (M,) u2."""
+        nearest: NDArray[np.uint16] = rvq.assign(np.zeros((1, 3), np.float32), self.codebooks)[0]
+        return nearest
+
+    def _position_bits(self, positions: F4) -> NDArray[np.uint16]:
+        offset = np.float32(1 if self.reference is None else 0)
+        normalised = np.clip(positions / self.size - offset, -LARGEST_HALF, LARGEST_HALF)
+        if self.settings.position_exponent is not None:
+            normalised = coarsen_half(normalised, self.settings.position_exponent)
+        return to_half_bits(normalised)
+
+    def backward(self, values: F4, block: SplatBlock, gradient: F4) -> F4:
+        """The straight-through gradient by the values, (n, 8) f4, given that by the reconstruction, (n, 8) f4.
+
+        Positions pass unchanged; Cholesky factors where LSQ+ did not clamp; colours get the commitment gradient added.
+        The gradients of scale and offset are kept for `learn`.
+        """
+        difference, result = self._difference(values), gradient.copy()
+        grad = lsq.gradients(
+            difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits, gradient[:, 2:5]
+        )
+        result[:, 2:5] = grad.x
+        # The learned variables are log(scale) and offset / scale: both gradients in units of the scale.
+        self._lsq_gradient = np.stack([grad.scale, grad.offset]) * self.lsq.scale
+        if block.colors is not None and self.settings.commitment:
+            pull = rvq.commitment(difference[:, 5:8], block.colors, self.codebooks).x
+            result[:, 5:8] += np.float32(self.settings.commitment) * pull
+        return np.where(np.repeat(self.active, [2, 3, 3], axis=1), result, np.float32(0)).astype(np.float32)
+
+    def color_error(self, values: F4) -> float:
+        """The squared error of the quantised colours, weighted as in training."""
+        colors = self._difference(values)[:, 5:8]
+        error = rvq.dequantise(rvq.assign(colors, self.codebooks), self.codebooks) - colors
+        return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())
+
+    def learn(self, values: F4, block: SplatBlock, factor: float) -> None:
+        """One step of scale, offset and codebooks, unless they are the decoder's already or fixed."""
+        if self.kept.quantizer is None and self.settings.cholesky_step is None:
+            steps = np.zeros((2, 3), np.float32)
+            rate = np.full(3, self.settings.quantizer_rate * factor, np.float32)
+            self._lsq_optimizer.step(steps, self._lsq_gradient, rate)
+            scale = bounded_scale(self.lsq.scale * np.exp(steps[0]))
+            self.lsq = LsqParameters(scale, self.lsq.offset + steps[1] * self.lsq.scale)
+        if self.rvq is not None and block.colors is not None:
+            chosen = self.active[:, 2]
+            colors = self._difference(values)[chosen, 5:8]
+            self.rvq = update(self.rvq, colors, block.colors[chosen], self.settings.colors, self.rng, self.area[chosen])
+
+
+def with_codewords(settings: BlockSettings, stages: int | None, codewords: int | None) -> BlockSettings:
+    """The settings with other numbers of stages and codewords where they are given."""
+    stages = len(settings.colors.codewords) if stages is None else stages
+    codewords = settings.colors.codewords[0] if codewords is None else codewords
+    return replace(settings, colors=replace(settings.colors, codewords=(codewords,) * stages))

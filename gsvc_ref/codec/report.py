@@ -1,0 +1,120 @@
+"""What an encode tells: progress while it runs, a report when it is done."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.codec.settings import Settings
+from gsvc_ref.reconstruction import FrameType
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where an encode is.
+
+    Attributes
+    ----------
+    frame, frame_count
+        Number of the frame in work, and how many there are, or None if the source does not say.
+    stage
+        ``detect`` (looking for key frames), ``fit`` or ``quantize``.
+    iteration, iterations
+        Of the stage.
+    psnr
+        Of the picture before it is rounded to bits, in dB; None if there is none yet.
+    elapsed_s
+        Seconds since the encode began.
+    """
+
+    frame: int
+    frame_count: int | None
+    stage: str
+    iteration: int
+    iterations: int
+    psnr: float | None
+    elapsed_s: float
+
+
+OnProgress = Callable[[Progress], None]
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """One encoded frame.
+
+    Attributes
+    ----------
+    number, type, reason
+        Frame number, I, P or R, and why it is of that type.
+    splats, new_splats, pruned_splats
+        Splats of the frame, those that the frame before does not have, and those of the frame before that are gone.
+    iterations
+        Made for this frame, fine-tuning included.
+    psnr
+        Of the decoded frame at its bit depth against the source, in dB; infinite if equal.
+    bits
+        Bits of the frame's chunk by category.
+    seconds
+        Time spent on the frame.
+    """
+
+    number: int
+    type: FrameType
+    reason: str
+    splats: int
+    new_splats: int
+    pruned_splats: int
+    iterations: int
+    psnr: float
+    bits: dict[str, int]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class EncodeReport:
+    """One encode.
+
+    Attributes
+    ----------
+    header
+        The sequence header as written.
+    settings
+        The settings used.
+    frames
+        A report of each frame written.
+    file_bytes
+        Size of the stream: its bits are the rate.
+    seconds, seconds_by_stage
+        Time in all, and of detect, start, fit, rate, quantize, check, write and read.
+    interrupted
+        Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
+    notes
+        What was assumed about the source.
+    """
+
+    header: SequenceHeader
+    settings: Settings
+    frames: list[FrameReport]
+    file_bytes: int
+    seconds: float
+    seconds_by_stage: dict[str, float] = field(default_factory=dict)
+    interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def bits_per_pixel(self) -> float:
+        """All bits of the stream over all pixels of its frames."""
+        return 8 * self.file_bytes / (self.header.width * self.header.height * len(self.frames))
+
+    @property
+    def mean_psnr(self) -> float:
+        """Mean of the frames' PSNR in dB; infinite if any is."""
+        return float(np.mean([frame.psnr for frame in self.frames]))
+
+    @property
+    def frame_types(self) -> dict[str, int]:
+        """How many frames of each type there are."""
+        return dict(Counter(frame.type for frame in self.frames))

@@ -1,0 +1,20 @@
+"""How far two videos are apart: PSNR, MS-SSIM and, where ffmpeg has libvmaf, VMAF."""
+
+from gsvc_ref.metrics.comparison import Comparison, FrameComparison, compare_frames
+from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter, vmaf
+from gsvc_ref.metrics.squared_error import mse, psnr, psnr_from_mse
+from gsvc_ref.metrics.ssim import ms_ssim, ms_ssim_scales
+
+__all__ = [
+    "Comparison",
+    "FrameComparison",
+    "Vmaf",
+    "VmafMeter",
+    "compare_frames",
+    "ms_ssim",
+    "ms_ssim_scales",
+    "mse",
+    "psnr",
+    "psnr_from_mse",
+    "vmaf",
+]

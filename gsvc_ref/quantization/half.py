@@ -1,0 +1,158 @@
+"""binary16: the positions and codebook entries of profile `paper` (paper section 3.8, Q_mu).
+
+`half_value` and `half_bits` define the conversion in integers and powers of two, one number at a time; `to_half_bits`
+and `from_half_bits` are the same functions on arrays.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+
+LARGEST_HALF: Final = 65504.0
+"""(2 - 2^-10) * 2^15, the largest finite binary16."""
+
+MIN_EXPONENT: Final = -14
+"""Exponent of the smallest normal binary16; subnormals share its spacing."""
+
+FRACTION_BITS: Final = 10
+
+_EXPONENT_MASK: Final = 0x7C00
+
+
+def half_value(bits: int) -> float:
+    """Value of one 16-bit pattern: (-1)^s * 2^(e-15) * (1 + f/1024), or (-1)^s * 2^-14 * f/1024 where e = 0.
+
+    Parameters
+    ----------
+    bits
+        Sign (1 bit), exponent e (5 bits), fraction f (10 bits), most significant first.
+    """
+    sign = -1.0 if bits >> 15 else 1.0
+    exponent, fraction = (bits & _EXPONENT_MASK) >> FRACTION_BITS, bits & 0x3FF
+    if exponent == 31:
+        return sign * (math.nan if fraction else math.inf)
+    significand = fraction if exponent == 0 else fraction + 1024
+    return sign * math.ldexp(significand, max(exponent, 1) - 25)
+
+
+def half_bits(value: float) -> int:
+    """Pattern of the binary16 nearest to one number, a tie going to the even fraction.
+
+    Raises
+    ------
+    UsageError
+        The value is NaN, or rounds to a number above 65504.
+    """
+    sign = 0x8000 if math.copysign(1.0, value) < 0 else 0
+    magnitude = abs(value)
+    if not magnitude < LARGEST_HALF + 16:  # half a step above the largest: the tie goes to the even side, infinity
+        raise UsageError(f"{value} is not a finite binary16; the largest magnitude is {LARGEST_HALF:.0f}")
+    exponent = max(math.frexp(magnitude)[1] - 1, MIN_EXPONENT) if magnitude else MIN_EXPONENT
+    steps = round(math.ldexp(magnitude, FRACTION_BITS - exponent))  # 0..2048; round() takes a tie to even
+    # A normal number has 1024 <= steps, which is what moves the exponent field from 0 to 1 and, at 2048, to the next.
+    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)
+
+
+def to_half_bits(values: ArrayLike) -> NDArray[np.uint16]:
+    """Patterns of the binary16 nearest to each value, ties to even.
+
+    Parameters
+    ----------
+    values
+        Any shape, f4 or f8; rounded once.
+
+    Returns
+    -------
+    NDArray[np.uint16]
+        The same shape.
+
+    Raises
+    ------
+    UsageError
+        A value is NaN, or rounds to a number above 65504.
+    """
+    array = np.asarray(values)
+    with np.errstate(over="ignore", under="ignore"):
+        halves = np.asarray(array.astype(np.float16))
+    _refuse_first(~np.isfinite(halves), array)
+    return halves.view(np.uint16)
+
+
+def from_half_bits(bits: ArrayLike) -> NDArray[np.float32]:
+    """Values of 16-bit patterns, exactly.
+
+    The patterns of infinities and NaN give just these: test `half_is_finite` first where they are not allowed.
+
+    Parameters
+    ----------
+    bits
+        Any shape, u2.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        The same shape.
+
+    Raises
+    ------
+    UsageError
+        The array is not of unsigned 16-bit integers.
+    """
+    return np.asarray(_patterns(bits).view(np.float16).astype(np.float32))
+
+
+def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:
+    """Which 16-bit patterns are numbers, neither infinite nor NaN; same shape as `bits` (u2)."""
+    return np.asarray((_patterns(bits) & np.uint16(_EXPONENT_MASK)) != _EXPONENT_MASK)
+
+
+def coarsen_half(values: ArrayLike, step_exponent: int) -> NDArray[np.float32]:
+    """Nearest multiples of 2^step_exponent that are binary16, ties to the even multiple.
+
+    An encoder's choice: low fraction bits that are always zero cost an entropy coder nothing. From step exponent -24
+    downwards (the spacing of subnormals) this is plain rounding to binary16.
+
+    Parameters
+    ----------
+    values
+        Any shape, f4 or f8, any unit.
+    step_exponent
+        Binary logarithm of the step, in -24..15 to have an effect.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        The same shape; every value is a binary16.
+
+    Raises
+    ------
+    UsageError
+        A value is NaN, or rounds to a number above 65504.
+    """
+    wide = np.asarray(values, dtype=np.float64)
+    finite = np.where(np.isfinite(wide), wide, 0.0)
+    exponent = np.maximum(np.frexp(finite)[1] - 1, MIN_EXPONENT)
+    step = np.ldexp(1.0, np.maximum(exponent - FRACTION_BITS, step_exponent))
+    rounded = np.rint(finite / step) * step
+    _refuse_first(~np.isfinite(wide) | (np.abs(rounded) > LARGEST_HALF), wide)
+    return np.asarray(rounded.astype(np.float32))
+
+
+def _patterns(bits: ArrayLike) -> NDArray[np.uint16]:
+    array = np.asarray(bits)
+    if array.dtype != np.uint16:
+        raise UsageError(f"binary16 patterns have dtype {array.dtype}; they must be uint16")
+    return np.ascontiguousarray(array).reshape(array.shape)
+
+
+def _refuse_first(bad: NDArray[np.bool_], values: NDArray[np.generic]) -> None:
+    if bad.any():
+        place = int(np.flatnonzero(bad)[0])
+        raise UsageError(
+            f"value {place} is {values.ravel()[place]}, not a finite binary16; "
+            f"the largest magnitude is {LARGEST_HALF:.0f}"
+        )

@@ -1,0 +1,269 @@
+"""How RVQ codebooks are learned: k-means, then moving averages, with dead codewords replaced.
+
+The paper asks for a commitment loss (`gsvc_ref.quantization.rvq.commitment`) and leaves the codebooks' own rule open.
+Ours, per stage and training step, for the vectors r that reach the stage and their codewords i::
+
+    n_b <- a n_b + (1 - a) * sum of w over i = b          S_b <- a S_b + (1 - a) * sum of w r over i = b
+    C[b] = S_b / ((n_b + e) / (n + B e) * n)              n = sum of n_b
+
+with decay a and Laplace smoothing e. The weights w have the mean 1, so that n_b counts splats.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.errors import UsageError
+from gsvc_ref.quantization.rvq import (
+    MAX_CODEWORDS,
+    Indices,
+    assign,
+    residuals,
+    round_codebooks,
+)
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+
+REVIVED_COUNT: Final = 1.0
+"""Moving count given to a codeword that replaces a dead one: as if one splat had always used it."""
+
+
+@dataclass(frozen=True)
+class RvqSettings:
+    """How many codewords, and how they are learned.
+
+    Attributes
+    ----------
+    codewords
+        Number of codewords B_k of each stage; their number is M. The default, two stages of 8, is the authors'.
+    decay
+        a above, in [0, 1).
+    smoothing
+        e above, at least 0.
+    dead_count
+        A codeword whose moving count n_b falls under this many splats is replaced by a residual of its stage, drawn
+        with a probability proportional to its weighted squared error; 0 never replaces.
+    kmeans_iterations
+        Lloyd iterations of the start.
+    zero_codeword
+        Keep codeword 0 of every stage at (0, 0, 0), so that a difference of nothing costs no error.
+
+    Raises
+    ------
+    UsageError
+        A number is out of its range.
+    """
+
+    codewords: tuple[int, ...] = (8, 8)
+    decay: float = 0.8
+    smoothing: float = 1e-5
+    dead_count: float = 0.5
+    kmeans_iterations: int = 5
+    zero_codeword: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.codewords or not all(1 <= count <= MAX_CODEWORDS for count in self.codewords):
+            raise UsageError(f"codewords is {self.codewords}; give 1..{MAX_CODEWORDS} for each of at least one stage")
+        if not 0 <= self.decay < 1:
+            raise UsageError(f"decay is {self.decay}; it must be in [0, 1)")
+        if not (self.smoothing >= 0 and self.dead_count >= 0 and self.kmeans_iterations >= 0):
+            raise UsageError("smoothing, dead_count and kmeans_iterations must be at least 0")
+
+
+@dataclass(frozen=True, eq=False)
+class RvqState:
+    """Codebooks in training: one entry per stage in each tuple.
+
+    Attributes
+    ----------
+    codebooks
+        (B, 3) f4, always values of binary16: what the stream would carry now.
+    counts
+        (B,) f8, the moving counts n_b in splats.
+    sums
+        (B, 3) f8, the moving sums S_b.
+    """
+
+    codebooks: tuple[F4, ...]
+    counts: tuple[F8, ...]
+    sums: tuple[F8, ...]
+
+
+def initialise(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: ArrayLike | None = None) -> RvqState:
+    """Codebooks by k-means (k-means++ seeds, then Lloyd), each stage on the residuals of the one before.
+
+    Parameters
+    ----------
+    x
+        (N, 3) f4; any N. Codewords beyond the number of distinct vectors repeat the first one.
+    settings
+        Sizes and iterations.
+    rng
+        Draws the seeds.
+    weights
+        (N,), how much each splat counts (its covered area, say), at least 0 and not all 0; None counts all alike.
+
+    Returns
+    -------
+    RvqState
+        Counts and sums as of the last assignment.
+
+    Raises
+    ------
+    UsageError
+        A vector is not finite or too large for binary16, or the weights make no sense.
+    """
+    residual = np.ascontiguousarray(x, np.float32)
+    w = _unit_mean(weights, len(residual))
+    stages = []
+    for codewords in settings.codewords:
+        codebook = _kmeans(residual, w, codewords, settings, rng)
+        indices = assign(residual, [codebook])
+        counts, sums = _totals(residual, w, indices[:, 0], codewords)
+        residual = residuals(residual, indices, [codebook])[1]
+        stages.append((codebook, counts, sums))
+    return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
+
+
+def update(
+    state: RvqState,
+    x: ArrayLike,
+    indices: Indices,
+    settings: RvqSettings,
+    rng: Generator,
+    weights: ArrayLike | None = None,
+) -> RvqState:
+    """One step of the moving averages, all stages from the residuals that the present codebooks leave.
+
+    Parameters
+    ----------
+    state
+        Not changed.
+    x
+        (N, 3) f4.
+    indices
+        (N, M) u2, `assign`'s choice among state.codebooks.
+    settings, weights
+        As for `initialise`.
+    rng
+        Draws the replacements of dead codewords; untouched while none is dead.
+
+    Returns
+    -------
+    RvqState
+        The state itself where there are no splats.
+
+    Raises
+    ------
+    UsageError
+        As for `initialise`; or indices do not fit.
+    """
+    r = residuals(x, indices, state.codebooks)  # (M + 1, N, 3) f4
+    if r.shape[1] == 0:
+        return state
+    w = _unit_mean(weights, r.shape[1])
+    stages = []
+    for k, old in enumerate(state.codebooks):
+        batch_counts, batch_sums = _totals(r[k], w, indices[:, k], len(old))
+        counts = settings.decay * state.counts[k] + (1 - settings.decay) * batch_counts
+        sums = settings.decay * state.sums[k] + (1 - settings.decay) * batch_sums
+        total = counts.sum()
+        smoothed = (counts + settings.smoothing) / (total + len(old) * settings.smoothing) * total
+        codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], old)
+        dead = counts < settings.dead_count
+        dead[0] &= not settings.zero_codeword
+        if dead.any():
+            errors = w * np.square(r[k + 1], dtype=np.float64).sum(axis=1)
+            _revive(dead, codebook, counts, sums, r[k], errors, rng)
+        if settings.zero_codeword:
+            codebook[0] = sums[0] = 0
+        stages.append((round_codebooks([codebook])[0], counts, sums))
+    return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
+
+
+def _revive(
+    dead: NDArray[np.bool_], codebook: F8, counts: F8, sums: F8, residual: F4, errors: F8, rng: Generator
+) -> None:
+    """Put residuals, drawn in proportion to their errors (N,), in the place of dead codewords."""
+    reach = errors.cumsum()
+    if reach[-1] == 0:  # every vector is met exactly: nothing to gain
+        return
+    drawn = np.searchsorted(reach, rng.random(np.count_nonzero(dead)) * reach[-1], side="right")
+    codebook[dead] = residual[drawn]
+    counts[dead] = REVIVED_COUNT
+    sums[dead] = REVIVED_COUNT * codebook[dead]
+
+
+def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator) -> F4:
+    centers = np.zeros((codewords, 3), np.float32)
+    if len(x) == 0:
+        return centers
+    _seed(x, w, rng.random(codewords), settings.zero_codeword, centers)
+    for _ in range(settings.kmeans_iterations):
+        counts, sums = _totals(x, w, assign(x, [centers])[:, 0], codewords)
+        moved = counts > 0
+        moved[0] &= not settings.zero_codeword
+        centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
+    return round_codebooks([centers])[0]
+
+
+@kernel()
+def _seed(x: F4, w: F8, uniforms: F8, zero_first: bool, centers: F4) -> None:
+    """k-means++: each center is a vector drawn in proportion to w times its squared distance from those before."""
+    nearest = w.copy()  # (N,) f8: the first draw is in proportion to w alone
+    for b in range(centers.shape[0]):
+        if b > 0 or not zero_first:
+            drawn = _draw(nearest, uniforms[b])
+            # Once every vector is a center, nothing is left to draw: the rest repeats the first.
+            for c in range(3):
+                centers[b, c] = x[drawn, c] if drawn >= 0 else centers[0, c]
+        for n in range(x.shape[0]):
+            e0 = np.float64(x[n, 0]) - np.float64(centers[b, 0])
+            e1 = np.float64(x[n, 1]) - np.float64(centers[b, 1])
+            e2 = np.float64(x[n, 2]) - np.float64(centers[b, 2])
+            distance = w[n] * (e0 * e0 + e1 * e1 + e2 * e2)
+            if b == 0 or distance < nearest[n]:
+                nearest[n] = distance
+
+
+@kernel()
+def _draw(masses: F8, uniform: float) -> int:
+    """The place at which the running sum of masses passes uniform times their total; -1 where all are zero."""
+    total = 0.0
+    for n in range(masses.shape[0]):
+        total += masses[n]
+    reached, last = 0.0, -1
+    for n in range(masses.shape[0]):
+        if masses[n] > 0:
+            last = n
+            reached += masses[n]
+            if reached > uniform * total:
+                break
+    return last
+
+
+@kernel()
+def _totals(x: F4, w: F8, chosen: Indices, codewords: int) -> tuple[F8, F8]:
+    """Weighted counts (B,) and sums (B, 3) of the vectors of each codeword, in binary64."""
+    counts, sums = np.zeros(codewords), np.zeros((codewords, 3))
+    for n in range(x.shape[0]):
+        counts[chosen[n]] += w[n]
+        for c in range(3):
+            sums[chosen[n], c] += w[n] * np.float64(x[n, c])
+    return counts, sums
+
+
+def _unit_mean(weights: ArrayLike | None, count: int) -> F8:
+    if weights is None:
+        return np.ones(count)
+    w = np.asarray(weights, np.float64)
+    if w.shape != (count,):
+        raise UsageError(f"weights have shape {w.shape}; they must be ({count},)")
+    if not (np.isfinite(w).all() and (w >= 0).all() and (count == 0 or w.any())):
+        raise UsageError("weights must be finite, at least 0 and not all 0")
+    return w / w.mean() if count else w

@@ -1,0 +1,148 @@
+"""Codes to splats, exactly: binary32 operations in the order of spec.md section 8, none fused (R-3.3-1)."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.reconstruction.codes import F2, F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.splats import Splats
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The quantiser and the codebooks that a block without its own uses (spec.md section 6.5); None: there are none."""
+
+    quantizer: Quantizer | None = None
+    codebooks: Codebooks | None = None
+
+    def after(self, block: SplatBlock | None) -> "Kept":
+        """What is kept once a block has been read."""
+        if block is None:
+            return self
+        return Kept(
+            self.quantizer if block.quantizer is None else block.quantizer,
+            self.codebooks if block.codebooks is None else block.codebooks,
+        )
+
+
+@dataclass(frozen=True)
+class State:
+    """All that a decoder carries from frame to frame; the encoder's closed loop carries the same.
+
+    Attributes
+    ----------
+    width, height
+        Size of the coded frame in pixels.
+    splats
+        The reconstructed splats of the frame before.
+    intra, inter
+        What is kept for intra and for inter blocks.
+    """
+
+    width: int
+    height: int
+    splats: Splats
+    intra: Kept = Kept()
+    inter: Kept = Kept()
+
+    @classmethod
+    def initial(cls, width: int, height: int) -> Self:
+        """The state before the first frame of a sequence of `width` by `height` pixels."""
+        return cls(width, height, Splats.empty())
+
+    def forget(self) -> "State":
+        """The state in which an I-frame is parsed: no splats, nothing kept."""
+        return State(self.width, self.height, Splats.empty())
+
+    def kept(self, kind: BlockKind) -> Kept:
+        """What is kept for blocks of a kind."""
+        return self.intra if kind == "intra" else self.inter
+
+
+def reconstruct(codes: FrameCodes, state: State) -> State:
+    """Decode one frame's codes: the state after the frame, whose `splats` are the frame's splats.
+
+    The codes must have passed the checks of spec.md section 6 (the bitstream reader and writer make them).
+
+    Parameters
+    ----------
+    codes
+        The codes of the frame.
+    state
+        The state after the frame before; it is not changed.
+
+    Raises
+    ------
+    GsvcError
+        ``invalid``, R-8-1: a parameter is not finite.
+    """
+    if codes.type == "R":  # R-6.4-4
+        return state
+    before = state.forget() if codes.type == "I" else state
+    kept_inter, kept_intra = before.inter.after(codes.inter), before.intra.after(codes.intra)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        positions, cholesky, colors = _survivors(codes, before, kept_inter)
+        if codes.intra is not None:
+            new = _intra_values(codes.intra, before, kept_intra)
+            positions = np.concatenate([positions, new[0]])
+            cholesky = np.concatenate([cholesky, new[1]])
+            colors = np.concatenate([colors, new[2]])
+    for name, part in (("position", positions), ("Cholesky factor", cholesky), ("colour", colors)):
+        if not np.isfinite(part).all():
+            bad = int(np.argwhere(~np.isfinite(part))[0, 0])
+            raise GsvcError("invalid", f"the {name} of splat {bad} is not finite after reconstruction", rule="R-8-1")
+    return replace(before, splats=Splats(positions, cholesky, colors), inter=kept_inter, intra=kept_intra)
+
+
+def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]:
+    """The inter column of section 8; an attribute without differences keeps its bits."""
+    reference = state.splats if codes.survivors is None else state.splats.take(np.flatnonzero(codes.survivors))
+    positions, cholesky, colors = reference.positions, reference.cholesky, reference.colors
+    block = codes.inter
+    if block is None:
+        return positions, cholesky, colors
+    if block.positions is not None:
+        positions = positions + _half(block.positions) * _half_size(state)  # (8-1), (8-2)
+    if block.cholesky is not None:
+        assert kept.quantizer is not None
+        cholesky = cholesky + dequantize(block.cholesky, kept.quantizer)  # (8-3)
+    if block.colors is not None:
+        assert kept.codebooks is not None
+        colors = colors + codeword_sum(block.colors, kept.codebooks)  # (8-4)
+    return positions, cholesky, colors
+
+
+def _intra_values(block: SplatBlock, state: State, kept: Kept) -> tuple[F4, F4, F4]:
+    """The intra column of section 8."""
+    assert block.positions is not None
+    assert block.cholesky is not None
+    assert block.colors is not None
+    assert kept.quantizer is not None
+    assert kept.codebooks is not None
+    positions = (_half(block.positions) + np.float32(1)) * _half_size(state)  # (8-1), (8-2)
+    return positions, dequantize(block.cholesky, kept.quantizer), codeword_sum(block.colors, kept.codebooks)
+
+
+def _half(bits: U2) -> F4:
+    """The exact values of binary16 bit patterns."""
+    values: F2 = bits.view(np.float16)
+    return values.astype(np.float32)
+
+
+def _half_size(state: State) -> F4:
+    return np.array([state.width, state.height], np.float32) / np.float32(2)  # (2,) f4, exact
+
+
+def dequantize(codes: U2, quantizer: Quantizer) -> F4:
+    """Values (N, 3) f4 in pixels of Cholesky codes (N, 3) u2: fl(fl(q · s) + β) of (8-3)."""
+    return codes.astype(np.float32) * quantizer.scale + quantizer.offset
+
+
+def codeword_sum(indices: U2, codebooks: Codebooks) -> F4:
+    """Colours (N, 3) f4 of indices (N, stages) u2: the codewords added in the order of the stages (8-4)."""
+    total: F4 = codebooks[0].astype(np.float32).take(indices[:, 0], axis=0)  # (N, 3) f4
+    for stage in range(1, len(codebooks)):
+        total = total + codebooks[stage].astype(np.float32).take(indices[:, stage], axis=0)
+    return total

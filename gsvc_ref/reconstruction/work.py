@@ -1,0 +1,52 @@
+"""How much a frame asks of a renderer: the work that a level limits (spec.md section 5)."""
+
+from math import ceil, floor
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.splats import F4, Splats
+
+SUPPORT_RADIUS: Final = 3.3290429691304455
+"""K = √(2 ln 255): the distance, in standard deviations, at which a splat's support ends."""
+
+SMALLEST_NORMAL: Final = 2.0**-126
+"""2⁻¹²⁶: a splat with a smaller l11 or l22 is degenerate and covers nothing (spec.md section 9.1)."""
+
+
+def rendering_work_plain(splats: Splats, width: int, height: int) -> int:
+    """The definition of `rendering_work`, splat by splat."""
+    work = 0
+    for (x, y), (l11, l21, l22) in zip(splats.positions.tolist(), splats.cholesky.tolist(), strict=True):
+        if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL:
+            continue
+        e_x, e_y = SUPPORT_RADIUS * l11, SUPPORT_RADIUS * (abs(l21) + l22)
+        columns = max(0, min(width, ceil(x + e_x)) - max(0, floor(x - e_x)))
+        rows = max(0, min(height, ceil(y + e_y)) - max(0, floor(y - e_y)))
+        work += columns * rows
+    return work
+
+
+@kernel()
+def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> float:
+    """Twin of `rendering_work_plain` in binary64, exact since all counts are below 2⁵³."""
+    work = 0.0
+    for n in range(len(positions)):
+        l11, l21, l22 = np.float64(cholesky[n, 0]), np.float64(cholesky[n, 1]), np.float64(cholesky[n, 2])
+        if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL:
+            continue
+        x, y = np.float64(positions[n, 0]), np.float64(positions[n, 1])
+        e_x, e_y = SUPPORT_RADIUS * l11, SUPPORT_RADIUS * (abs(l21) + l22)
+        columns = max(0.0, min(width, np.ceil(x + e_x)) - max(0.0, np.floor(x - e_x)))
+        rows = max(0.0, min(height, np.ceil(y + e_y)) - max(0.0, np.floor(y - e_y)))
+        work += columns * rows
+    return work
+
+
+def rendering_work(splats: Splats, width: int, height: int) -> int:
+    """The number of (splat, pixel) pairs in the splats' boxes on a frame of `width` by `height` pixels.
+
+    It is the work that spec.md section 5 defines. Any finite parameters are welcome.
+    """
+    return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))

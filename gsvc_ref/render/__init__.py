@@ -1,0 +1,26 @@
+"""From splats to pixels and back to gradients.
+
+`definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, and the other
+modules compute it fast: `strips` and `workspace` sort the splats into column strips, `strip_sums` holds the inner loops,
+`tasks` shares them among threads, and `rendering` and `objective` are what the rest of the package calls.
+"""
+
+from gsvc_ref.render.bounds import exact_gradients_with_bound, render_exact_with_bound
+from gsvc_ref.render.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
+from gsvc_ref.render.objective import Objective
+from gsvc_ref.render.pictures import to_frame
+from gsvc_ref.render.rendering import covered_pixels, render, render_frame, render_gradients, render_sum
+
+__all__ = [
+    "SMALLEST_FACTOR",
+    "SUPPORT_SIGMA",
+    "Objective",
+    "covered_pixels",
+    "exact_gradients_with_bound",
+    "render",
+    "render_exact_with_bound",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "to_frame",
+]

@@ -1,0 +1,195 @@
+"""How far a correct binary32 renderer may be from the definition, per pixel and per gradient: error model fp32/1.
+
+The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
+relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps; terms may be
+added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 - k eps) bounds k roundings in a row.
+
+**sigma.** With a = |dy| / l22 and b = |l21 u1| / l22, hence |u2| <= a + b:
+
+- dx and dy have one rounding, x + 1/2 none; u1 = dx / l11 as dx times a reciprocal has 1 + 2.5 + 1 at most:
+  delta_1 = gamma_5 |u1|;
+- u2 = (dy - l21 u1) / l22 in any arrangement: dy has 1, l21 u1 has 5 + 1, the difference 1, and the quotient 3.5:
+  delta_2 = gamma_6 a + gamma_11 b;
+- underflow adds eta = 2^-126 per operation, carried through what follows: eta (1 + |dx|) to delta_1, and
+  that times |l21| / l22, eta / l22 and eta (1 + |dy| + |l21 u1| + |u1|) to delta_2;
+- the squares and their sum have two roundings, halving none:
+  w = |u1| delta_1 + |u2| delta_2 + (delta_1^2 + delta_2^2) / 2 and d(sigma) = w + gamma_2 (sigma + w).
+
+**g = exp(-sigma).** The computed value lies between exp(-sigma - d(sigma)) and min(exp(-sigma + d(sigma)), 1), times
+1 ± (3 + 2 (sigma + d(sigma))) eps: d(g) is the larger distance, and 2^-126.
+
+**The sum** of n terms: smooth = sum |c| d(g) + gamma_(n+2) sum |c| (g + d(g)).
+
+**Coverage.** Where |sigma - ln 255| <= d(sigma) + eps ln 255 (the constant itself is rounded), either decision is
+legal: band = sum over those splats of |c| (g + d(g)).
+
+**Gradients.** A moment is S_m = sum of q m, with q = g (e . c), |q| <= g A where A = sum |e_k c_k|, and m one of u1,
+u2, u1^2, u1 u2, u2^2, whose errors d(m) follow from delta_1 and delta_2 by the product rule. With Q = g A,
+d(Q) = (d(g) + gamma_5 (g + d(g))) A and M = |m| + d(m), over the P pixels that are covered or within the band:
+
+    d(S_m) = sum (d(Q) M + Q d(m)) + gamma_(P+3) sum (Q + d(Q)) M, and (Q + d(Q)) M again for every pixel in the band.
+
+The same with A = |e_k| and m = 1 gives dL/dc'. Each gradient is then one moment or the difference of two over entries
+of L: their errors, and gamma_12 of their absolute sums, divided likewise. The factor gamma_(P+3) allows any order of
+summation, so that these bounds are loose for large splats; aggregate checks (relative L2 and bias) go with them.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.render.definition import SUPPORT_SIGMA, Footprint, check_residual, footprint
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+
+F8 = NDArray[np.float64]
+
+EPS: Final = 2.0**-23
+"""Unit roundoff of the error model fp32/1."""
+
+ETA: Final = 2.0**-126
+"""What an underflow may lose: the smallest positive normal binary32."""
+
+
+def gamma(k: ArrayLike) -> F8:
+    """The relative error of k roundings in a row, k eps / (1 - k eps); infinite where k eps reaches 1."""
+    error = np.asarray(k, np.float64) * EPS
+    return np.where(error < 1, error / np.maximum(1 - error, ETA), np.inf)
+
+
+def coverage_margin(splat: F8) -> int:
+    """How many pixels beyond the bounding box a binary32 decision may still come out as covered."""
+    reach = np.sqrt(2 * SUPPORT_SIGMA) * (splat[2] + abs(splat[3]) + splat[4])
+    return 1 + int(np.ceil(min(64 * EPS * reach, 2.0**17)))
+
+
+class WeightErrors:
+    """The errors of one splat (8,) f8 over its footprint, each (h, w) f8, named as in the module's text.
+
+    Attributes
+    ----------
+    delta_1, delta_2
+        Bounds of the errors of u1 and u2.
+    g_plain, d_g
+        exp(-sigma) whether covered or not, and its error.
+    band
+        (h, w) bool, where either coverage decision is legal.
+    """
+
+    def __init__(self, splat: F8, pixels: Footprint) -> None:
+        l11, l21, l22 = splat[2:5]
+        u1, u2, sigma = abs(pixels.u1), abs(pixels.u2), pixels.sigma
+        underflow = ETA * (1 + abs(pixels.dx))
+        self.delta_1 = gamma(5) * u1 + underflow
+        self.delta_2 = (
+            (gamma(6) * abs(pixels.dy) + gamma(11) * abs(l21) * u1 + abs(l21) * underflow + ETA) / l22
+            + ETA * (1 + abs(pixels.dy) + abs(l21) * u1 + u1)
+        )  # fmt: skip
+        w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1**2 + self.delta_2**2) / 2
+        d_sigma = w + gamma(2) * (sigma + w)
+        self.g_plain = np.exp(-sigma)
+        highest = np.exp(-np.maximum(sigma - d_sigma, 0))
+        lowest = np.exp(-(sigma + d_sigma))
+        of_exp = (3 + 2 * (sigma + d_sigma)) * EPS * highest
+        self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
+        self.band = abs(sigma - SUPPORT_SIGMA) <= d_sigma + EPS * SUPPORT_SIGMA
+
+
+def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8, F8]:
+    """The exact sum and how far a binary32 renderer may be from it in each element (the derivation is above).
+
+    Returns
+    -------
+    C
+        (H, W, 3) f8, not clamped: `render_sum` with precision ``exact``.
+    bound
+        (H, W, 3) f8: a correct renderer's sum is finite and within `bound` of C.
+    """
+    C = np.zeros((height, width, 3))  # (H, W, 3) f8
+    smooth, absolute, band = np.zeros_like(C), np.zeros_like(C), np.zeros_like(C)
+    terms = np.zeros((height, width, 1))  # (H, W, 1) f8
+    for splat in splats.to_array().astype(np.float64):
+        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
+        if pixels is None:
+            continue
+        at = (pixels.rows, pixels.columns)
+        errors = WeightErrors(splat, pixels)
+        c = splat[5:]
+        C[at] += pixels.g[..., None] * c
+        smooth[at] += (pixels.covered * errors.d_g)[..., None] * abs(c)
+        absolute[at] += (pixels.covered * (pixels.g + errors.d_g))[..., None] * abs(c)
+        band[at] += (errors.band * (errors.g_plain + errors.d_g))[..., None] * abs(c)
+        terms[at] += (pixels.covered | errors.band)[..., None]
+    return C, smooth + gamma(terms + 2) * (absolute + band) + band
+
+
+def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8, F8]:
+    """The exact gradients of sum(residual * C) and how far binary32 ones may be from them (the derivation is above).
+
+    Parameters
+    ----------
+    residual
+        (H, W, 3), dL/dC.
+
+    Returns
+    -------
+    gradients
+        (N, 8) f8, `render_gradients` with precision ``exact``.
+    bound
+        (N, 8) f8.
+
+    Raises
+    ------
+    UsageError
+        The residual has another shape or a value that is not finite.
+    """
+    e_all = check_residual(residual)
+    height, width = e_all.shape[:2]
+    gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT))  # (N, 8) f8
+    bound = np.zeros_like(gradients)
+    for n, splat in enumerate(splats.to_array().astype(np.float64)):
+        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
+        if pixels is not None:
+            e = e_all[pixels.rows, pixels.columns]  # (h, w, 3) f8
+            gradients[n] = pixels.gradient(splat, e)
+            bound[n] = _gradient_bound(splat, pixels, e)
+    return gradients, bound
+
+
+def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
+    """The bounds (8,) f8 of one splat's gradients."""
+    l11, l21, l22 = splat[2:5]
+    errors = WeightErrors(splat, pixels)
+    u1, u2, d1, d2 = abs(pixels.u1), abs(pixels.u2), errors.delta_1, errors.delta_2
+    either = pixels.covered | errors.band
+    order = gamma(np.count_nonzero(either) + 3)
+    d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
+
+    def moment(A: F8, m: ArrayLike, d_m: ArrayLike) -> tuple[float, float]:
+        """The absolute sum and the error of one moment."""
+        M = np.asarray(m) + d_m
+        highest = (errors.g_plain * A + d_q_of_a * A) * M
+        error = d_q_of_a * A * M + errors.g_plain * A * d_m + order * highest
+        return float(np.sum(highest[either])), float(np.sum(error[either]) + np.sum(highest[errors.band]))
+
+    A = abs(e) @ abs(splat[5:])  # (h, w) f8
+    of_u1 = moment(A, u1, d1)
+    of_u2 = moment(A, u2, d2)
+    of_11 = moment(A, u1 * u1, (2 * u1 + d1) * d1)
+    of_12 = moment(A, u1 * u2, u1 * d2 + u2 * d1 + d1 * d2)
+    of_22 = moment(A, u2 * u2, (2 * u2 + d2) * d2)
+    shear = abs(l21) / (l11 * l22)
+    bound = [
+        _total((of_u1, 1 / l11), (of_u2, shear)),
+        _total((of_u2, 1 / l22)),
+        _total((of_11, 1 / l11), (of_12, shear)),
+        _total((of_12, 1 / l22)),
+        _total((of_22, 1 / l22)),
+        *(_total((moment(abs(e[..., k]), 1.0, 0.0), 1.0)) for k in range(3)),
+    ]
+    return np.array(bound)
+
+
+def _total(*parts: tuple[tuple[float, float], float]) -> float:
+    """The error of a sum of moments times factors, each (absolute sum, error) and factor."""
+    return float(sum((error + gamma(12) * (absolute + error)) * factor + ETA for (absolute, error), factor in parts))

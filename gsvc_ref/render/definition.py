@@ -1,0 +1,176 @@
+"""The picture of a set of splats as it is defined, in binary64: the oracle that faster renderers are held against."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+
+F8 = NDArray[np.float64]
+
+SUPPORT_SIGMA: Final = 5.541263545158426
+"""ln 255: a splat covers a pixel iff sigma <= SUPPORT_SIGMA, that is, iff its weight is at least one step of 8 bits.
+The paper says "splats covering the pixel" without a number; its authors' code cuts at exp(-sigma) < 1/255."""
+
+SMALLEST_FACTOR: Final = 2.0**-126
+"""The smallest positive normal binary32: a splat with l11 or l22 below it (zero, negative or less) covers nothing."""
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """One splat over the box of pixels around it: everything that the sum and its gradients are made of.
+
+    Attributes
+    ----------
+    rows, columns
+        The box as slices of the frame.
+    dx, dy
+        (1, w) and (h, 1) f8, d = pixel centre - mu.
+    u1, u2
+        (h, w) f8, u = L^-1 d.
+    sigma
+        (h, w) f8, (u1^2 + u2^2) / 2.
+    covered
+        (h, w) bool, sigma <= SUPPORT_SIGMA.
+    g
+        (h, w) f8, exp(-sigma) where the splat covers the pixel, else 0.
+    """
+
+    rows: slice
+    columns: slice
+    dx: F8
+    dy: F8
+    u1: F8
+    u2: F8
+    sigma: F8
+    covered: NDArray[np.bool_]
+    g: F8
+
+    def gradient(self, splat: F8, e: F8) -> F8:
+        """The gradient (8,) f8 of sum(e * C) over these pixels, with e = dL/dC (h, w, 3) and coverage held fixed.
+
+        With q = g (e . c') and v = L^-T u, that is v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11:
+
+            d sigma / d mu  = -v                 dL/dmu  = sum q v
+            d sigma / d l11 = -v1 u1             dL/dl11 = sum q v1 u1
+            d sigma / d l21 = -v2 u1             dL/dl21 = sum q v2 u1
+            d sigma / d l22 = -v2 u2             dL/dl22 = sum q v2 u2
+                                                 dL/dc'  = sum g e
+
+        since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u).
+        """
+        l11, l21, l22 = splat[2:5]
+        q = self.g * (e @ splat[5:])
+        v2 = self.u2 / l22
+        v1 = (self.u1 - l21 * v2) / l11
+        of_l = [np.sum(q * v1 * self.u1), np.sum(q * v2 * self.u1), np.sum(q * v2 * self.u2)]
+        return np.array([np.sum(q * v1), np.sum(q * v2), *of_l, *np.einsum("hw,hwc->c", self.g, e)])
+
+
+def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footprint | None:
+    """Evaluate one splat (8,) f8 over its bounding box and `margin` pixels around it; None where that is empty.
+
+    u1 = dx / l11, u2 = (dy - l21 u1) / l22 and sigma = (u1^2 + u2^2) / 2: this is d^T (L L^T)^-1 d / 2 (paper section
+    3.2), never negative and without a determinant.
+    """
+    mu_x, mu_y, l11, l21, l22 = splat[:5]
+    if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR):
+        return None
+    radius = np.sqrt(2 * SUPPORT_SIGMA)
+    columns = _box(mu_x, radius * l11, width, margin)
+    rows = _box(mu_y, radius * np.hypot(l21, l22), height, margin)
+    dx = np.arange(columns.start, columns.stop)[None, :] + 0.5 - mu_x  # (1, w) f8
+    dy = np.arange(rows.start, rows.stop)[:, None] + 0.5 - mu_y  # (h, 1) f8
+    if dx.size == 0 or dy.size == 0:
+        return None
+    u1 = np.broadcast_to(dx / l11, (dy.size, dx.size))
+    u2 = (dy - l21 * u1) / l22
+    sigma = (u1 * u1 + u2 * u2) / 2
+    covered = sigma <= SUPPORT_SIGMA
+    return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, np.where(covered, np.exp(-sigma), 0.0))
+
+
+def _box(center: float, half_extent: float, size: int, margin: int) -> slice:
+    """The pixels of an axis whose centre is within half_extent of `center`, and `margin` more on either side."""
+    first = np.clip(np.ceil(center - half_extent - 0.5) - margin, 0, size)
+    end = np.clip(np.floor(center + half_extent - 0.5) + 1 + margin, first, size)
+    return slice(int(first), int(end))
+
+
+def footprints(splats: Splats, width: int, height: int) -> Iterator[tuple[int, F8, Footprint]]:
+    """The index, the parameters (8,) f8 and the footprint of every splat that can cover a pixel, in index order."""
+    for n, splat in enumerate(splats.to_array().astype(np.float64)):
+        pixels = footprint(splat, width, height)
+        if pixels is not None:
+            yield n, splat, pixels
+
+
+def exact_sum(splats: Splats, width: int, height: int) -> F8:
+    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order (paper equation "rendering").
+
+    Returns
+    -------
+    (H, W, 3) f8, not clamped.
+    """
+    C = np.zeros((height, width, 3))  # (H, W, 3) f8
+    for _, splat, pixels in footprints(splats, width, height):
+        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]
+    return C
+
+
+def exact_gradients(splats: Splats, residual: ArrayLike) -> F8:
+    """The gradient of sum(residual * C) for every parameter, see `Footprint.gradient`.
+
+    Parameters
+    ----------
+    residual
+        (H, W, 3), dL/dC.
+
+    Returns
+    -------
+    (N, 8) f8 in the columns of `Splats.to_array`.
+
+    Raises
+    ------
+    UsageError
+        The residual has another shape or a value that is not finite.
+    """
+    e = check_residual(residual)
+    height, width = e.shape[:2]
+    gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT))  # (N, 8) f8
+    for n, splat, pixels in footprints(splats, width, height):
+        gradients[n] = pixels.gradient(splat, e[pixels.rows, pixels.columns])
+    return gradients
+
+
+def check_residual(residual: ArrayLike) -> F8:
+    """The residual as (H, W, 3) f8.
+
+    Raises
+    ------
+    UsageError
+        It has another shape or a value that is not finite.
+    """
+    e = np.asarray(residual, np.float64)
+    check_residual_shape(e.shape)
+    if not np.isfinite(e).all():
+        raise UsageError("the residual has a value that is NaN or infinite; every value must be finite")
+    return e
+
+
+def check_residual_shape(shape: tuple[int, ...]) -> None:
+    """Raise UsageError unless the shape is (H, W, 3) with at least one pixel."""
+    if len(shape) != 3 or shape[2] != 3 or 0 in shape:
+        raise UsageError(f"the residual has shape {shape}; it must be (H, W, 3) with at least one pixel")
+
+
+def exact_covered_pixels(splats: Splats, width: int, height: int) -> NDArray[np.int64]:
+    """How many pixels of the frame each splat covers, as (N,) i8."""
+    counts = np.zeros(len(splats), np.int64)  # (N,) i8
+    for n, _, pixels in footprints(splats, width, height):
+        counts[n] = np.count_nonzero(pixels.covered)
+    return counts

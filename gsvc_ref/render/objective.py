@@ -1,0 +1,115 @@
+"""The loss that training descends, and its gradient, in one pass over the strips."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.render.strip_pictures import read_strip
+from gsvc_ref.render.strips import F4, ROW, SLOT, aligned, strip_count
+from gsvc_ref.render.tasks import objective_tasks, picture_tasks, splat_tasks
+from gsvc_ref.render.workspace import Workspace, exclusive_if_needed
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT
+
+_NO_SLOTS = aligned((0, SLOT))
+
+
+class Objective:
+    """The paper's L2 between a target and the picture of a set of splats, with its gradient.
+
+        L2 = 1/(H W) * sum over pixels of ||clamp(C, 0, 1) - target||^2
+
+    summed over the three channels, not averaged: it is three times the mean squared error (paper section 3.7; the
+    thresholds of the convergence and key-frame rules depend on this factor).
+
+    The gradient uses dL/dC = 2 (clamp(C, 0, 1) - target) / (H W) everywhere. Where C is inside [0, 1] that is the
+    derivative. Where C lies outside, the clamp's own derivative would be zero and the pixel would stop pulling; handed
+    straight through, it pulls C back as long as the target is not at the same bound, and overshoot over a saturated
+    target stays free of charge.
+
+    One objective serves one thread at a time; several objectives can work side by side.
+
+    Parameters
+    ----------
+    target
+        (H, W, 3), R'G'B' with 1.0 = full scale.
+    threads
+        Threads to use, None for one per CPU. The results have the same bits for any number.
+
+    Raises
+    ------
+    UsageError
+        The target has another shape or a value that is not finite, or `threads` is less than 1.
+    """
+
+    def __init__(self, target: ArrayLike, threads: int | None = None) -> None:
+        picture = np.ascontiguousarray(target, np.float32)  # (H, W, 3) f4
+        if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
+            raise UsageError(f"the target has shape {picture.shape}; it must be (H, W, 3) with at least one pixel")
+        if not np.isfinite(picture).all():
+            raise UsageError("the target has a value that is NaN or infinite; 1.0 is full scale")
+        self.height, self.width = picture.shape[:2]
+        self._target = aligned((strip_count(self.width), self.height * ROW))  # (strips, H * ROW) f4
+        for s, strip in enumerate(self._target):
+            read_strip(picture.reshape(self.height, -1), s, strip)
+        self._picture = picture
+        self._pixels = self.height * self.width
+        self._losses = np.zeros(len(self._target))  # (strips,) f8
+        self._workspace = Workspace(self.width, self.height, threads)
+
+    def evaluate(self, parameters: ArrayLike) -> tuple[float, F4]:
+        """The loss and its gradient.
+
+        Parameters
+        ----------
+        parameters
+            (N, 8) f4 in the columns of `Splats.to_array`.
+
+        Returns
+        -------
+        loss
+            L2, accumulated in binary64 in a fixed order.
+        gradient
+            (N, 8) f4, dL2/dparameters; zero for a splat that covers no pixel.
+
+        Raises
+        ------
+        UsageError
+            The parameters have another shape or a value that is not finite.
+        """
+        loss = self._run(parameters, with_gradient=True)
+        work = self._workspace
+        gradient = np.empty((len(work.parameters), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+        with exclusive_if_needed():
+            splat_tasks(work.threads, work.lists, work.slots, work.parameters, 2 / self._pixels, gradient)
+        return loss, gradient
+
+    def loss(self, parameters: ArrayLike) -> float:
+        """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""
+        return self._run(parameters, with_gradient=False)
+
+    def picture(self) -> F4:
+        """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
+        work = self._workspace
+        picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
+        with exclusive_if_needed():
+            picture_tasks(work.bounds, work.buffers, work.lists, picture.reshape(self.height, -1), True)
+        return picture
+
+    def residual(self) -> F4:
+        """The residual (H, W, 3) f4 of the parameters evaluated last: `picture()` minus the target."""
+        return self.picture() - self._picture
+
+    def _run(self, parameters: ArrayLike, *, with_gradient: bool) -> float:
+        packed = np.asarray(parameters, np.float32)
+        if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
+            raise UsageError(f"the parameters have shape {packed.shape}; they must be (N, {PARAMETERS_PER_SPLAT})")
+        work = self._workspace
+        work.load(packed)
+        slots = work.slots if with_gradient else _NO_SLOTS
+        with exclusive_if_needed():
+            objective_tasks(
+                work.bounds, work.buffers, work.lists, slots, self._target, self.width, self._losses, with_gradient
+            )  # fmt: skip
+        return math.fsum(self._losses) / self._pixels

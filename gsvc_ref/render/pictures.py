@@ -1,0 +1,57 @@
+"""Float pictures to integer frames."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+
+SMALLEST_BIT_DEPTH = 8
+LARGEST_BIT_DEPTH = 16
+
+
+def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
+    """The integer type of a frame: u1 for 8 bits, u2 for 9 to 16.
+
+    Raises
+    ------
+    UsageError
+        The bit depth is outside 8..16.
+    """
+    if not SMALLEST_BIT_DEPTH <= bit_depth <= LARGEST_BIT_DEPTH:
+        raise UsageError(f"the bit depth is {bit_depth}; it must be {SMALLEST_BIT_DEPTH} to {LARGEST_BIT_DEPTH}")
+    return np.uint8 if bit_depth == SMALLEST_BIT_DEPTH else np.uint16
+
+
+def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
+    """Quantise a picture: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even.
+
+    The product is rounded to the type of the picture first, binary32 or binary64.
+
+    Parameters
+    ----------
+    picture
+        (H, W, 3) f4 or f8, R'G'B' with 1.0 = full scale.
+    bit_depth
+        8 to 16.
+
+    Returns
+    -------
+    (H, W, 3) u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    UsageError
+        The shape or the bit depth is outside these limits, or a value is NaN.
+    """
+    integer = frame_type(bit_depth)
+    values = np.asarray(picture)
+    if values.ndim != 3 or values.shape[2] != 3:
+        raise UsageError(f"the picture has shape {values.shape}; it must be (H, W, 3)")
+    if values.dtype not in (np.float32, np.float64):
+        raise UsageError(f"the picture is {values.dtype}; it must be float32 or float64 with 1.0 = full scale")
+    if np.isnan(values).any():
+        raise UsageError("the picture has a NaN; every value must be a number")
+    peak = values.dtype.type(2**bit_depth - 1)
+    return np.rint(np.clip(values, 0, 1) * peak).astype(integer)

@@ -1,0 +1,149 @@
+"""Pictures and gradients of a set of splats: the functions that the rest of the package calls."""
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.render import definition
+from gsvc_ref.render.pictures import frame_type
+from gsvc_ref.render.tasks import count_tasks, frame_tasks, grad_picture_tasks, picture_tasks, splat_tasks
+from gsvc_ref.render.workspace import Workspace, exclusive_if_needed
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+
+Precision = Literal["fast", "exact"]
+
+LARGEST_SIDE = 65536
+"""Pixels along a side that the renderer accepts; centres of pixels are then exact in binary32."""
+
+
+def render(
+    splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
+) -> NDArray[np.float32]:
+    """The picture of a set of splats: the sum of c' exp(-sigma) over the covering splats, clamped to [0, 1].
+
+    Parameters
+    ----------
+    splats
+        Positions and Cholesky factors in pixels of this frame.
+    width, height
+        Size of the frame in pixels.
+    precision
+        ``fast`` is binary32 within the error bound of `render_exact_with_bound`; ``exact`` is the definition evaluated
+        in binary64, then rounded.
+    threads
+        Threads for ``fast``, None for one per CPU. The picture has the same bits for any number.
+
+    Returns
+    -------
+    (H, W, 3) f4, R'G'B' with 1.0 = full scale; black without splats.
+
+    Raises
+    ------
+    UsageError
+        The size or an option is outside its limits.
+    """
+    if _is_exact(precision):
+        _check_size(width, height)
+        return np.clip(definition.exact_sum(splats, width, height), 0, 1).astype(np.float32)
+    return _fast_picture(splats, width, height, threads, clamp=True)
+
+
+def render_sum(
+    splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
+) -> NDArray[np.float32] | NDArray[np.float64]:
+    """The same as `render` before the clamp: (H, W, 3), f4 for ``fast`` and f8 for ``exact``."""
+    if _is_exact(precision):
+        _check_size(width, height)
+        return definition.exact_sum(splats, width, height)
+    return _fast_picture(splats, width, height, threads, clamp=False)
+
+
+def render_frame(
+    splats: Splats, width: int, height: int, bit_depth: int, *, threads: int | None = None
+) -> NDArray[Any]:
+    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2."""
+    work = _load(splats, width, height, threads)
+    frame = np.empty((height, width, 3), frame_type(bit_depth))  # (H, W, 3) u1 or u2
+    with exclusive_if_needed():
+        frame_tasks(work.bounds, work.buffers, work.lists, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
+    return frame
+
+
+def render_gradients(
+    splats: Splats, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
+) -> NDArray[np.float32] | NDArray[np.float64]:
+    """The gradient of sum(residual * C) for every parameter, coverage held fixed (see `definition.exact_gradients`).
+
+    Parameters
+    ----------
+    residual
+        (H, W, 3), dL/dC; it also gives the size of the frame.
+    precision, threads
+        As for `render`.
+
+    Returns
+    -------
+    (N, 8) in the columns of `Splats.to_array`, f4 for ``fast`` and f8 for ``exact``; zero where a splat covers nothing.
+
+    Raises
+    ------
+    UsageError
+        The residual has another shape or a value that is not finite, or an option is outside its limits.
+    """
+    if _is_exact(precision):
+        return definition.exact_gradients(splats, residual)
+    e = np.ascontiguousarray(residual, np.float32)  # (H, W, 3) f4
+    definition.check_residual_shape(e.shape)
+    height, width = e.shape[:2]
+    work = _load(splats, width, height, threads)
+    gradients = np.empty((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+    with exclusive_if_needed():
+        grad_picture_tasks(work.bounds, work.buffers, work.lists, work.slots, e.reshape(height, -1))
+        splat_tasks(work.threads, work.lists, work.slots, work.parameters, 1.0, gradients)
+    if not np.isfinite(
+        gradients
+    ).all():  # a residual that is not finite shows here; looking at each pixel would cost more
+        definition.check_residual(e)
+    return gradients
+
+
+def covered_pixels(
+    splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
+) -> NDArray[np.int64]:
+    """How many pixels of the frame each splat covers, as (N,) i8; ``fast`` decides in binary32."""
+    if _is_exact(precision):
+        _check_size(width, height)
+        return definition.exact_covered_pixels(splats, width, height)
+    work = _load(splats, width, height, threads)
+    counts = np.zeros(len(splats), np.int64)  # (N,) i8
+    with exclusive_if_needed():
+        count_tasks(work.threads, work.lists, width, height, counts)
+    return counts
+
+
+def _is_exact(precision: str) -> bool:
+    if precision not in ("fast", "exact"):
+        raise UsageError(f"the precision is {precision!r}; it must be 'fast' or 'exact'")
+    return precision == "exact"
+
+
+def _check_size(width: int, height: int) -> None:
+    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
+        raise UsageError(f"the frame is {width}x{height} pixels; each side must be 1 to {LARGEST_SIDE}")
+
+
+def _load(splats: Splats, width: int, height: int, threads: int | None) -> Workspace:
+    _check_size(width, height)
+    work = Workspace(width, height, threads)
+    work.load(splats.to_array())
+    return work
+
+
+def _fast_picture(splats: Splats, width: int, height: int, threads: int | None, *, clamp: bool) -> NDArray[np.float32]:
+    work = _load(splats, width, height, threads)
+    picture = np.empty((height, width, 3), np.float32)  # (H, W, 3) f4
+    with exclusive_if_needed():
+        picture_tasks(work.bounds, work.buffers, work.lists, picture.reshape(height, -1), clamp)
+    return picture

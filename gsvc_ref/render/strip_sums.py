@@ -1,0 +1,219 @@
+"""The sum over splats and its gradients on strips, in binary32: forward and backward inner loops beside each other.
+
+The definition is `definition.py`; here u1 and u2 are called u and v. All loops over `STRIP_WIDTH` have constant bounds
+and constant offsets into one flat buffer, which is what makes LLVM turn them into vector code; a test looks at the
+result. Per strip the splats come in list order, so that each sum has one fixed order whoever owns the strip.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.render.exponential import exp_minus_half
+from gsvc_ref.render.strips import (
+    BACKWARD_ROWS,
+    F4,
+    F8,
+    FORWARD_ROWS,
+    LANES,
+    ROW,
+    SLOT,
+    STRIP_WIDTH,
+    SUPPORT_SQUARED,
+    Lists,
+    row_range,
+)
+
+HALF: Final = np.float32(0.5)
+ZERO: Final = np.float32(0)
+
+MOMENTS: Final = 6
+"""Lane-wise sums of the backward loop: q, q v, q v^2 and the three of g e."""
+
+
+@kernel(contract=True, inline=True)
+def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
+    """Add one splat to FORWARD_ROWS rows of a strip: C += c' exp(-(u^2 + v^2) / 2) where u^2 + v^2 <= 2 ln 255.
+
+    Parameters
+    ----------
+    strip
+        (FORWARD_ROWS * ROW,) f4, these rows.
+    x, y
+        The centre of their first pixel.
+    record
+        (9,) f4, see `strips.prepare`.
+    """
+    mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
+    red, green, blue = record[6], record[7], record[8]
+    for k in range(STRIP_WIDTH):
+        u = ((x + LANES[k]) - mu_x) * inverse_l11
+        shear = (l * u) * f
+        for row in range(FORWARD_ROWS):
+            v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
+            s = u * u + v * v
+            g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
+            strip[row * ROW + k] += g * red
+            strip[row * ROW + STRIP_WIDTH + k] += g * green
+            strip[row * ROW + 2 * STRIP_WIDTH + k] += g * blue
+
+
+@kernel(contract=True, inline=True)
+def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
+    """The transpose of `add_rows`: add, per lane, what BACKWARD_ROWS rows of dL/dC contribute to one splat's moments.
+
+    Parameters
+    ----------
+    moments
+        (MOMENTS * STRIP_WIDTH,) f4: per lane the sums of q, q v, q v^2, g e_red, g e_green and g e_blue, where
+        e = dL/dC and q = g (e . c'). Within a strip u is constant per lane, so that the moments with u follow from them.
+    strip
+        (BACKWARD_ROWS * ROW,) f4, dL/dC of these rows.
+    """
+    mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
+    red, green, blue = record[6], record[7], record[8]
+    for k in range(STRIP_WIDTH):
+        u = ((x + LANES[k]) - mu_x) * inverse_l11
+        shear = (l * u) * f
+        m_q, m_qv, m_qvv, m_red, m_green, m_blue = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        for row in range(BACKWARD_ROWS):
+            v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
+            s = u * u + v * v
+            g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
+            v = v if s <= SUPPORT_SQUARED else ZERO
+            e_red = strip[row * ROW + k]
+            e_green = strip[row * ROW + STRIP_WIDTH + k]
+            e_blue = strip[row * ROW + 2 * STRIP_WIDTH + k]
+            q = g * (e_red * red + e_green * green + e_blue * blue)
+            qv = q * v
+            m_q += q
+            m_qv += qv
+            m_qvv += qv * v
+            m_red += g * e_red
+            m_green += g * e_green
+            m_blue += g * e_blue
+        moments[k] += m_q
+        moments[STRIP_WIDTH + k] += m_qv
+        moments[2 * STRIP_WIDTH + k] += m_qvv
+        moments[3 * STRIP_WIDTH + k] += m_red
+        moments[4 * STRIP_WIDTH + k] += m_green
+        moments[5 * STRIP_WIDTH + k] += m_blue
+
+
+@kernel(inline=True)
+def fold8(m: F4) -> np.float32:
+    """The sum of eight numbers as a fixed tree."""
+    return ((m[0] + m[4]) + (m[2] + m[6])) + ((m[1] + m[5]) + (m[3] + m[7]))
+
+
+@kernel(contract=True)
+def fold_moments(moments: F4, x: np.float32, record: Any, slot: F4) -> None:
+    """Sum the lanes of one entry's moments in a fixed tree: slot (SLOT,) f4 = sums of q (u, v, u^2, u v, v^2), g e.
+
+    `moments` is overwritten. The loop handles all sums at once, since LLVM unrolls short bodies into scalar code.
+    """
+    mu_x, inverse_l11 = record[0], record[2]
+    for k in range(8):
+        u0 = ((x + LANES[k]) - mu_x) * inverse_l11
+        u8 = ((x + LANES[k + 8]) - mu_x) * inverse_l11
+        q0, q8 = moments[k], moments[8 + k]
+        r0, r8 = moments[16 + k], moments[24 + k]
+        u0 = u0 if q0 != ZERO or r0 != ZERO else ZERO
+        u8 = u8 if q8 != ZERO or r8 != ZERO else ZERO
+        moments[k] = q0 * u0 + q8 * u8
+        moments[8 + k] = q0 * u0 * u0 + q8 * u8 * u8
+        moments[16 + k] = r0 + r8
+        moments[24 + k] = r0 * u0 + r8 * u8
+        moments[32 + k] += moments[40 + k]
+        moments[48 + k] += moments[56 + k]
+        moments[64 + k] += moments[72 + k]
+        moments[80 + k] += moments[88 + k]
+    slot[0] = fold8(moments[0:8])
+    slot[1] = fold8(moments[16:24])
+    slot[2] = fold8(moments[8:16])
+    slot[3] = fold8(moments[24:32])
+    slot[4] = fold8(moments[32:40])
+    slot[5] = fold8(moments[48:56])
+    slot[6] = fold8(moments[64:72])
+    slot[7] = fold8(moments[80:88])
+
+
+@kernel()
+def add_strip(strip: F4, s: int, height: int, lists: Lists) -> None:
+    """Render strip s: zero the buffer ((height + SPARE_ROWS) * ROW,) f4 and add the entries in order."""
+    strip[:] = ZERO
+    x = np.float32(s * STRIP_WIDTH) + HALF
+    for place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]:
+        first, end = row_range(lists.geometry[place], s, height)
+        for y in range(first, end, FORWARD_ROWS):
+            rows = strip[y * ROW : (y + FORWARD_ROWS) * ROW]
+            add_rows(rows, x, np.float32(y) + HALF, lists.records[place])
+
+
+@kernel()
+def grad_add_strip(strip: F4, s: int, height: int, lists: Lists, slots: F4, moments: F4) -> None:
+    """Gather dL/dC of strip s, zero in the spare rows, into the slots (entries, SLOT) f4 of the strip's entries.
+
+    `moments` is (MOMENTS * STRIP_WIDTH,) f4 scratch.
+    """
+    x = np.float32(s * STRIP_WIDTH) + HALF
+    for place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]:
+        first, end = row_range(lists.geometry[place], s, height)
+        moments[:] = ZERO
+        for y in range(first, end, BACKWARD_ROWS):
+            rows = strip[y * ROW : (y + BACKWARD_ROWS) * ROW]
+            grad_add_rows(moments, rows, x, np.float32(y) + HALF, lists.records[place])
+        fold_moments(moments, x, lists.records[place], slots[lists.base[place] + s - lists.strips[place, 0]])
+
+
+@kernel()
+def grad_splat(slots: F4, splat: F4, scale: float, sums: F8, gradient: F4) -> None:
+    """One splat's gradient (8,) f4 from the slots (strips, SLOT) f4 of its entries.
+
+    With v = L^-T u, so that v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11 (see `definition.exact_gradients`):
+
+        dL/dmu  = (sum q v1, sum q v2) = (S_u / l11 - k S_v, S_v / l22)          where k = l21 / (l11 l22)
+        dL/dl11 = sum q v1 u1 = S_uu / l11 - k S_uv
+        dL/dl21 = sum q v2 u1 = S_uv / l22
+        dL/dl22 = sum q v2 u2 = S_vv / l22
+        dL/dc'  = S_e
+
+    in binary64, rounded once. `sums` is (SLOT,) f8 scratch.
+    """
+    sums[:] = 0
+    for entry in range(slots.shape[0]):
+        for moment in range(SLOT):
+            sums[moment] += slots[entry, moment]
+    if slots.shape[0] == 0:
+        gradient[:] = ZERO
+        return
+    inverse_l11 = 1 / np.float64(splat[2])
+    l21 = np.float64(splat[3])
+    inverse_l22 = 1 / np.float64(splat[4])
+    shear = l21 * inverse_l11 * inverse_l22
+    gradient[0] = scale * (sums[0] * inverse_l11 - sums[1] * shear)
+    gradient[1] = scale * (sums[1] * inverse_l22)
+    gradient[2] = scale * (sums[2] * inverse_l11 - sums[3] * shear)
+    gradient[3] = scale * (sums[3] * inverse_l22)
+    gradient[4] = scale * (sums[4] * inverse_l22)
+    gradient[5] = scale * sums[5]
+    gradient[6] = scale * sums[6]
+    gradient[7] = scale * sums[7]
+
+
+@kernel(contract=True)
+def count_strip(s: int, width: int, height: int, record: Any, geometry: Any) -> int:
+    """How many pixels of strip s one splat covers, by the decision of `add_rows`."""
+    mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
+    x = np.float32(s * STRIP_WIDTH) + HALF
+    first, end = row_range(geometry, s, height)
+    end = min(first + -(-(end - first) // FORWARD_ROWS) * FORWARD_ROWS, height)
+    pixels = 0
+    for y in range(first, end):
+        for k in range(min(STRIP_WIDTH, width - s * STRIP_WIDTH)):
+            u = ((x + LANES[k]) - mu_x) * inverse_l11
+            shear = (l * u) * f
+            v = ((np.float32(y) + HALF) - mu_y) * inverse_l22 - shear
+            pixels += u * u + v * v <= SUPPORT_SQUARED
+    return pixels

@@ -1,0 +1,128 @@
+"""What the fast renderer keeps between calls: the strips' lists and buffers of one frame size."""
+
+import os
+import threading
+from contextlib import AbstractContextManager, nullcontext
+
+import numba
+import numpy as np
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.render.strips import (
+    BUCKET,
+    F4,
+    I4,
+    I8,
+    ROW,
+    SLOT,
+    SPARE_ROWS,
+    Lists,
+    aligned,
+    list_entries,
+    order_by_row,
+    prepare,
+    share_strips,
+    strip_count,
+)
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT
+
+_WORKQUEUE_LOCK = threading.Lock()
+
+
+def thread_count(threads: int | None) -> int:
+    """The number of threads to use: the argument, or one per CPU that this process may run on.
+
+    Raises
+    ------
+    UsageError
+        `threads` is less than 1.
+    """
+    if threads is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if threads < 1:
+        raise UsageError(f"threads is {threads}; it must be at least 1, or None for one per CPU")
+    return threads
+
+
+def exclusive_if_needed() -> AbstractContextManager[object]:
+    """A lock around parallel kernels where Numba's threading layer does not bear calls from several Python threads.
+
+    OpenMP and TBB do; the fallback "workqueue" ends the process. Until the first parallel call has chosen the layer,
+    the lock is taken as well.
+    """
+    try:
+        safe = numba.threading_layer() != "workqueue"
+    except ValueError:  # no parallel kernel has run yet
+        safe = False
+    return nullcontext() if safe else _WORKQUEUE_LOCK
+
+
+class Workspace:
+    """The lists and the buffers of every thread for one frame size; made once, then filled for set after set of splats.
+
+    Attributes
+    ----------
+    parameters
+        (N, 8) f4, a copy of what was loaded last.
+    lists
+        The entries of every strip for these parameters.
+    bounds
+        (threads + 1,) i8: thread t owns the strips bounds[t] to bounds[t + 1] - 1.
+    buffers
+        (threads, floats) f4, room for one strip each.
+    """
+
+    def __init__(self, width: int, height: int, threads: int | None = None) -> None:
+        count = strip_count(width)
+        self.width = width
+        self.height = height
+        self.threads = min(thread_count(threads), count)
+        # Padded to whole cache lines, so that every thread's buffer starts on one.
+        self.buffers = aligned((self.threads, -(-(height + SPARE_ROWS) * ROW // 16) * 16))
+        self.bounds = np.zeros(self.threads + 1, np.int64)
+        self._buckets = np.zeros(-(-height // BUCKET) + 1, np.int64)
+        self._slots = aligned((0, SLOT))
+        self._resize(0, np.zeros(0, np.int32), np.zeros(count + 1, np.int64), np.zeros((count, 2), np.int64))
+
+    def _resize(self, splats: int, entries: I4, offsets: I8, weights: I8) -> None:
+        """Make room for exactly this number of splats: most calls come with the number of the call before."""
+        self.parameters = np.zeros((splats, PARAMETERS_PER_SPLAT), np.float32)
+        self.lists = Lists(
+            order=np.zeros(splats, np.int32),
+            records=aligned((splats, 9)),
+            geometry=np.zeros((splats, 6), np.float64),
+            strips=np.zeros((splats, 2), np.int32),
+            base=np.zeros(splats + 1, np.int64),
+            entries=entries,
+            offsets=offsets,
+            weights=weights,
+        )
+
+    def load(self, parameters: F4) -> None:
+        """Copy the parameters (N, 8) f4 and list the entries of every strip.
+
+        Raises
+        ------
+        UsageError
+            A parameter is NaN or infinite.
+        """
+        if len(parameters) != len(self.parameters):
+            self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.weights)
+        np.copyto(self.parameters, parameters)
+        bad = order_by_row(self.parameters, self.height, self.lists.order, self._buckets)
+        if bad >= 0:
+            raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
+        prepare(self.parameters, self.width, self.height, self.lists)
+        total = int(self.lists.base[-1])
+        if total > len(self.lists.entries):
+            self.lists = self.lists._replace(entries=np.zeros(total + total // 4, np.int32))
+        share_strips(self.lists.weights, self.height, self.bounds)
+        list_entries(self.lists)
+
+    @property
+    def slots(self) -> F4:
+        """Room for the sums of every entry: (entries or more, SLOT) f4."""
+        total = int(self.lists.base[-1])
+        if total > len(self._slots):
+            self._slots = aligned((total + total // 4, SLOT))
+        return self._slots

@@ -1,0 +1,51 @@
+"""Shapes that move in front of a scene, with antialiased edges."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F4 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball lit from the upper left.
+
+    Attributes
+    ----------
+    x, y
+        Its centre in pixels; (0.5, 0.5) is the centre of the first pixel.
+    radius
+        In pixels.
+    color
+        (R, G, B) of its lit side, 1.0 = full scale.
+    """
+
+    x: float
+    y: float
+    radius: float
+    color: tuple[float, float, float]
+
+
+_LIGHT = np.array([-0.5, -0.6, 0.62]) / math.hypot(0.5, 0.6, 0.62)
+
+
+def paint_ball(picture: F4, ball: Ball) -> F4:
+    """The (H, W, 3) f4 picture with the ball in front, as a new array.
+
+    The edge falls off over one pixel: at each pixel the ball's part is the clipped signed distance to its outline.
+    """
+    height, width = picture.shape[:2]
+    dx = (np.arange(width) + 0.5 - ball.x) / ball.radius  # (W,) f8
+    dy = ((np.arange(height) + 0.5 - ball.y) / ball.radius)[:, None]  # (H, 1) f8
+    distance = np.hypot(dx, dy)  # (H, W) f8, in radii
+    part = np.clip((1 - distance) * ball.radius + 0.5, 0, 1)[..., None]  # (H, W, 1) f8
+    inside = np.minimum(distance, 1)
+    scale = np.divide(inside, distance, out=np.ones_like(distance), where=distance > 0)
+    facing = dx * scale * _LIGHT[0] + dy * scale * _LIGHT[1] + np.sqrt(1 - inside**2) * _LIGHT[2]  # normal . light
+    diffuse = 0.30 + 0.70 * np.maximum(facing, 0)
+    highlight = 0.55 * np.maximum(facing, 0) ** 24
+    shaded = diffuse[..., None] * np.asarray(ball.color) + highlight[..., None]  # (H, W, 3) f8
+    return np.asarray(picture * (1 - part) + np.minimum(shaded, 1) * part, np.float32)

@@ -1,0 +1,200 @@
+"""Streams with a fault: elements that lie, and surgery on chunks. Checksums are right, so that the fault is reached."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from gsvc_ref.bitstream import SequenceHeader, StreamWriter, crc32c
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.coder import I8, U2, U4, encode_uv
+from gsvc_ref.errors import UsageError
+from gsvc_ref.reconstruction import FrameCodes
+
+
+@dataclass(frozen=True, eq=False)
+class Lie:
+    """One element, or run of equal ones, of a stream that does not say the truth.
+
+    Attributes
+    ----------
+    element
+        Its name in spec.md; ``align`` is what `align()` skips.
+    value
+        What is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as ``"0110"``;
+        or a function from the truth to one of these. An `f16` or `f32` is a run of its bit pattern.
+    occurrence
+        Which element of that name lies, counted from 0 through the whole stream.
+    """
+
+    element: str
+    value: Any
+    occurrence: int = 0
+
+
+@dataclass
+class Liar:
+    """What the writers of one stream share: the lies, and how often each element has been written."""
+
+    lies: Iterable[Lie]
+    seen: Counter[str] = field(default_factory=Counter)
+    told: set[Lie] = field(default_factory=set)
+
+    def says(self, element: str, truth: Any) -> Any:
+        """What to write for an element."""
+        occurrence = self.seen[element]
+        self.seen[element] += 1
+        for lie in self.lies:
+            if lie.element == element and lie.occurrence == occurrence:
+                self.told.add(lie)
+                return lie.value(truth) if callable(lie.value) else lie.value
+        return truth
+
+    def writer(self, first_bit: int) -> "FaultyWriter":
+        """The Writer of a payload or chunk: a `make_writer` for `StreamWriter`."""
+        return FaultyWriter(first_bit, self)
+
+
+class FaultyWriter(Writer):
+    """A Writer that writes what a `Liar` says, and goes on as if it had written the truth."""
+
+    def __init__(self, first_bit: int, liar: Liar) -> None:
+        super().__init__(first_bit)
+        self._liar = liar
+
+    def _tell(self, name: str, truth: Any, write: Callable[[Any], object]) -> None:
+        said = self._liar.says(name, truth)
+        if isinstance(said, bytes) and not isinstance(truth, bytes):
+            super().raw(name, len(said), said)
+        elif isinstance(said, str):
+            for bit in said:
+                super().u(name, 1, int(bit))
+        else:
+            write(said)
+
+    def u(self, name: str, size: int, value: int = 0) -> int:
+        """`u(size)`."""
+        self._tell(name, value, lambda said: super(FaultyWriter, self).u(name, size, said))
+        return value
+
+    def le(self, name: str, size: int, value: int = 0) -> int:
+        """`le(size)`."""
+        self._tell(name, value, lambda said: super(FaultyWriter, self).le(name, size, said))
+        return value
+
+    def uv(self, name: str, value: int = 0) -> int:
+        """`uv`."""
+        self._tell(name, value, lambda said: super(FaultyWriter, self).uv(name, said))
+        return value
+
+    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> bytes:
+        """A run of bytes."""
+        self._tell(name, value, lambda said: super(FaultyWriter, self).raw(name, len(said), said, counted=counted))
+        return value
+
+    def fixed(self, name: str, count: int, size: int, values: U2 | None = None) -> U2:
+        """A run of `u(size)`."""
+        assert values is not None
+        self._tell(name, values, lambda said: super(FaultyWriter, self).fixed(name, len(said), size, np.asarray(said)))
+        return values
+
+    def golombs(self, name: str, count: int, order: int, values: I8 | None = None) -> I8:
+        """A run of `eg(order)`."""
+        assert values is not None
+        self._tell(
+            name, values, lambda said: super(FaultyWriter, self).golombs(name, len(said), order, np.asarray(said))
+        )
+        return values
+
+    def pairs(self, names: tuple[str, str], count: int, values: U4 | None = None) -> Iterator[U4]:
+        """A run of pairs of `uv`; the lie is told of the first name."""
+        assert values is not None
+        self._tell(
+            names[0], values, lambda said: list(super(FaultyWriter, self).pairs(names, len(said), np.asarray(said)))
+        )
+        yield values
+
+    def integers(self, name: str, count: int, size: int, values: Any = None) -> U4:
+        """A run of `le(size)`."""
+        dtype = np.dtype(f"<u{size}")
+        truth = np.asarray(values).astype(dtype)
+
+        def write(said: Any) -> None:
+            data = np.asarray(said, np.uint32).astype(dtype).tobytes()
+            super(FaultyWriter, self).raw(name, len(data), data)
+
+        self._tell(name, truth.tolist(), write)
+        return truth.astype(dtype.newbyteorder("="))
+
+
+def write_stream(
+    header: SequenceHeader,
+    frames: Iterable[FrameCodes],
+    *,
+    index: bool = True,
+    ancillary: dict[int, tuple[str, bytes]] | None = None,
+    lies: Iterable[Lie] = (),
+) -> bytes:
+    """The bytes of a stream.
+
+    Parameters
+    ----------
+    header, frames
+        What it says; its `frame_count` becomes that of `frames`.
+    index
+        Whether it has an index.
+    ancillary
+        For a frame number, the type and payload of a chunk that stands before that frame.
+    lies
+        Elements that say something else.
+
+    Raises
+    ------
+    UsageError
+        The frames break a rule, or a lie was never told because no such element was written.
+    """
+    lies = list(lies)
+    liar = Liar(lies)
+    target = BytesIO()
+    frames = list(frames)
+    writer = StreamWriter(target, replace(header, frame_count=len(frames)), index=index, make_writer=liar.writer)
+    for number, codes in enumerate(frames):
+        if ancillary and number in ancillary:
+            writer.write_ancillary(*ancillary[number])
+        writer.write_frame(codes)
+    writer.finish()
+    untold = [lie for lie in lies if lie not in liar.told]
+    if untold:
+        raise UsageError(f"never told, since the stream has no such element: {untold}")
+    return target.getvalue()
+
+
+def split_chunks(stream: bytes) -> list[tuple[bytes, bytes]]:
+    """The chunks (type, payload) of a legal stream, in order."""
+    parts = []
+    at = PREFIX_SIZE
+    while at < len(stream):
+        chunk_type = stream[at : at + 1]
+        length = shift = 0
+        while True:
+            at += 1
+            length |= (stream[at] & 0x7F) << shift
+            shift += 7
+            if stream[at] < 0x80:
+                break
+        parts.append((chunk_type, stream[at + 1 : at + 1 + length]))
+        at += 1 + length + 4
+    return parts
+
+
+def join_chunks(chunks: Iterable[tuple[bytes, bytes]], *, prefix: bytes) -> bytes:
+    """A stream of `prefix` (magic and version) and chunks (type, payload), with the lengths and checksums they need."""
+    stream = prefix
+    for chunk_type, payload in chunks:
+        body = chunk_type + encode_uv(len(payload)) + payload
+        stream += body + crc32c(body).to_bytes(4, "little")
+    return stream

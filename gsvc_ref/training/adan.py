@@ -1,0 +1,242 @@
+"""Adan, the optimiser of all splat parameters (Xie et al., "Adan: Adaptive Nesterov Momentum", 2022).
+
+For a learned value theta with gradient g, k counting its steps from 1, and g_prev = g at k = 1::
+
+    d = g - g_prev
+    m = b1 m + (1 - b1) g
+    v = b2 v + (1 - b2) d
+    n = b3 n + (1 - b3) (g + b2 d)^2
+    theta -= rate * (m / (1 - b1^k) + b2 v / (1 - b2^k)) / (sqrt(n) / sqrt(1 - b3^k) + epsilon)
+
+No weight decay, no clipping, no restart. A learned value may have another unit than the parameter it stands for:
+parameter = unit * theta, so g = unit * dL/dparameter, and the parameter moves by unit times the step.
+
+`adan_step_plain` states every binary32 operation; the compiled step gives the same bits.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.errors import UsageError
+
+F4 = NDArray[np.float32]
+
+ROWS_AT_ONCE: Final = 16
+"""Rows that the compiled step takes together: their values lie side by side, enough to fill vector lanes."""
+
+
+@dataclass(frozen=True)
+class AdanSettings:
+    """Decay rates b1, b2, b3 in [0, 1), and epsilon > 0 outside the root; the defaults are the authors'.
+
+    Raises
+    ------
+    UsageError
+        A number is out of its range.
+    """
+
+    beta1: float = 0.98
+    beta2: float = 0.92
+    beta3: float = 0.99
+    epsilon: float = 1e-8
+
+    def __post_init__(self) -> None:
+        if not all(0 <= beta < 1 for beta in (self.beta1, self.beta2, self.beta3)) or not self.epsilon > 0:
+            raise UsageError(f"{self} is out of range: each beta must be in [0, 1) and epsilon above 0")
+
+
+class Adan:
+    """Optimiser state of an (N, P) array of parameters; every row counts its own steps.
+
+    Parameters
+    ----------
+    rows, columns
+        N and P.
+    settings
+        Decay rates and epsilon.
+
+    Attributes
+    ----------
+    steps
+        (N,) i8, how many steps each row has taken: k - 1 before, k after `step`.
+    m, v, n, previous
+        (N, P) f4, the averages above and the gradient of the step before.
+    """
+
+    def __init__(self, rows: int, columns: int, settings: AdanSettings | None = None) -> None:
+        if rows < 0 or columns < 1:
+            raise UsageError(f"Adan for {rows} rows and {columns} columns; give at least 0 rows and 1 column")
+        self.settings = settings or AdanSettings()
+        self.steps = np.zeros(rows, np.int64)  # (N,) i8
+        self.m, self.v, self.n, self.previous = np.zeros((4, rows, columns), np.float32)  # (N, P) f4 each
+
+    def step(
+        self,
+        parameters: F4,
+        gradients: F4,
+        rates: ArrayLike,
+        *,
+        units: ArrayLike = 1.0,
+        row_factors: ArrayLike | None = None,
+        row_columns: ArrayLike = True,
+    ) -> None:
+        """Move the parameters by one step, in place.
+
+        Parameters
+        ----------
+        parameters
+            (N, P) f4 in C order; changed.
+        gradients
+            (N, P) f4, dL/dparameter.
+        rates
+            (P,) learning rates, in units of the learned values.
+        units
+            (P,) or a number: parameter = unit * learned value.
+        row_factors
+            (N,) f4 factors on the learning rate of each row, such as a splat's size; None is 1.
+        row_columns
+            (P,) bool: the columns that row_factors apply to; all of them where not given.
+
+        Raises
+        ------
+        UsageError
+            A shape or type does not fit.
+        """
+        rows, columns = self.m.shape
+        grad = np.ascontiguousarray(gradients, np.float32)
+        if parameters.dtype != np.float32 or not parameters.flags.c_contiguous:
+            raise UsageError(
+                f"parameters are {parameters.dtype}; they must be float32 in C order, to be changed in place"
+            )
+        if parameters.shape != self.m.shape or grad.shape != self.m.shape:
+            shapes = f"parameters have shape {parameters.shape} and gradients {grad.shape}"
+            raise UsageError(f"{shapes}; this state is for {self.m.shape}: use take and append")
+        unit = np.ascontiguousarray(np.broadcast_to(np.asarray(units, np.float32), columns))
+        rate = np.broadcast_to(np.asarray(rates, np.float32), columns) * unit  # (P,) f4
+        scaled = np.broadcast_to(np.asarray(row_columns, np.bool_), columns)
+        factors = np.ones(rows, np.float32) if row_factors is None else np.ascontiguousarray(row_factors, np.float32)
+        if factors.shape != (rows,):
+            raise UsageError(f"row_factors have shape {factors.shape}; they must be ({rows},)")
+
+        fresh = self.steps == 0
+        if fresh.any():
+            self.previous[fresh] = grad[fresh] * unit
+        self.steps += 1
+        coefficients = _coefficients(self.settings)
+        zero = np.float32(0)
+        by_row, fixed = np.where(scaled, rate, zero), np.where(scaled, zero, rate)
+        ends = [*(np.flatnonzero(np.diff(self.steps)) + 1).tolist(), rows]
+        for first, last in zip([0, *ends], ends, strict=False):  # rows of the same age lie together
+            if first < last:
+                _step(
+                    parameters.reshape(-1), grad, self.m.reshape(-1), self.v.reshape(-1), self.n.reshape(-1),
+                    self.previous.reshape(-1), unit, by_row, fixed, factors, first, last, coefficients,
+                    _corrections(self.settings, int(self.steps[first])),
+                )  # fmt: skip
+
+    def take(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "Adan":
+        """The state of the rows that an index or boolean array selects: survivors keep their averages and counts."""
+        rows = np.arange(len(self.steps))[indices]
+        taken = Adan(len(rows), self.m.shape[1], self.settings)
+        taken.steps = self.steps[rows]
+        taken.m, taken.v, taken.n, taken.previous = (a[rows] for a in (self.m, self.v, self.n, self.previous))
+        return taken
+
+    def append(self, count: int) -> "Adan":
+        """The state with `count` rows at its end that have not taken a step."""
+        new = Adan(count, self.m.shape[1], self.settings)
+        joined = Adan(0, self.m.shape[1], self.settings)
+        joined.steps = np.concatenate([self.steps, new.steps])
+        joined.m, joined.v, joined.n, joined.previous = (
+            np.concatenate(pair)
+            for pair in ((self.m, new.m), (self.v, new.v), (self.n, new.n), (self.previous, new.previous))
+        )
+        return joined
+
+
+def _coefficients(settings: AdanSettings) -> F4:
+    """b1, 1 - b1, b2, 1 - b2, b3, 1 - b3, epsilon: (7,) f4, each rounded once."""
+    betas = (settings.beta1, settings.beta2, settings.beta3)
+    return np.array([*(part for beta in betas for part in (beta, 1 - beta)), settings.epsilon], np.float32)
+
+
+def _corrections(settings: AdanSettings, k: int) -> F4:
+    """1 / (1 - b1^k), b2 / (1 - b2^k), 1 / sqrt(1 - b3^k): (3,) f4, each rounded once."""
+    b1, b2, b3 = settings.beta1, settings.beta2, settings.beta3
+    return np.array([1 / (1 - b1**k), b2 / (1 - b2**k), (1 - b3**k) ** -0.5], np.float32)
+
+
+def adan_step_plain(
+    parameters: F4,
+    g: F4,
+    m: F4,
+    v: F4,
+    n: F4,
+    g_prev: F4,
+    rate: F4,
+    coefficients: F4,
+    corrections: F4,
+) -> tuple[F4, F4, F4, F4]:
+    """The definition of one step of rows of the same age, as (parameters, m, v, n); arrays (N, P) f4.
+
+    g is unit * dL/dparameter, and rate is (unit * learning rate) * row factor.
+    """
+    b1, c1, b2, c2, b3, c3, epsilon = coefficients
+    over_m, over_v, over_n = corrections
+    d = g - g_prev
+    m = b1 * m + c1 * g
+    v = b2 * v + c2 * d
+    ahead = g + b2 * d
+    n = b3 * n + c3 * (ahead * ahead)
+    update = (over_m * m + over_v * v) / (np.sqrt(n) * over_n + epsilon)
+    return parameters - rate * update, m, v, n
+
+
+@kernel()
+def _step(
+    parameters: F4,
+    gradients: F4,
+    m: F4,
+    v: F4,
+    n: F4,
+    previous: F4,
+    unit: F4,
+    by_row: F4,
+    fixed: F4,
+    factors: F4,
+    first: int,
+    last: int,
+    coefficients: F4,
+    corrections: F4,
+) -> None:
+    """Twin of `adan_step_plain` for the rows first..last - 1; all but gradients (N, P) are flat, row after row."""
+    columns = gradients.shape[1]
+    b1, c1, b2, c2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
+    b3, c3, epsilon = coefficients[4], coefficients[5], coefficients[6]
+    over_m, over_v, over_n = corrections[0], corrections[1], corrections[2]
+    scaled = np.empty(ROWS_AT_ONCE * columns, np.float32)  # unit * gradient
+    rates = np.empty(ROWS_AT_ONCE * columns, np.float32)
+    for start in range(first, last, ROWS_AT_ONCE):
+        stop = min(start + ROWS_AT_ONCE, last)
+        for row in range(stop - start):
+            factor = factors[start + row]
+            for c in range(columns):
+                scaled[row * columns + c] = gradients[start + row, c] * unit[c]
+                rates[row * columns + c] = by_row[c] * factor + fixed[c]
+        # Slices, because an index that starts at 0 is what the compiler turns into vector lanes.
+        part = slice(start * columns, stop * columns)
+        x, m_part, v_part, n_part, g_prev = parameters[part], m[part], v[part], n[part], previous[part]
+        for j in range(len(x)):
+            g = scaled[j]
+            d = g - g_prev[j]
+            m_part[j] = b1 * m_part[j] + c1 * g
+            v_part[j] = b2 * v_part[j] + c2 * d
+            ahead = g + b2 * d
+            n_part[j] = b3 * n_part[j] + c3 * (ahead * ahead)
+            update = (over_m * m_part[j] + over_v * v_part[j]) / (np.sqrt(n_part[j]) * over_n + epsilon)
+            x[j] -= rates[j] * update
+            g_prev[j] = g

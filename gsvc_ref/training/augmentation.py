@@ -1,0 +1,232 @@
+"""Where splats come from: Gaussian Splat Augmentation and the paper's random start, and our draws from the picture.
+
+Pictures are (H, W, 3) f4 with 1 for full scale; positions and sizes are in pixels.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.errors import UsageError
+from gsvc_ref.splats import F4, Splats
+
+F8 = NDArray[np.float64]
+
+NEW_WEIGHT: Final = 0.01
+"""Initial w of randomly placed splats, of I-frames and of GSA; the authors' value. The paper has "close to zero"."""
+
+KEPT_WEIGHT: Final = 1.0
+"""Initial w of the splats that a P-frame takes over (paper section 3.5)."""
+
+RANDOM_CHOLESKY_OFFSET: Final = np.array([0.5, 0.0, 0.5], np.float32)
+"""Added to uniform numbers in [0, 1) for (l11, l21, l22) in pixels; the authors' value. The paper is silent."""
+
+GRADIENT_SHARE: Final = 0.7
+"""Fraction of the splats of `image_start` that are drawn by gradient magnitude, the others uniformly."""
+
+SIZE_FACTOR: Final = 0.5
+"""Deviation of a splat of `image_start` in units of 1 / sqrt(splats per pixel around it)."""
+
+COLOR_SHARE: Final = 0.5
+"""Fraction of what is missing that a splat of `residual_splats` takes as its colour."""
+
+
+def random_splats(count: int, width: int, height: int, rng: Generator) -> Splats:
+    """Splats uniformly at random over the frame: the start of an I-frame, or GSA's additions (paper section 3.5).
+
+    Parameters
+    ----------
+    count
+        Number of splats, at least 0.
+    width, height
+        The frame's size in pixels.
+    rng
+        Draws positions, Cholesky factors and colours, in this order.
+
+    Returns
+    -------
+    Splats
+        Colours are uniform in [0, 1); their weight is for the caller to choose (`NEW_WEIGHT`).
+
+    Raises
+    ------
+    UsageError
+        The count is negative, or the frame has no pixels.
+    """
+    if count < 0 or width < 1 or height < 1:
+        raise UsageError(f"cannot place {count} splats on {width}x{height} pixels; give at least 0 and 1x1")
+    positions = rng.random((count, 2), np.float32) * np.array([width, height], np.float32)
+    cholesky = rng.random((count, 3), np.float32) + RANDOM_CHOLESKY_OFFSET
+    return Splats(positions, cholesky, rng.random((count, 3), np.float32))
+
+
+def draw_from_density(density: NDArray[np.floating], count: int, rng: Generator) -> F4:
+    """Positions in proportion to a density: a pixel by its inverse distribution function, then a place in the pixel.
+
+    Parameters
+    ----------
+    density
+        (H, W), at least 0, in any unit; all zero counts as uniform.
+    count
+        Number of positions.
+    rng
+        Draws the pixels, then the places.
+
+    Returns
+    -------
+    F4
+        (count, 2) in 0..W by 0..H.
+
+    Raises
+    ------
+    UsageError
+        A density is negative or not finite, or there are no pixels.
+    """
+    if density.ndim != 2 or density.size == 0:
+        raise UsageError(f"the density has shape {density.shape}; it must be (H, W) with at least one pixel")
+    reach = np.cumsum(density, dtype=np.float64)  # (H W,) f8
+    if not np.isfinite(reach[-1]) or density.min() < 0:
+        raise UsageError("a density is negative or not finite; all must be at least 0")
+    if reach[-1] == 0:
+        reach = np.arange(1.0, density.size + 1)
+    # A product that rounds up to the total would pass the last pixel, and pixels of density 0 must not be drawn.
+    last = np.searchsorted(reach, reach[-1])
+    pixel = np.minimum(np.searchsorted(reach, rng.random(count) * reach[-1], side="right"), last)
+    y, x = np.divmod(pixel, density.shape[1])
+    return (np.stack([x, y], axis=1) + rng.random((count, 2))).astype(np.float32)
+
+
+def image_start(
+    picture: F4, count: int, rng: Generator, *, gradient_share: float = GRADIENT_SHARE, size_factor: float = SIZE_FACTOR
+) -> Splats:
+    """A start for an I-frame that resembles its picture: many small splats on detail, few large ones elsewhere; ours.
+
+    With splats drawn at rho per pixel, partly in proportion to the gradient magnitude and partly uniformly, a splat is
+    round with the deviation s = size_factor / sqrt(rho around it). Where rho is even, such splats add up to
+    2 pi size_factor^2 times one splat's colour, so each takes the picture's colour at its centre divided by that.
+
+    Parameters
+    ----------
+    picture
+        (H, W, 3) f4.
+    count
+        Number of splats.
+    rng
+        Draws positions.
+    gradient_share
+        Fraction drawn by gradient magnitude, 0..1.
+    size_factor
+        Deviation in units of the distance between splats, above 0.
+
+    Returns
+    -------
+    Splats
+        To be trained with the weight 1.
+
+    Raises
+    ------
+    UsageError
+        A parameter is out of its range, or the picture is not (H, W, 3).
+    """
+    _check_picture(picture)
+    if not 0 <= gradient_share <= 1 or not size_factor > 0:
+        raise UsageError(f"gradient_share {gradient_share} must be in 0..1 and size_factor {size_factor} above 0")
+    height, width = picture.shape[:2]
+    magnitude = np.empty((height, width), np.float32)
+    total = _gradient_magnitude(np.ascontiguousarray(picture), magnitude)
+    share = gradient_share if total > 0 else 0.0
+    rho = magnitude * np.float32(share * count / max(total, 1e-30)) + np.float32((1 - share) * count / (height * width))
+    positions = draw_from_density(rho, count, rng)
+    radius = max(1, round(0.5 * math.sqrt(height * width / max(count, 1))))
+    size = (size_factor / np.sqrt(_box_means(rho, positions, radius))).astype(np.float32)
+    colors = picture[_pixels(positions, width, height)] / np.float32(2 * math.pi * size_factor**2)
+    return Splats(positions, np.stack([size, np.zeros_like(size), size], axis=1), colors)
+
+
+def residual_splats(residual: F4, count: int, size: float, rng: Generator, *, smoothing: float | None = None) -> Splats:
+    """Small round splats where a picture is worst, coloured with half of what is missing there; ours.
+
+    Positions follow the squared residual smoothed by a Gaussian: drawn from the squared residual, then moved by a
+    normal distribution, which is the same and needs no filter.
+
+    Parameters
+    ----------
+    residual
+        (H, W, 3) f4, picture minus target.
+    count
+        Number of splats.
+    size
+        Their deviation in pixels, above 0.
+    rng
+        Draws positions.
+    smoothing
+        Deviation of the Gaussian in pixels; `size` where not given.
+
+    Returns
+    -------
+    Splats
+        To be trained with the weight 1.
+
+    Raises
+    ------
+    UsageError
+        A size is out of its range, or the residual is not (H, W, 3) or not finite.
+    """
+    _check_picture(residual)
+    blur = size if smoothing is None else smoothing
+    if not size > 0 or not blur >= 0:
+        raise UsageError(f"size is {size} and smoothing {blur} pixels; they must be above 0 and at least 0")
+    height, width = residual.shape[:2]
+    exact = draw_from_density(np.einsum("yxc,yxc->yx", residual, residual), count, rng)
+    moved = exact + rng.normal(0.0, blur, (count, 2))
+    positions = np.clip(moved, 0, [width, height]).astype(np.float32)
+    cholesky = np.tile(np.array([size, 0, size], np.float32), (count, 1))
+    return Splats(positions, cholesky, np.float32(-COLOR_SHARE) * residual[_pixels(positions, width, height)])
+
+
+@kernel()
+def _gradient_magnitude(picture: F4, magnitude: F4) -> float:
+    """Root of the summed squares of all channels' central differences, one-sided at the edges; returns its sum."""
+    height, width, channels = picture.shape
+    total = 0.0
+    for y in range(height):
+        above, below = max(y - 1, 0), min(y + 1, height - 1)
+        for x in range(width):
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            square = np.float32(0)
+            for c in range(channels):
+                dx = (picture[y, right, c] - picture[y, left, c]) / np.float32(max(right - left, 1))
+                dy = (picture[below, x, c] - picture[above, x, c]) / np.float32(max(below - above, 1))
+                square += dx * dx + dy * dy
+            magnitude[y, x] = np.sqrt(square)
+            total += np.float64(magnitude[y, x])
+    return total
+
+
+def _box_means(density: F4, positions: F4, radius: int) -> F8:
+    """Mean density over the pixels within `radius` rows and columns of each position and inside the frame, (N,) f8."""
+    height, width = density.shape
+    sums = np.zeros((height + 1, width + 1))  # sums[y, x]: over all rows before y and columns before x
+    np.cumsum(density, axis=0, dtype=np.float64, out=sums[1:, 1:])
+    np.cumsum(sums[1:, 1:], axis=1, out=sums[1:, 1:])
+    y, x = _pixels(positions, width, height)
+    top, bottom = np.maximum(y - radius, 0), np.minimum(y + radius + 1, height)
+    left, right = np.maximum(x - radius, 0), np.minimum(x + radius + 1, width)
+    inside = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    return np.asarray(inside / ((bottom - top) * (right - left)))
+
+
+def _pixels(positions: F4, width: int, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of the pixel that each position lies in; a position on the far edge lies in the last pixel."""
+    x = np.minimum(positions[:, 0].astype(np.int64), width - 1)
+    y = np.minimum(positions[:, 1].astype(np.int64), height - 1)
+    return y, x
+
+
+def _check_picture(picture: F4) -> None:
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
+        raise UsageError(f"the picture has shape {picture.shape}; it must be (H, W, 3) with at least one pixel")

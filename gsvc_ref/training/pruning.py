@@ -1,0 +1,133 @@
+"""Gaussian Splat Pruning (GSP): when and which splats are removed (paper section 3.4)."""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.splats import F4
+
+SETTLING: Final = 0.2
+"""Fraction of the iterations, at the end, that a schedule leaves for the survivors to settle; ours."""
+
+
+@dataclass(frozen=True)
+class PruningSchedule:
+    """How many splats are removed after which iteration; the paper only says how many in all.
+
+    Removals come after the iterations first, first + interval, ... and last. Each removes the same number, rounded
+    down; the last also removes the remainder, so that the counts add up. Where there are too few iterations for
+    SETTLING of them to follow the last removal, all removals move forward in proportion.
+
+    Attributes
+    ----------
+    fraction
+        Of the splats at the start, how many are removed in all; in [0, 1).
+    first, last, interval
+        Iterations, counted from 1.
+
+    Raises
+    ------
+    UsageError
+        A number is out of its range, or last comes before first.
+    """
+
+    fraction: float = 0.1
+    first: int = 100
+    last: int = 4000
+    interval: int = 100
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.fraction < 1:
+            raise UsageError(f"the fraction to prune is {self.fraction}; it must be in [0, 1)")
+        if not (1 <= self.first <= self.last and self.interval >= 1):
+            raise UsageError(f"{self}: it must have 1 <= first <= last and interval >= 1")
+
+    @classmethod
+    def intra(cls) -> Self:
+        """I-frames: 10 % of the splats, after every 100th iteration from 100 to 4000, as in the authors' code."""
+        return cls()
+
+    @classmethod
+    def inter(cls) -> Self:
+        """P-frames: the splats that GSA added, 10 % of N and so 1/11 of all, after every 100th from 500 to 1000."""
+        return cls(fraction=1 / 11, first=500, last=1000)
+
+    def counts(self, splats: int, iterations: int) -> dict[int, int]:
+        """How many splats to remove after which iteration.
+
+        Parameters
+        ----------
+        splats
+            Number of splats at the start.
+        iterations
+            Number of iterations that training may take.
+
+        Returns
+        -------
+        dict[int, int]
+            Iteration, counted from 1 and at most `iterations`, to the number of splats; without zeros, in order. The
+            numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
+        """
+        total = round(self.fraction * splats)
+        if iterations < 1:
+            return {}
+        times = [*range(self.first, self.last, self.interval), self.last]
+        share = total // len(times)
+        removed: dict[int, int] = {}
+        for time in times:
+            count = share if time != self.last else total - share * (len(times) - 1)
+            scale = min(1.0, (1 - SETTLING) * iterations / self.last)
+            iteration = max(1, int(time * scale))
+            if count:
+                removed[iteration] = removed.get(iteration, 0) + count
+        return removed
+
+
+def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
+    """Indices of the splats that stay when those with the least |w| are removed.
+
+    Parameters
+    ----------
+    w
+        (N,) weights of the splats.
+    removed
+        How many go, 0..N. Of equal |w|, the higher index goes.
+
+    Returns
+    -------
+    NDArray[np.int64]
+        (N - removed,) rising indices.
+
+    Raises
+    ------
+    UsageError
+        A weight is NaN, or there are not that many splats.
+    """
+    magnitude = np.abs(np.asarray(w))
+    if magnitude.ndim != 1 or not 0 <= removed <= len(magnitude):
+        raise UsageError(f"cannot remove {removed} splats by weights of shape {magnitude.shape}; give 0..N and (N,)")
+    if np.isnan(magnitude).any():
+        raise UsageError("a weight is NaN; training has diverged, use lower learning rates")
+    largest_first = np.argsort(-magnitude, kind="stable")
+    return np.sort(largest_first[: len(magnitude) - removed])
+
+
+def fold_weights(colors: ArrayLike, w: ArrayLike) -> F4:
+    """The products w c': what is rendered, and what the next frame starts from (paper section 3.4).
+
+    Parameters
+    ----------
+    colors
+        (N, 3) f4, c'.
+    w
+        (N,) f4.
+
+    Returns
+    -------
+    F4
+        (N, 3).
+    """
+    return np.asarray(colors, np.float32) * np.asarray(w, np.float32)[:, None]

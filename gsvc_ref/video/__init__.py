@@ -1,0 +1,135 @@
+"""Video in and out: y4m, pictures, and through PyAV whatever FFmpeg knows; frames are always full-range R'G'B'."""
+
+import sys
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.video import images, libav, libav_writer, y4m
+from gsvc_ref.video.color import frame_to_planes, planes_to_frame
+from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
+from gsvc_ref.video.png import decode_png, encode_png
+from gsvc_ref.video.stream import PartialFile, VideoReader, VideoWriter
+from gsvc_ref.video.y4m_header import MAGIC
+
+__all__ = [
+    "ChromaFormat",
+    "ColorDescription",
+    "Frame",
+    "PartialFile",
+    "VideoFormat",
+    "VideoReader",
+    "VideoWriter",
+    "decode_png",
+    "encode_png",
+    "frame_to_planes",
+    "open_video",
+    "open_writer",
+    "planes_to_frame",
+]
+
+STREAM_SUFFIX: Final = ".gsvc"
+
+
+def open_video(source: str | Path | BinaryIO) -> VideoReader:
+    """Open a source of frames; what it holds decides how it is read, not its name.
+
+    Parameters
+    ----------
+    source
+        ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; or a binary file at its start (one that
+        cannot seek must hold y4m), which stays open.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    UsageError
+        It is a GSVC stream, or needs PyAV and that is not installed.
+    GsvcError
+        It cannot be read as video.
+    """
+    if source == "-":
+        return y4m.Y4mReader(sys.stdin.buffer, "standard input")
+    if isinstance(source, str | Path):
+        return _open_path(Path(source))
+    return _open_file(source)
+
+
+def _open_path(path: Path) -> VideoReader:
+    name = str(path)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {path}; check the name of the input")
+    if path.is_dir():
+        return images.open_folder(path)
+    if path.suffix.lower() == STREAM_SUFFIX:
+        raise UsageError(f"{path} is a GSVC stream, not a source video: decode it first (gsvc decode {path} OUT.y4m)")
+    if not path.is_file():  # a pipe or device: reading its first bytes would take them away
+        return y4m.Y4mReader(path, name)
+    with path.open("rb") as file:
+        magic = file.read(len(MAGIC))
+    if not magic:
+        raise GsvcError("malformed", f"{path} is empty; give a video file")
+    suffix = path.suffix.lower()
+    if magic == MAGIC or suffix == ".y4m":
+        return y4m.Y4mReader(path, name)
+    if magic.startswith(images.PNG_SIGNATURE) or suffix in images.SUFFIXES:
+        return images.ImageReader([path], name)
+    return libav.LibavReader(path, name)
+
+
+def _open_file(file: BinaryIO) -> VideoReader:
+    name = str(getattr(file, "name", "the input"))
+    if not file.seekable():
+        return y4m.Y4mReader(file, name)
+    start = file.tell()
+    magic = file.read(len(MAGIC))
+    file.seek(start)
+    if not magic:
+        raise GsvcError("malformed", f"{name} is empty; give a video file")
+    if magic == MAGIC:
+        return y4m.Y4mReader(file, name)
+    if magic.startswith((images.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
+        return images.ImageReader([file.read()], name)
+    return libav.LibavReader(file, name)
+
+
+def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWriter:
+    """Open a target for frames; it is complete, and stands under its name, only after `close`.
+
+    Parameters
+    ----------
+    target
+        ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a single
+        frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); an existing folder,
+        or a name without a suffix, for numbered PNG files. A pipe or device takes y4m.
+    format
+        What frames must fit. For y4m also how they are written, so replace ``chroma_format`` or ``color`` to choose.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder that is to hold the target does not exist.
+    UsageError
+        The suffix is unknown, the folder holds pictures already, or the format cannot be written.
+    """
+    if target == "-":
+        return y4m.Y4mWriter(sys.stdout.buffer, format)
+    if not isinstance(target, str | Path):
+        return y4m.Y4mWriter(target, format)
+    path = Path(target)
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return images.ImageFolderWriter(path, format)
+    if path.exists() and not path.is_file():
+        return y4m.Y4mWriter(path, format)
+    if suffix == ".y4m":
+        return y4m.Y4mWriter(path, format)
+    if suffix == ".png":
+        return images.ImageFileWriter(path, format)
+    if suffix in libav_writer.CONTAINERS:
+        return libav_writer.LibavWriter(path, format)
+    if suffix == "" and not path.exists():
+        return images.ImageFolderWriter(path, format)
+    known = ", ".join([".y4m", ".png", *libav_writer.CONTAINERS])
+    raise UsageError(f"cannot tell what to write as {path}; give a name that ends in {known}, a folder, or - for y4m")

@@ -1,0 +1,219 @@
+"""Pictures as video: a folder of PNG or JPEG files in natural order, or a single file as a video of one frame."""
+
+import io
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.video import png
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
+from gsvc_ref.video.png import PngImage, decode_png, encode_png
+from gsvc_ref.video.stream import PartialFile, VideoReader, VideoWriter, check_parent
+
+PNG_SIGNATURE: Final = png.SIGNATURE
+JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
+SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+ASSUMED_RATE: Final = Fraction(25)
+"""Frames per second of pictures, which state none."""
+EXIF_ORIENTATION: Final = 0x0112
+
+
+def natural_key(name: str) -> tuple[tuple[int, str], ...]:
+    """Sort key under which ``frame10`` follows ``frame9``."""
+    parts = ((int(part), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", name))
+    return (*parts, (0, name))
+
+
+def list_images(folder: Path) -> list[Path]:
+    """The PNG and JPEG files of a folder in natural order, hidden ones left out."""
+    files = (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
+    return sorted((path for path in files if path.is_file()), key=lambda path: natural_key(path.name))
+
+
+def decode_image(data: bytes, name: str) -> PngImage:
+    """Decode a PNG or JPEG file by its content.
+
+    Raises
+    ------
+    GsvcError
+        ``malformed``, ``limit``, or ``unsupported`` (neither format, transparency, CMYK).
+    """
+    if data.startswith(PNG_SIGNATURE):
+        return decode_png(data, name)
+    if not data.startswith(JPEG_SIGNATURE):
+        raise GsvcError("unsupported", f"{name} is neither a PNG nor a JPEG picture; convert it to PNG")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            picture = Image.open(io.BytesIO(data), formats=["JPEG"])
+        check_size(picture.width, picture.height, name)
+        if picture.mode not in ("L", "RGB"):
+            raise GsvcError("unsupported", f"{name} is a JPEG in {picture.mode}; convert it to RGB first")
+        frame = np.array(picture.convert("RGB"))  # (H, W, 3) u1
+        orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        raise GsvcError("limit", f"{name} is too large ({error}); scale it down first") from error
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        raise GsvcError("malformed", f"{name} is not a valid JPEG ({error}); export the picture again") from error
+    notes = ["a JPEG is read as it is stored; its EXIF orientation is not applied"] if orientation != 1 else []
+    return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
+
+
+class ImageReader(VideoReader):
+    """Reads pictures as the frames of a video.
+
+    Parameters
+    ----------
+    sources
+        Files in order, or the contents of one; at least one.
+    name
+        What to call the whole in messages.
+
+    Raises
+    ------
+    GsvcError
+        See `decode_image`; when iterating, ``invalid`` for a picture of another size or depth than the first.
+    """
+
+    def __init__(self, sources: Sequence[Path | bytes], name: str) -> None:
+        super().__init__()
+        self._sources = sources
+        self._name = name
+        first = self._load(0)
+        height, width, _ = first.frame.shape
+        count = len(sources)
+        self.format = VideoFormat(width, height, ASSUMED_RATE, first.bit_depth, "rgb", first.color, frame_count=count)
+        self.note(f"pictures state no frame rate, so assumed: {ASSUMED_RATE} per second")
+
+    def _label(self, index: int) -> str:
+        source = self._sources[index]
+        return str(source) if isinstance(source, Path) else self._name
+
+    def _load(self, index: int) -> PngImage:
+        source = self._sources[index]
+        image = decode_image(source.read_bytes() if isinstance(source, Path) else source, self._label(index))
+        for sentence in image.notes:
+            self.note(sentence)
+        return image
+
+    def _read(self) -> Iterator[Frame]:
+        for index in range(len(self._sources)):
+            image = self._load(index)
+            height, width, _ = image.frame.shape
+            expected = (self.format.width, self.format.height, self.format.bit_depth)
+            if (width, height, image.bit_depth) != expected:
+                raise GsvcError(
+                    "invalid",
+                    f"the pictures differ: {self._label(0)} is {expected[0]}x{expected[1]} with {expected[2]} bits, "
+                    f"{self._label(index)} is {width}x{height} with {image.bit_depth}; all frames of a video must have "
+                    f"the same size and depth: scale them, or move the odd ones out of the folder",
+                )
+            yield image.frame
+
+
+def open_folder(folder: Path) -> ImageReader:
+    """Read a folder of pictures.
+
+    Raises
+    ------
+    GsvcError
+        ``invalid`` if it holds none.
+    """
+    paths = list_images(folder)
+    if not paths:
+        raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
+    return ImageReader(paths, str(folder))
+
+
+def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:
+    partial = PartialFile(target)
+    try:
+        partial.path.write_bytes(encode_png(frame, video.bit_depth, video.color))
+        partial.commit()
+    except BaseException:
+        partial.discard()
+        raise
+
+
+class ImageFolderWriter(VideoWriter):
+    """Writes ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
+
+    Parameters
+    ----------
+    folder
+        Created if missing.
+    video
+        The format; its chroma format plays no part, PNG holds R'G'B'.
+
+    Raises
+    ------
+    FileNotFoundError
+        The parent of the folder does not exist.
+    UsageError
+        The folder holds pictures already, which would mix with the new ones.
+    """
+
+    def __init__(self, folder: Path, video: VideoFormat) -> None:
+        super().__init__(video)
+        check_parent(folder)
+        self._created = not folder.exists()
+        if self._created:
+            folder.mkdir()
+        elif list_images(folder):
+            raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
+        self._folder = folder
+        self._written: list[Path] = []
+
+    def _write(self, frame: Frame) -> None:
+        path = self._folder / f"frame_{self.frames_written:06d}.png"
+        _write_png(path, frame, self.format)
+        self._written.append(path)
+
+    def _finish(self) -> None:
+        """Every file is in place already."""
+
+    def _discard(self) -> None:
+        for path in self._written:
+            path.unlink(missing_ok=True)
+        if self._created:
+            with suppress(OSError):  # somebody else's file in it keeps the folder
+                self._folder.rmdir()
+
+
+class ImageFileWriter(VideoWriter):
+    """Writes a video of one frame as one PNG file.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder of the target does not exist.
+    UsageError
+        When a second frame is written, or none.
+    """
+
+    def __init__(self, target: Path, video: VideoFormat) -> None:
+        super().__init__(video)
+        check_parent(target)
+        self._target = target
+        self._frame: Frame | None = None
+
+    def _write(self, frame: Frame) -> None:
+        if self._frame is not None:
+            raise UsageError(f"{self._target} holds one frame; give a folder as the target to write more")
+        self._frame = frame.copy()
+
+    def _finish(self) -> None:
+        if self._frame is None:
+            raise UsageError(f"there is no frame to write as {self._target}")
+        _write_png(self._target, self._frame, self.format)
+
+    def _discard(self) -> None:
+        self._frame = None

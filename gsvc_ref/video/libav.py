@@ -1,0 +1,294 @@
+"""Every format that FFmpeg reads, through PyAV (extra ``video``): planes from there, colours converted here."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+import numpy as np
+
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.video.color import planes_to_frame
+from gsvc_ref.video.format import (
+    MAX_RATIO_TERM,
+    UNSPECIFIED,
+    Frame,
+    VideoFormat,
+    check_size,
+    complete_color,
+)
+from gsvc_ref.video.pixel_layout import PixelLayout, layout, stand_in, take
+from gsvc_ref.video.stream import VideoReader
+
+if TYPE_CHECKING:
+    import av
+
+TEXT_DECODERS: Final = ("ansi", "bintext", "xbin", "idf")
+"""FFmpeg draws text files as pictures with these; nobody means that."""
+RANGES: Final = {1: False, 2: True}
+"""AVColorRange as full_range."""
+CENTRED_CHROMA: Final = ("mjpeg", "mpeg1video")
+"""Codecs whose standards put chroma in the centre."""
+
+
+def import_av() -> Any:
+    """Import PyAV.
+
+    Raises
+    ------
+    UsageError
+        It is not installed; the message says how to install it, or do without.
+    """
+    try:
+        import av
+    except ImportError as error:
+        raise UsageError(
+            "this format is read and written through PyAV, which is not installed: pip install 'gsvc_ref[video]', or "
+            "use y4m (ffmpeg -i IN OUT.y4m) or a folder of PNG files"
+        ) from error
+    return av
+
+
+def _plain_name(picture: av.VideoFrame) -> str:
+    """The pixel format of a picture, or that of its stand-in where it has no plain layout."""
+    pixel_format = picture.format
+    if layout(pixel_format.name):
+        return pixel_format.name
+    components = pixel_format.components
+    palette = pixel_format.has_palette
+    return stand_in(
+        rgb=pixel_format.is_rgb or palette or pixel_format.name.startswith(("xyz", "mono")),
+        alpha=palette or any(component.is_alpha for component in components),
+        deep=not palette and max(component.bits for component in components) > 8,
+    )
+
+
+def _plain_layout(name: str) -> PixelLayout:
+    pixels = layout(name)
+    assert pixels is not None, "a plain name has a layout"
+    return pixels
+
+
+def _fair_ratio(ratio: Fraction | None) -> Fraction | None:
+    return ratio if ratio and ratio > 0 and max(ratio.numerator, ratio.denominator) <= MAX_RATIO_TERM else None
+
+
+class LibavReader(VideoReader):
+    """Reads the first video stream of a file through PyAV.
+
+    Parameters
+    ----------
+    source
+        A path, or a binary file that can seek.
+    name
+        What to call the source in messages.
+
+    Raises
+    ------
+    GsvcError
+        ``malformed`` (FFmpeg cannot read it, it holds no video, a damaged frame), ``unsupported`` (matrix,
+        transparency) or ``invalid`` (frames that change size or depth).
+    UsageError
+        PyAV is not installed.
+    """
+
+    def __init__(self, source: Path | BinaryIO, name: str) -> None:
+        super().__init__()
+        self._av = import_av()
+        self._name = name
+        self._decoded = 0
+        try:
+            if isinstance(source, Path):  # a playlist must not reach into the network
+                options = {"protocol_whitelist": "file"}
+                self._container = self._av.open("file:" + os.fspath(source), options=options)
+            else:
+                self._container = self._av.open(source)
+        except self._av.FFmpegError as error:
+            raise self._unreadable(error) from error
+        try:
+            self._stream = self._open_stream()
+            self._queue = self._decode()
+            self._first = next(self._queue, None)
+            self.format = self._find_format()
+        except BaseException:
+            self.close()
+            raise
+
+    def _unreadable(self, error: Exception) -> GsvcError:
+        reason = getattr(error, "strerror", error)
+        return GsvcError(
+            "malformed",
+            f"{self._name} is no video that FFmpeg can read ({reason}); give a video file, a y4m file or a folder of "
+            f"PNG files",
+        )
+
+    def _open_stream(self) -> av.VideoStream:
+        streams = self._container.streams.video
+        if not streams or streams[0].codec_context is None:
+            raise GsvcError("malformed", f"{self._name} holds no video that FFmpeg can decode; give another file")
+        if len(streams) > 1:
+            self.note(f"{self._name} holds {len(streams)} video streams; the first one is read")
+        stream: av.VideoStream = streams[0]
+        if stream.codec_context.name in TEXT_DECODERS:
+            raise GsvcError("malformed", f"{self._name} is a text file, not a video; give a video file")
+        stream.thread_type = "NONE"  # with threads FFmpeg loses reports of damage
+        stream.codec_context.thread_count = 1
+        return stream
+
+    def _decode(self) -> Iterator[av.VideoFrame]:
+        """Pictures in order; an error comes after the pictures before it."""
+        try:
+            for packet in self._container.demux(self._stream):
+                yield from packet.decode()
+        except self._av.FFmpegError as error:
+            yield from self._drain()
+            if self._decoded == 0:
+                raise self._unreadable(error) from error
+            raise GsvcError(
+                "malformed",
+                f"{self._name} is damaged or cut off after frame {self._decoded - 1} ({error.strerror}); give an "
+                f"intact file, or convert the part before with ffmpeg",
+            ) from error
+
+    def _drain(self) -> Iterator[av.VideoFrame]:
+        """What the decoder still holds."""
+        try:
+            yield from self._stream.codec_context.decode(None)
+        except self._av.FFmpegError:
+            return
+
+    def _find_format(self) -> VideoFormat:
+        stream, first = self._stream, self._first
+        size = stream.codec_context if first is None else first
+        check_size(size.width, size.height, self._name)
+        rate = _fair_ratio(stream.average_rate) or _fair_ratio(stream.guessed_rate)
+        if rate is None:
+            rate = Fraction(25)
+            self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
+        aspect = _fair_ratio(stream.sample_aspect_ratio) or Fraction(1)
+        video = self._source_format(first)
+        return replace(video, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=stream.frames or None)
+
+    def _source_format(self, picture: av.VideoFrame | None) -> VideoFormat:
+        """The format of one picture as its own tags say, or that of the codec if there is no picture."""
+        tags: Any = self._stream.codec_context if picture is None else picture
+        name = "yuv420p" if picture is None else picture.format.name
+        pixels = _plain_layout("yuv420p" if picture is None else _plain_name(picture))
+        rgb, grey = pixels.chroma_format == "rgb", len(pixels.places) == 1
+        matrix, siting = int(tags.colorspace), 0
+        if rgb:
+            matrix = 0
+        elif grey:
+            matrix = 6  # grey has no chroma for a matrix to act on
+        elif matrix == 0 and pixels.chroma_format != "444":
+            matrix = UNSPECIFIED  # older files hold 0 where nothing was meant
+        if pixels.chroma_format in ("420", "422") and not grey:
+            if self._stream.codec_context.name in CENTRED_CHROMA:
+                siting = 1
+            else:
+                self.note("PyAV does not tell the chroma siting, so assumed: left")
+        color, notes = complete_color(
+            self._name,
+            tags.height,
+            pixels.chroma_format,
+            primaries=int(tags.color_primaries),
+            transfer=int(tags.color_trc),
+            matrix=matrix,
+            full_range=RANGES.get(tags.color_range, True if rgb or name.startswith("yuvj") else None),
+            chroma_location=siting,
+        )
+        for sentence in notes:
+            self.note(sentence)
+        chroma_format = "444" if rgb and not color.full_range else pixels.chroma_format
+        return VideoFormat(tags.width, tags.height, Fraction(25), pixels.bit_depth, chroma_format, color)
+
+    def _buffers(self, picture: av.VideoFrame, number: int) -> tuple[list[Any], PixelLayout]:
+        """The planes in memory as (rows, bytes of a line) u1, and their layout."""
+        found, name = picture.format.name, _plain_name(picture)
+        pixels = _plain_layout(name)
+        if name == found and any(plane.line_size < 0 for plane in picture.planes):
+            if pixels.chroma_format != "rgb":
+                raise GsvcError(
+                    "unsupported",
+                    f"frame {number} of {self._name} is stored bottom-up as {found}; convert the video to y4m first",
+                )
+            # PyAV's buffers cannot express bottom-up lines; a planar copy is top-down.
+            name = stand_in(rgb=True, alpha=pixels.alpha is not None, deep=pixels.bit_depth > 8)
+            pixels = _plain_layout(name)
+        if name != found:
+            picture = self._reformat(picture, name, number)
+        views = (np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size) for plane in picture.planes)
+        return list(views), pixels
+
+    def _reformat(self, picture: av.VideoFrame, name: str, number: int) -> av.VideoFrame:
+        found = picture.format.name
+        span = 2 if self._source_format(picture).color.full_range else 1  # AVColorRange, the same on both sides
+        try:
+            copy = picture.reformat(format=name, src_color_range=span, dst_color_range=span)
+        except (self._av.FFmpegError, ValueError) as error:
+            raise GsvcError(
+                "unsupported",
+                f"frame {number} of {self._name} has the pixel format {found}, which cannot be converted; convert the "
+                f"video to yuv420p first",
+            ) from error
+        self.note(f"pixel format {found} is read through libswscale as {name}")
+        return copy
+
+    def _convert(self, picture: av.VideoFrame, number: int) -> Frame:
+        buffers, pixels = self._buffers(picture, number)
+        video = self._source_format(picture)
+        shapes = video.plane_shapes
+        if pixels.alpha is not None:
+            if int(take(pixels.alpha, buffers, shapes[0], pixels).min()) < video.peak:
+                raise GsvcError(
+                    "unsupported",
+                    f"frame {number} of {self._name} is transparent in places, and GSVC has no alpha: flatten the "
+                    f"video onto a background of your choice first",
+                )
+            self.note("an alpha channel that is opaque everywhere was dropped")
+        planes = [take(place, buffers, shapes[i], pixels) for i, place in enumerate(pixels.places)]
+        if pixels.chroma_format == "rgb":
+            if video.color.full_range:
+                return np.stack(planes, axis=-1)
+            planes = [planes[1], planes[2], planes[0]]  # matrix 0 carries G', B', R'
+        elif len(planes) == 1:
+            planes += [np.full(shape, 1 << (video.bit_depth - 1), video.dtype) for shape in shapes[1:]]
+        return planes_to_frame(planes, video)
+
+    def _check(self, picture: av.VideoFrame, number: int) -> None:
+        if picture.is_corrupt:
+            raise GsvcError(
+                "malformed", f"frame {number} of {self._name} is damaged; give an intact file, or repair it with ffmpeg"
+            )
+        found = (picture.width, picture.height, _plain_layout(_plain_name(picture)).bit_depth)
+        expected = (self.format.width, self.format.height, self.format.bit_depth)
+        if found != expected:
+            raise GsvcError(
+                "invalid",
+                f"frame {number} of {self._name} is {found[0]}x{found[1]} with {found[2]} bits, the frames before are "
+                f"{expected[0]}x{expected[1]} with {expected[2]}: scale the video to one size and depth first",
+            )
+        if picture.interlaced_frame:
+            self.note(f"{self._name} is interlaced; its frames are read as if progressive")
+        if picture.rotation:
+            self.note(f"{self._name} asks players to rotate it by {picture.rotation} degrees; frames are as coded")
+
+    def _read(self) -> Iterator[Frame]:
+        pictures = self._queue if self._first is None else chain([self._first], self._queue)
+        self._first = None
+        for number, picture in enumerate(pictures):
+            self._check(picture, number)
+            self._decoded = number + 1
+            yield self._convert(picture, number)
+        if self.format.frame_count is not None and self.format.frame_count != self._decoded:
+            self.note(f"{self._name} states {self.format.frame_count} frames, but {self._decoded} could be read")
+
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        self._container.close()

@@ -1,0 +1,315 @@
+"""PNG (ISO/IEC 15948) of all colour types and depths, because no dependency reads or writes 16-bit R'G'B' with it.
+
+Bit depths 9 to 15 are carried as PNG provides for it: samples scaled to 16 bits, the true depth in the chunk sBIT.
+"""
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, check_size
+
+U1 = NDArray[np.uint8]
+I2 = NDArray[np.int16]
+
+SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+"""Samples per pixel by colour type: grey, R'G'B', palette, grey with alpha, R'G'B' with alpha."""
+DEPTHS: Final = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+ADAM7: Final = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
+"""Passes of an interlaced PNG: first row, first column, row step, column step."""
+SRGB: Final = (1, 13)
+"""H.273 primaries and transfer of sRGB."""
+
+
+@dataclass(frozen=True, eq=False)
+class PngImage:
+    """A decoded PNG.
+
+    Attributes
+    ----------
+    frame
+        (H, W, 3) u1 for 8 bits, else u2; grey and palette are expanded.
+    bit_depth
+        8 to 16; fewer than 8 bits are scaled to 8.
+    color
+        From the chunks cICP or sRGB, else unspecified primaries and transfer.
+    notes
+        What was left out.
+    """
+
+    frame: Frame
+    bit_depth: int
+    color: ColorDescription
+    notes: list[str]
+
+
+def _malformed(name: str, problem: str) -> GsvcError:
+    return GsvcError("malformed", f"{name} is not a valid PNG: {problem}; export the picture again")
+
+
+@kernel()
+def _paeth(left: int, above: int, corner: int) -> int:
+    estimate = left + above - corner
+    to_left, to_above, to_corner = abs(estimate - left), abs(estimate - above), abs(estimate - corner)
+    if to_left <= to_above and to_left <= to_corner:
+        return left
+    return above if to_above <= to_corner else corner
+
+
+@kernel()
+def _predict(kind: int, left: int, above: int, corner: int) -> int:
+    if kind == 1:
+        return left
+    if kind == 2:
+        return above
+    if kind == 3:
+        return (left + above) // 2
+    return _paeth(left, above, corner) if kind == 4 else 0
+
+
+@kernel()
+def _unfilter(filtered: U1, step: int, rows: I2) -> None:
+    """Undo the row filters.
+
+    Parameters
+    ----------
+    filtered
+        (H, 1 + bytes), each row led by its kind.
+    step
+        Bytes from a sample to the same one of the pixel on the left.
+    rows
+        (1 + H, step + bytes), filled in; the row above and the pixels on the left are zero.
+    """
+    for y in range(filtered.shape[0]):
+        kind = int(filtered[y, 0])
+        for x in range(filtered.shape[1] - 1):
+            left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
+            rows[y + 1, x + step] = (int(filtered[y, x + 1]) + _predict(kind, left, above, corner)) & 255
+
+
+@kernel()
+def _filter(rows: I2, step: int, filtered: U1) -> None:
+    """Filter each row by the kind with the least sum of absolute residuals (PNG, section 12.7); see `_unfilter`."""
+    width = filtered.shape[1] - 1
+    for y in range(filtered.shape[0]):
+        best_kind, best_sum = 0, 256 * width
+        for kind in (1, 2, 4):
+            residual_sum = 0
+            for x in range(width):
+                left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
+                residual = (int(rows[y + 1, x + step]) - _predict(kind, left, above, corner)) & 255
+                residual_sum += min(residual, 256 - residual)
+            if residual_sum < best_sum:
+                best_kind, best_sum = kind, residual_sum
+        filtered[y, 0] = best_kind
+        for x in range(width):
+            left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
+            filtered[y, x + 1] = (int(rows[y + 1, x + step]) - _predict(best_kind, left, above, corner)) & 255
+
+
+def _chunks(data: bytes, name: str) -> dict[bytes, bytes]:
+    """All chunks by type up to IEND, IDAT joined; critical ones that are unknown are refused."""
+    if not data.startswith(SIGNATURE):
+        raise _malformed(name, "it does not begin with the PNG signature")
+    chunks: dict[bytes, bytes] = {}
+    image_data = []
+    position = len(SIGNATURE)
+    while b"IEND" not in chunks:
+        if len(data) - position < 12:
+            raise _malformed(name, f"it is cut off after {len(data)} bytes")
+        length, kind = struct.unpack_from(">I4s", data, position)
+        if length > len(data) - position - 12:
+            raise _malformed(name, f"its chunk {kind!r} is cut off")
+        body = data[position + 8 : position + 8 + length]
+        (checksum,) = struct.unpack_from(">I", data, position + 8 + length)
+        if zlib.crc32(body, zlib.crc32(kind)) != checksum:
+            raise _malformed(name, f"the checksum of its chunk {kind!r} is wrong")
+        if not chunks and kind != b"IHDR":
+            raise _malformed(name, "its first chunk is not IHDR")
+        if kind == b"IDAT":
+            image_data.append(body)
+        elif not kind[0] & 32 and kind not in (b"IHDR", b"PLTE", b"IEND"):
+            raise _malformed(name, f"its critical chunk {kind!r} is unknown")
+        chunks.setdefault(kind, body)
+        position += 12 + length
+    chunks[b"IDAT"] = b"".join(image_data)
+    return chunks
+
+
+def _passes(width: int, height: int, interlaced: bool) -> list[tuple[tuple[int, int, int, int], int, int]]:
+    """The passes that hold pixels, each with its number of rows and columns."""
+    grids = ADAM7 if interlaced else ((0, 0, 1, 1),)
+    sized = ((grid, -((grid[0] - height) // grid[2]), -((grid[1] - width) // grid[3])) for grid in grids)
+    return [entry for entry in sized if entry[1] > 0 and entry[2] > 0]
+
+
+def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
+    """Raw samples (H, W, channels) u1 or u2, with the colour type and bit depth."""
+    if len(chunks[b"IHDR"]) != 13:
+        raise _malformed(name, "its IHDR is not 13 bytes long")
+    width, height, depth, color_type, *methods = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
+    check_size(width, height, name)
+    if color_type not in CHANNELS or depth not in DEPTHS[color_type] or methods[:2] != [0, 0] or methods[2] > 1:
+        raise _malformed(name, f"colour type {color_type}, depth {depth} and methods {methods} do not exist")
+    channels = CHANNELS[color_type]
+    passes = _passes(width, height, methods[2] == 1)
+    sizes = [rows * (1 + (columns * channels * depth + 7) // 8) for _, rows, columns in passes]
+    inflate = zlib.decompressobj()
+    try:
+        raw = inflate.decompress(chunks[b"IDAT"], sum(sizes) + 1)
+    except zlib.error as error:
+        raise _malformed(name, f"its picture data cannot be inflated ({error})") from error
+    if len(raw) != sum(sizes):
+        raise _malformed(name, f"its picture data inflate to another length than the {sum(sizes)} bytes it needs")
+    samples = np.empty((height, width, channels), np.uint16 if depth == 16 else np.uint8)
+    start = 0
+    for ((y, x, y_step, x_step), rows, columns), size in zip(passes, sizes, strict=True):
+        filtered = np.frombuffer(raw, np.uint8, size, start).reshape(rows, -1)
+        start += size
+        if filtered[:, 0].max() > 4:
+            raise _malformed(name, "it uses a row filter that does not exist")
+        step = max(1, channels * depth // 8)
+        padded = np.zeros((rows + 1, step + filtered.shape[1] - 1), np.int16)
+        _unfilter(filtered.copy(), step, padded)
+        packed = padded[1:, step:].astype(np.uint8)
+        samples[y::y_step, x::x_step] = _unpack(packed, depth)[:, : columns * channels].reshape(rows, columns, channels)
+    return samples, color_type, depth
+
+
+def _unpack(packed: U1, depth: int) -> Frame:
+    """Split rows of bytes into samples, (H, bytes) u1 to (H, samples) u1 or u2."""
+    if depth == 16:
+        return packed.view(">u2").astype(np.uint16)
+    if depth == 8:
+        return packed
+    shifts = np.arange(8 - depth, -1, -depth, dtype=np.uint8)
+    samples: U1 = ((packed[:, :, None] >> shifts) & np.uint8((1 << depth) - 1)).reshape(len(packed), -1)
+    return samples
+
+
+def _is_opaque(samples: Frame, color_type: int, depth: int, transparency: bytes | None) -> bool:
+    if color_type in (4, 6):
+        return bool((samples[..., -1] == (1 << depth) - 1).all())
+    if transparency is None:
+        return True
+    if color_type == 3:
+        alpha = np.full(256, 255, np.uint8)
+        alpha[: len(transparency)] = np.frombuffer(transparency[:256], np.uint8)
+        return bool((alpha[samples] == 255).all())
+    key = np.frombuffer(transparency, ">u2")
+    return not bool((samples == key).all(axis=-1).any())
+
+
+def _look_up(indices: Frame, palette: bytes, name: str) -> Frame:
+    if not 3 <= len(palette) <= 768 or len(palette) % 3:
+        raise _malformed(name, f"its palette has {len(palette)} bytes instead of 3 to 768 in threes")
+    if 3 * int(indices.max()) >= len(palette):
+        raise _malformed(name, f"a pixel has colour {indices.max()} of a palette of {len(palette) // 3}")
+    return np.frombuffer(palette, np.uint8).reshape(-1, 3)[indices]
+
+
+def _color(chunks: dict[bytes, bytes], name: str) -> ColorDescription:
+    primaries, transfer = SRGB if b"sRGB" in chunks else (UNSPECIFIED, UNSPECIFIED)
+    if b"cICP" in chunks:
+        if len(chunks[b"cICP"]) != 4:
+            raise _malformed(name, "its cICP is not 4 bytes long")
+        primaries, transfer, matrix, full_range = chunks[b"cICP"]
+        if matrix != 0 or full_range != 1:
+            raise GsvcError(
+                "unsupported",
+                f"{name} states matrix {matrix} and full range {full_range} in cICP; only full-range R'G'B' is "
+                f"supported: convert the picture first",
+            )
+    return ColorDescription(primaries, transfer, 0, True, 0)
+
+
+def decode_png(data: bytes, name: str) -> PngImage:
+    """Decode a PNG.
+
+    Parameters
+    ----------
+    data
+        The file.
+    name
+        What to call it in messages.
+
+    Raises
+    ------
+    GsvcError
+        ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since what lies behind it
+        would be a guess.
+    """
+    chunks = _chunks(data, name)
+    samples, color_type, depth = _samples(chunks, name)
+    transparency = chunks.get(b"tRNS")
+    if transparency is not None and color_type in (0, 2) and len(transparency) != 2 * CHANNELS[color_type]:
+        raise _malformed(name, "its tRNS has the wrong length")
+    if not _is_opaque(samples, color_type, depth, transparency):
+        raise GsvcError(
+            "unsupported",
+            f"{name} is transparent in places, and GSVC has no alpha: flatten it onto a background of your choice "
+            f"first",
+        )
+    notes = []
+    if color_type in (4, 6) or transparency is not None:
+        notes.append("an alpha channel that is opaque everywhere was dropped")
+    if b"acTL" in chunks:
+        notes.append("of an animated PNG only the still picture is read")
+    if b"iCCP" in chunks and b"cICP" not in chunks:
+        notes.append("an ICC profile is not applied: samples are taken as they are")
+    bit_depth = max(8, depth)
+    if color_type == 3:
+        frame = _look_up(samples[..., 0], chunks.get(b"PLTE", b""), name)
+    else:
+        frame = samples[..., :3] if color_type in (2, 6) else np.repeat(samples[..., :1], 3, axis=-1)
+        if depth < 8:
+            frame = frame * np.uint8(255 // ((1 << depth) - 1))
+        significant = set(chunks.get(b"sBIT", b"")[: frame.shape[-1] if color_type in (2, 6) else 1])
+        if depth == 16 and len(significant) == 1 and 9 <= min(significant) <= 15:
+            bit_depth = min(significant)
+            frame = frame >> np.uint16(16 - bit_depth)
+    return PngImage(np.ascontiguousarray(frame), bit_depth, _color(chunks, name), notes)
+
+
+def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None = None) -> bytes:
+    """Encode a frame without loss.
+
+    Parameters
+    ----------
+    frame
+        (H, W, 3) u1 for 8 bits, else u2.
+    bit_depth
+        8 to 16.
+    color
+        If its primaries and transfer are specified they are stored in a chunk cICP.
+    """
+    height, width, _ = frame.shape
+    depth, pixels = 8, frame
+    header = b""
+    if bit_depth > 8:
+        depth = 16
+        peak = (1 << bit_depth) - 1
+        scaled = (frame.astype(np.uint64) * 65535 + peak // 2) // peak  # a right shift gives back the sample
+        pixels = scaled.astype(np.uint16).astype(">u2")
+        header = _chunk(b"sBIT", bytes([bit_depth] * 3)) if bit_depth < 16 else b""
+    if color is not None and UNSPECIFIED not in (color.primaries, color.transfer):
+        header = _chunk(b"cICP", bytes([color.primaries, color.transfer, 0, 1])) + header
+    packed = np.frombuffer(pixels.tobytes(), np.uint8).reshape(height, -1)
+    step = 3 * depth // 8
+    rows = np.zeros((height + 1, step + packed.shape[1]), np.int16)
+    rows[1:, step:] = packed
+    filtered = np.empty((height, 1 + packed.shape[1]), np.uint8)
+    _filter(rows, step, filtered)
+    size = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0))
+    return SIGNATURE + size + header + _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 6)) + _chunk(b"IEND", b"")
+
+
+def _chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(body, zlib.crc32(kind)))

@@ -1,0 +1,200 @@
+"""PNG against itself, against Pillow, and against damage."""
+
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.video import ColorDescription, decode_png, encode_png
+from gsvc_ref.video.png import SIGNATURE
+
+
+def chunk(kind, body):
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(body, zlib.crc32(kind)))
+
+
+def png(header, *chunks):
+    return SIGNATURE + chunk(b"IHDR", struct.pack(">IIBBBBB", *header)) + b"".join(chunks) + chunk(b"IEND", b"")
+
+
+def pillow_png(picture, **options):
+    file = io.BytesIO()
+    picture.save(file, "PNG", **options)
+    return file.getvalue()
+
+
+def random_frame(height, width, bit_depth, seed):
+    peak = (1 << bit_depth) - 1
+    rng = np.random.default_rng(seed)
+    smooth = rng.integers(0, peak + 1) // 2 + np.add.outer(np.arange(height), np.arange(width))[..., None] * [1, 2, 3]
+    frame = rng.integers(0, peak + 1, (height, width, 3)) if seed % 2 else smooth % (peak + 1)
+    return frame.astype(np.uint8 if bit_depth == 8 else np.uint16)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(8, 16), st.integers(0, 2**32))
+def test_round_trip(height, width, bit_depth, seed):
+    frame = random_frame(height, width, bit_depth, seed)
+    image = decode_png(encode_png(frame, bit_depth), "x")
+    assert image.bit_depth == bit_depth
+    assert image.frame.dtype == frame.dtype
+    assert image.notes == []
+    np.testing.assert_array_equal(image.frame, frame)
+
+
+@pytest.mark.parametrize("bit_depth", range(9, 17))
+def test_every_sample_of_every_depth_comes_back(bit_depth):
+    samples = np.arange(1 << bit_depth, dtype=np.uint16)
+    frame = np.repeat(samples.reshape(-1, 256, 1), 3, axis=-1)
+    np.testing.assert_array_equal(decode_png(encode_png(frame, bit_depth), "x").frame, frame)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 20), st.integers(1, 20), st.integers(0, 2**32))
+def test_pillow_reads_what_is_written(height, width, seed):
+    frame = random_frame(height, width, 8, seed)
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(encode_png(frame)))), frame)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 20), st.integers(1, 20), st.integers(0, 2**32), st.sampled_from(["1", "L", "P", "RGB", "I;16"]))
+def test_what_pillow_writes_is_read(height, width, seed, mode):
+    frame = random_frame(height, width, 8, seed)
+    if mode == "I;16":
+        grey = random_frame(height, width, 16, seed)[..., 0]
+        picture, expected, bit_depth = Image.fromarray(grey), np.repeat(grey[..., None], 3, axis=-1), 16
+    else:
+        picture = Image.fromarray(frame)
+        picture = picture.quantize(13) if mode == "P" else picture.convert(mode)
+        expected, bit_depth = np.asarray(picture.convert("RGB")), 8
+    image = decode_png(pillow_png(picture), "x")
+    assert image.bit_depth == bit_depth
+    np.testing.assert_array_equal(image.frame, expected)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+def test_shallow_grey_is_scaled_to_8_bits(depth):
+    rows = zlib.compress(b"\0" + bytes([0b11100100 if depth == 2 else 0b11110000]))
+    image = decode_png(png((8 // depth, 1, depth, 0, 0, 0, 0), chunk(b"IDAT", rows)), "x")
+    expected = {1: [255] * 4 + [0] * 4, 2: [255, 170, 85, 0], 4: [255, 0]}[depth]
+    np.testing.assert_array_equal(image.frame[0, :, 0], expected)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 3), (5, 4), (8, 8), (9, 17)])
+def test_interlaced_pictures(width, height):
+    """The seven passes of Adam7, picked here by the pattern that the standard prints."""
+    frame = random_frame(height, width, 8, 1)
+    pattern = np.array([list(map(int, row)) for row in ["16462646", "77777777", "56565656", "77777777"] * 2])
+    pattern[4] = [3, 6, 4, 6, 3, 6, 4, 6]
+    number = np.tile(pattern, (3, 1))[:height, np.arange(width) % 8]
+    data = b""
+    for p in range(1, 8):
+        for y in range(height):
+            row = frame[y][number[y] == p]
+            data += b"\0" + row.tobytes() if len(row) else b""
+    image = decode_png(png((width, height, 8, 2, 0, 0, 1), chunk(b"IDAT", zlib.compress(data))), "x")
+    np.testing.assert_array_equal(image.frame, frame)
+
+
+def test_color_is_stored_and_read():
+    frame = np.zeros((2, 2, 3), np.uint16)
+    color = ColorDescription(9, 16, 1, False, 2)
+    assert decode_png(encode_png(frame, 10, color), "x").color == ColorDescription(9, 16, 0, True, 0)
+    unknown = ColorDescription(2, 2, 1, False, 2)
+    assert decode_png(encode_png(frame, 10, unknown), "x").color == ColorDescription(2, 2, 0, True, 0)
+
+
+def test_color_chunks_of_others():
+    row = chunk(b"IDAT", zlib.compress(bytes(4)))
+    header = (1, 1, 8, 2, 0, 0, 0)
+    assert decode_png(png(header, chunk(b"sRGB", b"\0"), row), "x").color.transfer == 13
+    assert decode_png(png(header, chunk(b"iCCP", b"p"), row), "x").notes == [
+        "an ICC profile is not applied: samples are taken as they are"
+    ]
+    assert decode_png(png(header, chunk(b"acTL", b"p"), row), "x").notes == [
+        "of an animated PNG only the still picture is read"
+    ]
+    with pytest.raises(GsvcError, match="only full-range"):
+        decode_png(png(header, chunk(b"cICP", b"\1\1\0\0"), row), "x")
+
+
+@pytest.mark.parametrize("mode", ["LA", "RGBA"])
+def test_alpha_must_be_opaque(mode):
+    rng = np.random.default_rng(0)
+    pixels = rng.integers(0, 256, (4, 5, len(mode)), dtype=np.uint8)
+    pixels[..., -1] = 255
+    image = decode_png(pillow_png(Image.fromarray(pixels)), "x")
+    np.testing.assert_array_equal(image.frame, np.broadcast_to(pixels[..., :-1], (4, 5, 3)))
+    assert image.notes == ["an alpha channel that is opaque everywhere was dropped"]
+    pixels[3, 4, -1] = 254
+    with pytest.raises(GsvcError, match=r"x is transparent in places.*flatten") as caught:
+        decode_png(pillow_png(Image.fromarray(pixels)), "x")
+    assert caught.value.kind == "unsupported"
+
+
+def test_transparent_colours():
+    picture = Image.fromarray(random_frame(4, 5, 8, 1))
+    present = tuple(int(sample) for sample in np.asarray(picture)[2, 3])
+    palette = picture.quantize(8)
+    assert decode_png(pillow_png(picture, transparency=(1, 2, 3)), "x").notes != []
+    for data in (pillow_png(picture, transparency=present), pillow_png(palette, transparency=0)):
+        with pytest.raises(GsvcError, match="transparent"):
+            decode_png(data, "x")
+    assert decode_png(pillow_png(palette, transparency=bytes([255] * 8)), "x").notes != []
+
+
+ROW = chunk(b"IDAT", zlib.compress(bytes(4)))
+
+
+@pytest.mark.parametrize(
+    ("data", "kind", "message"),
+    [
+        (b"", "malformed", "signature"),
+        (SIGNATURE, "malformed", "cut off"),
+        (SIGNATURE + ROW + chunk(b"IEND", b""), "malformed", "first chunk is not IHDR"),
+        (SIGNATURE + chunk(b"IHDR", b"") + chunk(b"IEND", b""), "malformed", "13 bytes"),
+        (png((0, 1, 8, 2, 0, 0, 0), ROW), "malformed", "at least 1"),
+        (png((70000, 1, 8, 2, 0, 0, 0), ROW), "limit", "65535"),
+        (png((65535, 65535, 16, 6, 0, 0, 0), ROW), "limit", "pixels"),
+        (png((1, 1, 8, 5, 0, 0, 0), ROW), "malformed", "do not exist"),
+        (png((1, 1, 4, 2, 0, 0, 0), ROW), "malformed", "do not exist"),
+        (png((1, 1, 8, 2, 1, 0, 0), ROW), "malformed", "do not exist"),
+        (png((1, 1, 8, 2, 0, 0, 2), ROW), "malformed", "do not exist"),
+        (png((1, 1, 8, 2, 0, 0, 0)), "malformed", "another length than the 4 bytes"),
+        (png((2, 1, 8, 2, 0, 0, 0), ROW), "malformed", "another length than the 7 bytes"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(bytes(9)))), "malformed", "another length"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", b"junk")), "malformed", "inflated"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(b"\5\0\0\0"))), "malformed", "row filter"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"ABCD", b""), ROW), "malformed", "critical chunk"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"tRNS", b"abc"), ROW), "malformed", "tRNS"),
+        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"cICP", b"abc"), ROW), "malformed", "cICP"),
+        (png((1, 1, 8, 3, 0, 0, 0), chunk(b"IDAT", zlib.compress(bytes(2)))), "malformed", "palette has 0 bytes"),
+        (
+            png((1, 1, 8, 3, 0, 0, 0), chunk(b"PLTE", b"abc"), chunk(b"IDAT", zlib.compress(b"\0\1"))),
+            "malformed",
+            "colour 1 of a palette of 1",
+        ),
+        (png((1, 1, 8, 2, 0, 0, 0), ROW)[:-4], "malformed", "cut off"),
+    ],
+)
+def test_damaged_files(data, kind, message):
+    with pytest.raises(GsvcError, match=message) as caught:
+        decode_png(data, "x")
+    assert caught.value.kind == kind
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32), st.integers(0, 400), st.integers(1, 255))
+def test_a_changed_byte_is_noticed(seed, place, change):
+    frame = random_frame(5, 6, 8, seed)
+    data = bytearray(encode_png(frame, 8, ColorDescription(1, 13, 0, True, 0)))
+    place %= len(data)
+    data[place] ^= change
+    with pytest.raises(GsvcError, match=r"^(malformed|limit): "):
+        decode_png(bytes(data), "x")
