@@ -1,7 +1,7 @@
 """Reading bits: the one place where a stream's bounds are checked."""
 
 from collections.abc import Callable, Iterator
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,6 +136,15 @@ class Reader(Coder):
         if counted:
             self._record(name, start, value)
         return value
+
+    def array(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
+        """A run of `count` elements `le(2)`, `le(4)`, `f16` or `f32`, dtype u2, u4, f2 or f4: (count,)."""
+        start = self.position
+        stored = np.dtype(dtype).newbyteorder("<")
+        data = self._take_bytes(count * stored.itemsize, name)
+        read = np.frombuffer(data, stored).astype(dtype)  # a copy: aligned, writable, native
+        self._record(name, start, read)
+        return read
 
     def align(self) -> None:
         """`align()` (R-3.1-4)."""

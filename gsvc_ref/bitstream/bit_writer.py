@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +116,16 @@ class Writer(Coder):
         if counted:
             self._record(name, start, value)
         return value
+
+    def array(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
+        """A run of `count` elements `le(2)`, `le(4)`, `f16` or `f32`, dtype u2, u4, f2 or f4: (count,)."""
+        assert values is not None
+        assert len(values) == count
+        assert self._pending_bits == 0
+        start = self.position
+        self._bytes += values.astype(np.dtype(dtype).newbyteorder("<")).tobytes()
+        self._record(name, start, values)
+        return values
 
     def align(self) -> None:
         """`align()` (R-3.1-4)."""

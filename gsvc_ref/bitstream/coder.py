@@ -46,7 +46,6 @@ SMALLEST_NORMAL: Final = np.float32(2.0**-126)
 U2 = NDArray[np.uint16]
 U4 = NDArray[np.uint32]
 I8 = NDArray[np.int64]
-F2 = NDArray[np.float16]
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class Element:
     category
         One of `CATEGORIES`.
     name
-        Its name in spec.md, after the name of the plane that it is part of, if any.
+        Its name in spec.md, after that of the plane or channel that it is part of, if any.
     value
         An int, a float, or an array for a run.
     """
@@ -169,27 +168,22 @@ class Coder(ABC):
     def pairs(self, names: tuple[str, str], count: int, values: U4 | None = None) -> Iterator[U4]:
         """`count` pairs of `uv`, as blocks (n, 2) u4; what precedes a fault is yielded before the fault is raised."""
 
-    def integers(self, name: str, count: int, size: int, values: NDArray[np.unsignedinteger] | None = None) -> U4:
-        """A run of `count` elements `le(size)`, size 2 or 4: (count,) u2 or u4."""
-        dtype = np.dtype(f"<u{size}")
-        data = b"" if values is None else values.astype(dtype).tobytes()
-        read: U4 = np.frombuffer(self.raw(name, count * size, data), dtype).astype(dtype.newbyteorder("="))
-        return read
+    @abstractmethod
+    def array(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
+        """A run of `count` elements `le(2)`, `le(4)`, `f16` or `f32`, dtype u2, u4, f2 or f4: (count,)."""
 
-    def halves(self, name: str, count: int, values: F2 | None = None) -> F2:
-        """A run of `count` elements `f16`: (count,) f2 (R-3.1-2)."""
-        read: F2 = self.integers(name, count, 2, None if values is None else values.view(np.uint16)).view(np.float16)
-        if not np.isfinite(read).all():
-            first = int(np.argmin(np.isfinite(read)))
-            self.fail("R-3.1-2", f"{name} is not a finite binary16", bit=self.element_bit + 16 * first)
+    def floats(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
+        """A run of `count` elements `f16` or `f32`, dtype ``f2`` or ``f4``: (count,) (R-3.1-2)."""
+        read = self.array(name, count, dtype, values)
+        finite = np.isfinite(read)
+        if not finite.all():
+            bit = self.element_bit + 8 * read.itemsize * int(np.argmin(finite))
+            self.fail("R-3.1-2", f"`{name}` is not finite", bit=bit)
         return read
 
     def f32(self, name: str, value: float = 0.0) -> np.float32:
         """`f32` (R-3.1-2)."""
-        given = np.array([value], np.float32).view(np.uint32)
-        read: np.float32 = self.integers(name, 1, 4, given).view(np.float32)[0]
-        if not np.isfinite(read):
-            self.fail("R-3.1-2", f"{name} is not a finite binary32")
+        read: np.float32 = self.floats(name, 1, "f4", np.array([value], np.float32))[0]
         return read
 
 

@@ -186,7 +186,7 @@ def _codebooks(s: Coder, header: SequenceHeader, given: Codebooks | None) -> Cod
             codeword_count = s.le("codeword_count", 2, 0 if book is None else len(book))
             if not 1 <= codeword_count <= header.color_codewords:
                 s.fail("R-6.5-6", f"`codeword_count` is {codeword_count}; it must be in 1..{header.color_codewords}")
-            book = s.halves("codeword", 3 * codeword_count, None if book is None else book.ravel())
+            book = s.floats("codeword", 3 * codeword_count, "f2", None if book is None else book.ravel())
             books.append(book.reshape(codeword_count, 3))
     return tuple(books)
 

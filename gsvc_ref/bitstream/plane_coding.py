@@ -21,6 +21,9 @@ CODED: Final = 2
 TABLES_TRIED: Final = 3
 """Tables, of those with the least estimated size, for which the plane is truly encoded."""
 
+TABLE_HEAD_BITS: Final = 2 + 5 + 4
+"""`plane_mode`, `table_bits` and `golomb_order`; each frequency takes one bit at least, each lane four bytes."""
+
 BISECTIONS: Final = 60
 LEFT_TO_HEAP: Final = 16
 """Units of a table that are given one by one once bisection has come close; it would take longer for so few."""
@@ -137,8 +140,11 @@ def choose_plane_code(symbols: NDArray[np.integer], alphabet: int, header: Seque
         raise UsageError(f"a symbol is {last}; it must be below {alphabet} (R-6.6-2)")
     if first == last:
         return PlaneCode(CONSTANT, row, first_symbol=first)
-    counts = np.bincount(row, minlength=last + 1)[first:].astype(np.int64)
     best = PlaneCode(RAW, row)
+    w = (alphabet - 1).bit_length()
+    if best.size(alphabet) <= (TABLE_HEAD_BITS + 2 * w + last - first + 1) // 8 + 4 * min(header.lane_count, len(row)):
+        return best
+    counts = np.bincount(row, minlength=last + 1)[first:].astype(np.int64)
     for table_bits, order, frequencies, least in _tables(counts, header.entropy_precision)[:TABLES_TRIED]:
         if least >= 8 * best.size(alphabet):
             continue

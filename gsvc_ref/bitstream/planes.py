@@ -72,12 +72,12 @@ def _coded_plane(s: Coder, header: SequenceHeader, count: int, alphabet: int, w:
     s.align()
     word_count = s.uv("word_count", len(code.words))
     _check_room(s, 2 * word_count)
-    states = s.integers("lane_state", min(header.lane_count, count), 4, code.states)
+    states = s.array("lane_state", min(header.lane_count, count), "u4", code.states)
     if states.min() < LOWEST_STATE:
         first = int(np.argmax(states < LOWEST_STATE))
         s.fail("R-6.6-5", f"`lane_state` is {states[first]}; it must be at least 65536", bit=s.element_bit + 32 * first)
     state_bit = s.element_bit
-    words = s.integers("word", word_count, 2, code.words).astype(np.uint16, copy=False)
+    words = s.array("word", word_count, "u2", code.words)
 
     symbols = np.empty(count, np.uint16)
     final = states.astype(np.int64)

@@ -12,8 +12,12 @@ from io import TextIOWrapper
 from typing import NoReturn
 
 from gsvc_ref import __version__
-from gsvc_ref.cli import compare, decode, demo, encode, info
+from gsvc_ref.cli.compare import add_command as add_compare
+from gsvc_ref.cli.decode import add_command as add_decode
+from gsvc_ref.cli.demo import add_command as add_demo
+from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded
+from gsvc_ref.cli.info import add_command as add_info
 
 
 class Parser(ArgumentParser):
@@ -29,8 +33,8 @@ def build_parser() -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for module in (encode, decode, info, compare, demo):
-        module.add_command(commands)
+    for add_command in (add_encode, add_decode, add_info, add_compare, add_demo):
+        add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser
 

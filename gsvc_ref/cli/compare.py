@@ -3,13 +3,21 @@
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import frame_range
 from gsvc_ref.cli.errors import EXIT_DATA, say
-from gsvc_ref.cli.files import STDIO, CompleteFrames, check_input, display_name, holds_stream
+from gsvc_ref.cli.files import (
+    STDIO,
+    CompleteFrames,
+    check_input,
+    display_name,
+    holds_stream,
+    open_stream,
+    stream_source,
+)
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, table
 from gsvc_ref.errors import GsvcError, UsageError
@@ -83,8 +91,9 @@ def open_side(name: str, frames: tuple[int, int | None]) -> Iterator[Side]:
     if name != STDIO and holds_stream(name):
         import gsvc_ref
 
-        with gsvc_ref.open(name) as stream:
-            decoded = gsvc_ref.decode(stream, start=start, stop=stop)
+        source = stream_source(name)
+        with open_stream(source, name) as stream:
+            decoded = gsvc_ref.decode(source, start=start, stop=stop)
             yield Side(name, stream.format, [], CompleteFrames(iter(decoded)))
     else:
         from gsvc_ref.video import open_video
@@ -98,8 +107,8 @@ def _compare(a: Side, b: Side, arguments: Namespace) -> "Comparison":
 
     if a.format.bit_depth != b.format.bit_depth:
         raise UsageError(
-            f"{a.name} has {a.format.bit_depth} bits per sample and {b.name} {b.format.bit_depth}; only equal depths can "
-            f"be compared: convert one of them first"
+            f"{a.name} has {a.format.bit_depth} bits per sample and {b.name} {b.format.bit_depth}; only equal depths "
+            f"can be compared: convert one of them first"
         )
     expected = a.format.frame_count
     with ProgressDisplay(quiet=arguments.quiet) as display:

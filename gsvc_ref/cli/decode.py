@@ -7,11 +7,19 @@ from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import frame_range, positive
+from gsvc_ref.cli.arguments import frame_range, positive, whole
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, CompleteFrames, check_input, check_output, display_name, stream_source
+from gsvc_ref.cli.files import (
+    STDIO,
+    CompleteFrames,
+    check_input,
+    check_output,
+    display_name,
+    open_stream,
+    stream_source,
+)
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, plural
+from gsvc_ref.cli.text import per_second, plural
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
@@ -48,6 +56,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--chroma", choices=("rgb", "420", "422", "444"), help="chroma format to write; default: as the source had"
     )
+    parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -66,10 +75,12 @@ def _decode(arguments: Namespace) -> int:
     import gsvc_ref
 
     start, stop = arguments.frames
-    with gsvc_ref.open(stream_source(arguments.input)) as stream:
+    source = stream_source(arguments.input)
+    with open_stream(source, arguments.input) as stream:
         decoded = gsvc_ref.decode(
-            stream, start=start, stop=stop, scale=arguments.scale, precision=arguments.precision
-        )
+            source, start=start, stop=stop,
+            scale=arguments.scale, precision=arguments.precision, threads=arguments.threads,
+        )  # fmt: skip
         frames = CompleteFrames(iter(decoded))
         writer = _write(frames, stream, arguments)
         if frames.damage is not None:
@@ -78,8 +89,9 @@ def _decode(arguments: Namespace) -> int:
             raise UsageError(f"{_frames_of(stream, arguments)} holds no frame of --frames {start}:{stop or ''}")
     if not arguments.quiet:
         out = sys.stderr if arguments.output == STDIO else sys.stdout
-        written = replace(writer.format, frame_count=frames.count)
-        print(f"{display_name(arguments.output, 'standard output')}: {describe_format(written)}", file=out)
+        name, video = display_name(arguments.output, "standard output"), writer.format
+        frames_of = f"{plural(frames.count, 'frame')} of {video.width}x{video.height}"
+        print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
         for note in writer.notes:
             print(f"  note: {note}", file=out)
     return 0
@@ -141,7 +153,9 @@ def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: 
     """Say what the fault is, what was saved and what is missing."""
     name, output = display_name(arguments.input), display_name(arguments.output, "standard output")
     expected, first_missing = _expected(stream, arguments), arguments.frames[0] + count
-    missing = f"frames {first_missing} to {first_missing + expected - count - 1}" if expected and expected > count else ""
+    missing = (
+        f"frames {first_missing} to {first_missing + expected - count - 1}" if expected and expected > count else ""
+    )
     missing = missing or f"what follows frame {first_missing - 1}" if count else "all"
     kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
     say(COMMAND, f"{name} is damaged: {damage}")

@@ -45,7 +45,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     parser.add_argument(
         "--preset", choices=("quick", "paper"), default="quick",
-        help="quick (default): good pictures in about a second a frame; paper: the settings of the paper, minutes a frame",
+        help="quick (default): about a second a frame; paper: the settings of the paper, minutes a frame",
     )  # fmt: skip
     rate = parser.add_argument_group("rate and quality")
     rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most of one with --psnr")
@@ -71,8 +71,12 @@ def add_command(commands: Any) -> None:
     )
     stream.add_argument("--checksums", action="store_true", default=None, help="add a checksum of each frame's splats")
     other = parser.add_argument_group("other")
-    other.add_argument("--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file")
-    other.add_argument("--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it")
+    other.add_argument(
+        "--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file"
+    )
+    other.add_argument(
+        "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
+    )
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
@@ -127,16 +131,19 @@ def make_settings(arguments: Namespace) -> "Settings":
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:
     """Say what is encoded, what was assumed about it, and how."""
     video = reader.format
+    described = describe_settings(settings, video.width, video.height)  # which may refuse them
     print(f"{display_name(name)}: {describe_format(video)}", file=out)
     for note in reader.notes:
         print(f"  note: {note}", file=out)
-    print(f"settings: {describe_settings(settings, video.width, video.height)}", file=out, flush=True)
+    print(f"settings: {described}", file=out, flush=True)
 
 
 def describe_settings(settings: "Settings", width: int, height: int) -> str:
     """The settings that matter most, in one line."""
     splats = plural(settings.splat_count(width, height), "splat")
-    rate = f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
+    rate = (
+        f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
+    )
     keys = settings.key_frames
     if keys == "auto":
         chosen = "found from the past alone" if settings.low_latency else "found automatically"
@@ -157,7 +164,9 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
         nonlocal done
         share = progress.iteration / progress.iterations if progress.iterations else 0.0
         if progress.stage != "detect":  # which runs ahead of the frames that are done
-            done = progress.frame + (share * FIT_SHARE if progress.stage == "fit" else FIT_SHARE + share * (1 - FIT_SHARE))
+            done = progress.frame + (
+                share * FIT_SHARE if progress.stage == "fit" else FIT_SHARE + share * (1 - FIT_SHARE)
+            )
         of_all = f"/{progress.frame_count}" if progress.frame_count else ""
         quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
         steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
@@ -170,7 +179,7 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
 def summary(output: str, report: "EncodeReport") -> list[str]:
     """What came out, in lines."""
     frames = report.frames
-    counts = Counter(frame.type for frame in frames)
+    counts = Counter[str](frame.type for frame in frames)
     types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
     splats = max(frame.splats for frame in frames)
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
@@ -180,7 +189,8 @@ def summary(output: str, report: "EncodeReport") -> list[str]:
         f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
-        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame" + (f" ({shares})" if shares else ""),
+        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
+        + (f" ({shares})" if shares else ""),
     ]
 
 

@@ -3,17 +3,20 @@
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Final
+from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from gsvc_ref.codec import Stream
     from gsvc_ref.video import Frame
 
 STDIO: Final = "-"
 STREAM_SUFFIX: Final = ".gsvc"
+MAGIC_RULE: Final = "R-6.1-1"
+"""The requirement of spec.md that a file of another type breaks."""
 
 
 def display_name(name: str, standard: str = "standard input") -> str:
@@ -74,9 +77,30 @@ def holds_stream(name: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def stream_source(name: str) -> str | BinaryIO:
-    """What `gsvc_ref.open` takes for the name of a stream."""
-    return sys.stdin.buffer if name == STDIO else name
+def stream_source(name: str) -> str | bytes:
+    """What the API takes for the name of a stream: a pipe, which can be read only once, is read whole."""
+    if name == STDIO:
+        return sys.stdin.buffer.read()
+    path = Path(name)
+    return name if path.is_file() else path.read_bytes()
+
+
+def open_stream(source: str | bytes, name: str) -> "Stream":
+    """Open a GSVC stream.
+
+    Raises
+    ------
+    GsvcError
+        It is none, or has no complete header; the message names the file and, for another file type, what to do.
+    """
+    import gsvc_ref
+
+    try:
+        return gsvc_ref.open(source)
+    except GsvcError as error:
+        advice = f"; if it is a video, encode it first: gsvc encode {name} OUT.gsvc" if error.rule == MAGIC_RULE else ""
+        message = f"{display_name(name)}: {error.message}{advice}"
+        raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
 
 
 class CompleteFrames:

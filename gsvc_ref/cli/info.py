@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.errors import EXIT_DATA, say
-from gsvc_ref.cli.files import check_input, display_name, stream_source
+from gsvc_ref.cli.files import check_input, display_name, open_stream, stream_source
 from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
 from gsvc_ref.errors import GsvcError
 
@@ -33,11 +33,9 @@ def add_command(commands: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Print the information; 0, or 1 for a damaged stream."""
     check_input(arguments.input)
-    import gsvc_ref
-
     name = display_name(arguments.input)
     try:
-        with gsvc_ref.open(stream_source(arguments.input)) as stream:
+        with open_stream(stream_source(arguments.input), arguments.input) as stream:
             video, summary = stream.format, stream.info()
     except GsvcError as error:  # there is not even a header
         if arguments.json:
@@ -96,8 +94,8 @@ def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
         f"  video       {describe_format(replace(video, frame_count=None))}",
         f"  colour      primaries {color.primaries}, transfer {color.transfer}, matrix {color.matrix} (H.273){siting}",
         f"  header      profile {header.profile}, level {header.level}, {promised}{checksums}",
-        f"  quantisers  Cholesky {header.cholesky_bits} bits; colours at most {plural(header.color_stages, 'stage')} of "
-        f"{plural(header.color_codewords, 'codeword')}",
+        f"  quantisers  Cholesky {header.cholesky_bits} bits; colours up to {plural(header.color_stages, 'stage')} of "
+        f"up to {plural(header.color_codewords, 'codeword')}",
         f"  entropy     {header.entropy_precision}-bit frequencies, {plural(header.lane_count, 'lane')}",
     ]
 

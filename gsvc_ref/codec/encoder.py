@@ -84,7 +84,7 @@ class _Encode:
     def _header(self) -> SequenceHeader:
         settings, video = self.settings, self.format
         blocks = (settings.intra.quantizer, settings.inter.quantizer)
-        level = level_for(video.width, video.height, splats=2 * self.encoder.total)
+        level = level_for(video.width, video.height, splats=2 * self.encoder.most)
         return SequenceHeader(
             level=level,
             parameter_checksum_flag=settings.checksums,

@@ -1,12 +1,14 @@
 """Quantisation-aware fine-tuning of a frame (paper section 3.8): the loss is that of what the decoder will show."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from gsvc_ref.codec.quantizer import Active, BlockQuantizer
-from gsvc_ref.codec.settings import FrameSettings, Settings
+from gsvc_ref.codec.quantizer import Active, BlockQuantizer, BlockSettings
+from gsvc_ref.codec.rate_control import psnr_of_loss
+from gsvc_ref.codec.settings import Settings
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.render import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
@@ -24,6 +26,14 @@ from gsvc_ref.training.fit import (
 
 REUSE_ERROR: Final = 1.25
 """The decoder's codebooks are used again if they raise the squared error of the differences by at most this factor."""
+
+STEPS_PSNR: Final = 35.0
+"""PSNR in dB for which the fixed steps of `BlockSettings` are meant."""
+
+DB_PER_ERROR_DOUBLING: Final = 20 * math.log10(2)
+
+MOST_DOUBLINGS: Final = 2
+"""How often fixed steps are doubled or halved at most."""
 
 
 class FrameQuantizer:
@@ -56,9 +66,11 @@ class FrameQuantizer:
         self.intra: BlockQuantizer | None = None
         if self.survivors:
             old, reference = values[: self.survivors], before.splats.to_array()[origins]
-            share = objective.loss(values) * before.width * before.height / len(values)
+            loss = objective.loss(values)
+            share = loss * before.width * before.height / len(values)
             active = changed(old, reference, share * settings.inter.still_threshold)
-            self.inter = inter_quantizer(old, reference, active, size, settings.inter, before.inter, rng)
+            block = with_steps_for(loss, settings.inter.quantizer)
+            self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
         if self.survivors < len(values):
             new = values[self.survivors :]
             self.intra = BlockQuantizer(new, None, None, size, settings.intra.quantizer, rng, before.intra)
@@ -108,26 +120,31 @@ def changed(values: F4, reference: F4, least: float) -> Active:
     return np.asarray(effects >= least, np.bool_)
 
 
+def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:
+    """The settings with fixed steps halved or doubled as often as the error at this loss halves or doubles."""
+    if settings.cholesky_step is None or loss <= 0:
+        return settings
+    doublings = round((STEPS_PSNR - psnr_of_loss(loss)) / DB_PER_ERROR_DOUBLING)
+    factor = 2.0 ** min(max(doublings, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+    position_step = None if settings.position_step is None else settings.position_step * factor
+    return replace(settings, position_step=position_step, cholesky_step=settings.cholesky_step * factor)
+
+
 def inter_quantizer(
-    values: F4,
-    reference: F4,
-    active: Active,
-    size: F4,
-    settings: FrameSettings,
-    kept: Kept,
-    rng: np.random.Generator,
+    values: F4, reference: F4, active: Active, size: F4, settings: BlockSettings, kept: Kept, rng: np.random.Generator
 ) -> BlockQuantizer:
-    """A quantiser of differences, with the decoder's codebooks where they do nearly as well as new ones."""
-    fresh = BlockQuantizer(values, reference, active, size, settings.quantizer, rng, Kept())
-    # A learned quantiser is the block's own; a fixed step need not be sent twice.
-    same_step = kept.quantizer if settings.quantizer.cholesky_step is not None else None
+    """A quantiser of differences, with what the decoder keeps wherever that does as well, or nearly, as a new one."""
+
+    def quantizer(reused: Kept) -> BlockQuantizer:
+        return BlockQuantizer(values, reference, active, size, settings, rng, reused)
+
+    fresh = quantizer(Kept())
+    same = kept.quantizer if settings.cholesky_step is not None and kept.quantizer == fresh.quantizer else None
     if kept.codebooks is not None:
-        again = BlockQuantizer(
-            values, reference, active, size, settings.quantizer, rng, Kept(same_step, kept.codebooks)
-        )
+        again = quantizer(Kept(same, kept.codebooks))
         if again.color_error(values) <= REUSE_ERROR * fresh.color_error(values):
             return again
-    return BlockQuantizer(values, reference, active, size, settings.quantizer, rng, Kept(same_step, None))
+    return quantizer(Kept(same, None))
 
 
 def fine_tune(

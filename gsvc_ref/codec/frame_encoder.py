@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, psnr_of_loss, quality_goal
+from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.codec.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
@@ -24,7 +24,10 @@ Frame = NDArray[np.unsignedinteger[Any]]
 FIRST_MARGIN: Final = 0.85
 """Constant quality: the fit aims at this fraction of the loss allowed, so that quantisation has room (0.7 dB)."""
 
-QUALITY_ROUNDS: Final = 4
+SAFETY: Final = 0.05
+"""Constant quality: dB aimed above the goal after an attempt that missed it."""
+
+QUALITY_ROUNDS: Final = 8
 """Constant quality: most attempts to hold the quality of the decoded frame."""
 
 OnStage = Callable[[str, int, int, float], None]
@@ -71,6 +74,7 @@ class FrameEncoder:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
         self.total = settings.splat_count(width, height)
+        self.most = settings.most_splats(width, height)
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
@@ -84,7 +88,13 @@ class _FrameWork:
     """The work on one frame: what its steps share, and the time that each takes."""
 
     def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
-        self.settings, self.frame, self.rng, self.progress = encoder.settings, frame, rng, progress
+        self.encoder, self.settings, self.frame, self.rng, self.progress = (
+            encoder,
+            encoder.settings,
+            frame,
+            rng,
+            progress,
+        )
         self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
@@ -115,34 +125,32 @@ class _FrameWork:
         with self._timed("start"):
             reference = self.before.splats
             population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.fit)
-            new = round(settings.new_fraction * self.total)
+            total = self.total if self.settings.psnr is None else len(reference)
+            new = round(settings.new_fraction * total)
             if settings.new_from_residual:
-                exchange_splats(population, self.objective, new, self.total, self.rng)
+                exchange_splats(population, self.objective, new, total, self.rng)
             else:
                 population.append(random_splats(new, self.width, self.height, self.rng), NEW_WEIGHT)
         return self._encode(population, settings, self.before)
 
     def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
         """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
-        goal = quality_goal(self.settings.psnr)
         with self._timed("fit"):
-            report = self._report("fit")
-            _, done = fit(population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=report)
+            _, done = fit(
+                population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=self._report("fit")
+            )
             self.iterations += done
-        if goal is None:
+        if self.settings.psnr is None:
             return self._finish(*self._quantize(population, settings, before))
-        margin = FIRST_MARGIN
+        goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most
         for _ in range(QUALITY_ROUNDS):
             with self._timed("rate"):
-                self.iterations += hold_quality(
-                    population, self.objective, goal * margin, self.total, settings.tune, self.rng
-                )
-            best = self._quantize(population, settings, before)
-            loss = self.objective.loss(best[1].splats.to_array())
-            if loss <= goal or len(population) >= self.total:
+                self.iterations += hold_quality(population, self.objective, goal, most, settings.tune, self.rng)
+            result = self._finish(*self._quantize(population, settings, before))
+            if result.psnr >= self.settings.psnr or len(population) >= most:
                 break
-            margin *= goal / loss
-        return self._finish(*best)
+            goal *= 10 ** ((result.psnr - self.settings.psnr - SAFETY) / 10)
+        return result
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):

@@ -4,6 +4,7 @@ The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref
 sees is, bit for bit, what a decoder will have.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -31,8 +32,8 @@ class BlockSettings:
 
     Attributes
     ----------
-    position_exponent
-        Positions, normalised to -1..1, are rounded to multiples of 2^position_exponent before binary16, so that their
+    position_step
+        Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their
         low bits cost nothing; None keeps all bits of binary16.
     cholesky_bits
         b, the bits of a Cholesky code.
@@ -48,7 +49,7 @@ class BlockSettings:
         Learning rate of scale (as a fraction of itself) and offset (as a fraction of the scale).
     """
 
-    position_exponent: int | None = None
+    position_step: float | None = None
     cholesky_bits: int = 6
     cholesky_step: float | None = None
     colors: RvqSettings = field(default_factory=RvqSettings)
@@ -127,6 +128,11 @@ class BlockQuantizer:
         return initialise(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
 
     @property
+    def quantizer(self) -> Quantizer:
+        """Scale and offset in use."""
+        return Quantizer(self.lsq.scale, self.lsq.offset)
+
+    @property
     def codebooks(self) -> tuple[F4, ...]:
         """The codebooks in use, each (B, 3) f4 of binary16 values."""
         if self.rvq is not None:
@@ -148,7 +154,7 @@ class BlockQuantizer:
             if cholesky
             else None,
             colors=indices if color else None,
-            quantizer=Quantizer(self.lsq.scale, self.lsq.offset) if own_quantizer else None,
+            quantizer=self.quantizer if own_quantizer else None,
             codebooks=tuple(book.astype(np.float16) for book in self.codebooks) if own_codebooks else None,
         )
 
@@ -160,8 +166,9 @@ class BlockQuantizer:
     def _position_bits(self, positions: F4) -> NDArray[np.uint16]:
         offset = np.float32(1 if self.reference is None else 0)
         normalised = np.clip(positions / self.size - offset, -LARGEST_HALF, LARGEST_HALF)
-        if self.settings.position_exponent is not None:
-            normalised = coarsen_half(normalised, self.settings.position_exponent)
+        if self.settings.position_step is not None:
+            exponent = math.floor(math.log2(self.settings.position_step / float(self.size.max())))
+            normalised = coarsen_half(normalised, exponent)
         return to_half_bits(normalised)
 
     def backward(self, values: F4, block: SplatBlock, gradient: F4) -> F4:

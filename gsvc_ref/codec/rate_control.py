@@ -12,13 +12,23 @@ from numpy.typing import NDArray
 
 from gsvc_ref.render import Objective
 from gsvc_ref.splats import F4
+from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.fit import FitSettings, Population, fit, new_splats
 
-ADDED_FRACTION: Final = 0.15
-"""Constant quality: splats added at a time, of those that there are."""
+DB_PER_DOUBLING: Final = 3.4
+"""PSNR gained by twice the splats, as measured on photographs: what the sizes of changes are guessed by."""
 
-REMOVED_FRACTIONS: Final = (0.2, 0.1, 0.05)
-"""Constant quality: splats removed at a time; the next fraction is tried when the one before was too many."""
+TOLERANCE: Final = 0.25
+"""Constant quality: no splats are removed for fewer dB above the goal."""
+
+SMALLEST_CHANGE, LARGEST_CHANGE = 0.02, 0.2
+"""Constant quality: limits of the fraction of the splats that is added or removed at a time."""
+
+CAUTION: Final = 0.7
+"""Constant quality: the fraction of the superfluous splats that is removed at a time."""
+
+MOST_CHANGES: Final = 12
+"""Constant quality: most changes of the number of splats in a row."""
 
 
 def psnr_of_loss(loss: float) -> float:
@@ -26,9 +36,9 @@ def psnr_of_loss(loss: float) -> float:
     return 10 * math.log10(3 / loss) if loss > 0 else math.inf
 
 
-def quality_goal(psnr: float | None) -> float | None:
-    """The loss of a PSNR in dB; None for none."""
-    return None if psnr is None else 3 * 10 ** (-psnr / 10)
+def loss_of_psnr(psnr: float) -> float:
+    """The loss of a PSNR in dB."""
+    return 3 * 10 ** (-psnr / 10)
 
 
 def visibility(parameters: F4) -> F4:
@@ -56,7 +66,7 @@ def exchange_splats(
         population.take(most_visible(population.parameters(), total - new))
     if new > 0:
         objective.loss(population.parameters())
-        population.append(new_splats(objective, new, len(population) + new, rng), 1.0)
+        population.append(new_splats(objective, new, len(population) + new, rng), KEPT_WEIGHT)
 
 
 def hold_quality(
@@ -82,21 +92,26 @@ def hold_quality(
     """
     done = 0
     loss = objective.loss(population.parameters())
-    if loss > goal:
-        while loss > goal and len(population) < most:
-            new = min(max(1, round(len(population) * ADDED_FRACTION)), most - len(population))
-            objective.loss(population.parameters())
-            population.append(new_splats(objective, new, len(population) + new, rng), 1.0)
-            loss, made = fit(population, objective, settings, rng)
-            done += made
-        return done
-    for fraction in REMOVED_FRACTIONS:
-        while len(population) > 1:
-            saved = population.copy()
-            population.take(most_visible(population.parameters(), max(1, int(len(population) * (1 - fraction)))))
-            loss, made = fit(population, objective, settings, rng)
-            done += made
-            if loss > goal:
-                population.assign(saved)
-                break
+    for _ in range(MOST_CHANGES):
+        surplus = psnr_of_loss(loss) - psnr_of_loss(goal)
+        growth = 2 ** (-surplus / DB_PER_DOUBLING)
+        if (
+            0 <= surplus < TOLERANCE
+            or (surplus < 0 and len(population) >= most)
+            or (surplus > 0 and len(population) == 1)
+        ):
+            break
+        saved = population.copy()
+        if surplus < 0:
+            fraction = min(max(growth - 1, SMALLEST_CHANGE), LARGEST_CHANGE)
+            new = min(max(1, round(len(population) * fraction)), most - len(population))
+            population.append(new_splats(objective, new, len(population) + new, rng), KEPT_WEIGHT)
+        else:
+            fraction = min(max(CAUTION * (1 - growth), SMALLEST_CHANGE), LARGEST_CHANGE)
+            population.take(most_visible(population.parameters(), max(1, round(len(population) * (1 - fraction)))))
+        loss, made = fit(population, objective, settings, rng)
+        done += made
+        if surplus > 0 and loss > goal:
+            population.assign(saved)
+            break
     return done

@@ -16,6 +16,9 @@ KeyFrames = Literal["auto"] | int | tuple[int, ...]
 PIXELS_PER_SPLAT: Final = 40
 """The default number of splats is one for this many pixels."""
 
+FEWEST_PIXELS_PER_SPLAT: Final = 6
+"""Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
+
 
 @dataclass(frozen=True)
 class FrameSettings:
@@ -91,7 +94,8 @@ class Settings:
     detection
         How key frames are found when `key_frames` is ``auto``.
     splats
-        N, splats of a frame (constant rate), or the most of a frame with `psnr`; None: a default by the frame's size.
+        N, splats of a frame; with `psnr` the most that a frame may get. None: one for PIXELS_PER_SPLAT pixels, and with
+        `psnr` up to one for FEWEST_PIXELS_PER_SPLAT.
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
     key_frames
@@ -167,19 +171,25 @@ class Settings:
         intra = FrameSettings(
             fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05), growth=Growth()),
             tune=replace(few, iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(60, 0.05)),
-            quantizer=BlockSettings(-11, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
+            quantizer=BlockSettings(0.05, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
             start="image",
         )
         inter = FrameSettings(
             fit=replace(few, iterations=40, rates=Rates(0.15, 0.06, 0.006), schedule=Cosine(40, 0.05)),
             tune=replace(few, iterations=20, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(20, 0.05)),
-            quantizer=BlockSettings(-10, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
+            quantizer=BlockSettings(0.1, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
             new_fraction=0.03,
             new_from_residual=True,
             still_threshold=0.5,
         )
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust")
         return _override(cls("quick", intra, inter, detection), overrides)
+
+    def most_splats(self, width: int, height: int) -> int:
+        """The most splats that a frame of this size may get."""
+        if self.splats is None and self.psnr is not None:
+            return max(1, width * height // FEWEST_PIXELS_PER_SPLAT)
+        return self.splat_count(width, height)
 
     def splat_count(self, width: int, height: int) -> int:
         """N for a frame of this size.

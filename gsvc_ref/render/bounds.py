@@ -77,7 +77,7 @@ class WeightErrors:
     """
 
     def __init__(self, splat: F8, pixels: Footprint) -> None:
-        l11, l21, l22 = splat[2:5]
+        l21, l22 = splat[3:5]
         u1, u2, sigma = abs(pixels.u1), abs(pixels.u2), pixels.sigma
         underflow = ETA * (1 + abs(pixels.dx))
         self.delta_1 = gamma(5) * u1 + underflow
@@ -165,9 +165,9 @@ def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
     order = gamma(np.count_nonzero(either) + 3)
     d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
 
-    def moment(A: F8, m: ArrayLike, d_m: ArrayLike) -> tuple[float, float]:
+    def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:
         """The absolute sum and the error of one moment."""
-        M = np.asarray(m) + d_m
+        M = m + d_m
         highest = (errors.g_plain * A + d_q_of_a * A) * M
         error = d_q_of_a * A * M + errors.g_plain * A * d_m + order * highest
         return float(np.sum(highest[either])), float(np.sum(error[either]) + np.sum(highest[errors.band]))

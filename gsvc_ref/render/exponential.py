@@ -1,4 +1,4 @@
-"""exp(-s/2) on the covered range, as a polynomial and three squarings: no branch, no bit trick, vectorises as it stands."""
+"""exp(-s/2) on the covered range, as a polynomial and three squarings: no branch and no bit trick, so it vectorises."""
 
 from typing import Final
 
@@ -12,8 +12,8 @@ C2: Final = np.float32(1.9529303535819054e-03)
 C3: Final = np.float32(-4.058820195496082e-05)
 C4: Final = np.float32(6.138524781817978e-07)
 C5: Final = np.float32(-5.828747262626166e-09)
-"""p(s) ~ exp(-s/16) on 0 <= s <= 2 ln 255: the quintic with p(0) = 1 whose relative error after three squarings, divided
-by 0.3 + s/2, has the smallest maximum; found by linear programming on 4001 Chebyshev points, then rounded to binary32."""
+"""p(s) ~ exp(-s/16) on 0 <= s <= 2 ln 255: the quintic with p(0) = 1 whose relative error after three squarings, over
+0.3 + s/2, has the smallest maximum; found by linear programming on 4001 Chebyshev points, then rounded to binary32."""
 
 
 @kernel(contract=True, inline=True)

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from gsvc_ref.errors import UsageError
 from gsvc_ref.render.strip_pictures import read_strip
 from gsvc_ref.render.strips import F4, ROW, SLOT, aligned, strip_count
-from gsvc_ref.render.tasks import objective_tasks, picture_tasks, splat_tasks
-from gsvc_ref.render.workspace import Workspace, exclusive_if_needed
+from gsvc_ref.render.tasks import objective_task, objective_tasks, picture_task, picture_tasks, splat_task, splat_tasks
+from gsvc_ref.render.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 _NO_SLOTS = aligned((0, SLOT))
@@ -81,8 +81,7 @@ class Objective:
         loss = self._run(parameters, with_gradient=True)
         work = self._workspace
         gradient = np.empty((len(work.parameters), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-        with exclusive_if_needed():
-            splat_tasks(work.threads, work.lists, work.slots, work.parameters, 2 / self._pixels, gradient)
+        work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 2 / self._pixels, gradient)
         return loss, gradient
 
     def loss(self, parameters: ArrayLike) -> float:
@@ -93,8 +92,7 @@ class Objective:
         """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
         work = self._workspace
         picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
-        with exclusive_if_needed():
-            picture_tasks(work.bounds, work.buffers, work.lists, picture.reshape(self.height, -1), True)
+        work.over_strips(picture_task, picture_tasks, picture.reshape(self.height, -1), True)
         return picture
 
     def residual(self) -> F4:
@@ -108,8 +106,7 @@ class Objective:
         work = self._workspace
         work.load(packed)
         slots = work.slots if with_gradient else _NO_SLOTS
-        with exclusive_if_needed():
-            objective_tasks(
-                work.bounds, work.buffers, work.lists, slots, self._target, self.width, self._losses, with_gradient
-            )  # fmt: skip
-        return math.fsum(self._losses) / self._pixels
+        work.over_strips(
+            objective_task, objective_tasks, slots, self._target, self.width, self._losses, with_gradient
+        )  # fmt: skip
+        return float(math.fsum(self._losses) / self._pixels)

@@ -54,4 +54,5 @@ def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
     if np.isnan(values).any():
         raise UsageError("the picture has a NaN; every value must be a number")
     peak = values.dtype.type(2**bit_depth - 1)
-    return np.rint(np.clip(values, 0, 1) * peak).astype(integer)
+    frame: NDArray[Any] = np.rint(np.clip(values, 0, 1) * peak).astype(integer)
+    return frame

@@ -8,8 +8,19 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref.errors import UsageError
 from gsvc_ref.render import definition
 from gsvc_ref.render.pictures import frame_type
-from gsvc_ref.render.tasks import count_tasks, frame_tasks, grad_picture_tasks, picture_tasks, splat_tasks
-from gsvc_ref.render.workspace import Workspace, exclusive_if_needed
+from gsvc_ref.render.tasks import (
+    count_task,
+    count_tasks,
+    frame_task,
+    frame_tasks,
+    grad_picture_task,
+    grad_picture_tasks,
+    picture_task,
+    picture_tasks,
+    splat_task,
+    splat_tasks,
+)
+from gsvc_ref.render.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 Precision = Literal["fast", "exact"]
@@ -66,8 +77,7 @@ def render_frame(
     """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2."""
     work = _load(splats, width, height, threads)
     frame = np.empty((height, width, 3), frame_type(bit_depth))  # (H, W, 3) u1 or u2
-    with exclusive_if_needed():
-        frame_tasks(work.bounds, work.buffers, work.lists, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
+    work.over_strips(frame_task, frame_tasks, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
     return frame
 
 
@@ -99,12 +109,10 @@ def render_gradients(
     height, width = e.shape[:2]
     work = _load(splats, width, height, threads)
     gradients = np.empty((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-    with exclusive_if_needed():
-        grad_picture_tasks(work.bounds, work.buffers, work.lists, work.slots, e.reshape(height, -1))
-        splat_tasks(work.threads, work.lists, work.slots, work.parameters, 1.0, gradients)
-    if not np.isfinite(
-        gradients
-    ).all():  # a residual that is not finite shows here; looking at each pixel would cost more
+    work.over_strips(grad_picture_task, grad_picture_tasks, work.slots, e.reshape(height, -1))
+    work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 1.0, gradients)
+    # A residual that is not finite shows in the gradients; looking at every pixel each time would cost more.
+    if not np.isfinite(gradients).all():
         definition.check_residual(e)
     return gradients
 
@@ -118,8 +126,7 @@ def covered_pixels(
         return definition.exact_covered_pixels(splats, width, height)
     work = _load(splats, width, height, threads)
     counts = np.zeros(len(splats), np.int64)  # (N,) i8
-    with exclusive_if_needed():
-        count_tasks(work.threads, work.lists, width, height, counts)
+    work.over_splats(count_task, count_tasks, width, height, counts)
     return counts
 
 
@@ -144,6 +151,5 @@ def _load(splats: Splats, width: int, height: int, threads: int | None) -> Works
 def _fast_picture(splats: Splats, width: int, height: int, threads: int | None, *, clamp: bool) -> NDArray[np.float32]:
     work = _load(splats, width, height, threads)
     picture = np.empty((height, width, 3), np.float32)  # (H, W, 3) f4
-    with exclusive_if_needed():
-        picture_tasks(work.bounds, work.buffers, work.lists, picture.reshape(height, -1), clamp)
+    work.over_strips(picture_task, picture_tasks, picture.reshape(height, -1), clamp)
     return picture

@@ -1,7 +1,7 @@
 """Between pictures (H, W, 3) and strips: copying, rounding, and the residual of the loss.
 
-Pictures come as their rows, (H, 3 W) with the channels of a pixel side by side. The loop over the columns of a full strip
-has a constant bound, without which it would not become vector code; the last strip may be narrower.
+Pictures come as their rows, (H, 3 W) with the channels of a pixel side by side. The loop over the columns of a full
+strip has a constant bound, without which it would not become vector code; the last strip may be narrower.
 """
 
 from typing import Any, Final

@@ -67,7 +67,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
     ----------
     moments
         (MOMENTS * STRIP_WIDTH,) f4: per lane the sums of q, q v, q v^2, g e_red, g e_green and g e_blue, where
-        e = dL/dC and q = g (e . c'). Within a strip u is constant per lane, so that the moments with u follow from them.
+        e = dL/dC and q = g (e . c'). Within a strip u is constant per lane: the moments with u follow from these.
     strip
         (BACKWARD_ROWS * ROW,) f4, dL/dC of these rows.
     """
@@ -102,7 +102,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
 
 
 @kernel(inline=True)
-def fold8(m: F4) -> np.float32:
+def fold8(m: F4) -> Any:
     """The sum of eight numbers as a fixed tree."""
     return ((m[0] + m[4]) + (m[2] + m[6])) + ((m[1] + m[5]) + (m[3] + m[7]))
 

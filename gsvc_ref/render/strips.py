@@ -1,7 +1,7 @@
 """The layout of the fast renderer: a frame as vertical strips of 16 pixels, and which splats touch which strip.
 
-A picture in strip layout is one flat binary32 buffer per strip with index (row, channel, lane), so that the 16 columns of
-a strip are the lanes of a vector and every inner loop has the same 16 turns. In a strip a splat is one run of rows.
+A picture in strip layout is one flat binary32 buffer per strip with index (row, channel, lane), so that the 16 columns
+of a strip are the lanes of a vector and every inner loop has the same 16 turns. In a strip a splat is a run of rows.
 """
 
 import math
@@ -61,7 +61,7 @@ def aligned(shape: tuple[int, ...]) -> F4:
 
 @kernel()
 def order_by_row(parameters: F4, height: int, order: I4, counts: I8) -> int:
-    """Fill `order` with the splats sorted by bucket of mu_y, index order within a bucket; return a non-finite one or -1.
+    """Fill `order` with the splats by bucket of mu_y, index order within a bucket; return a non-finite one, or -1.
 
     Neighbours in this order touch the same rows, which then stay in the first-level cache. The key depends on mu_y and
     the height alone, so that the order, and with it every bit of the result, is the same for any number of threads.

@@ -1,8 +1,8 @@
 """Tasks: runs of strips or of splats that one thread works through; every task writes memory of its own.
 
 A strip's sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that
-all results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else; its
-`buffers` are (tasks, floats of a strip) f4 scratch, and task t works on the strips bounds[t] to bounds[t + 1] - 1.
+all results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else;
+its `buffers` are (tasks, floats of a strip) f4 scratch, and task t works on the strips bounds[t] to bounds[t + 1] - 1.
 """
 
 from typing import Any

@@ -2,7 +2,9 @@
 
 import os
 import threading
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -26,7 +28,15 @@ from gsvc_ref.render.strips import (
 )
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
+# GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that
+# steals the very time slice they wait for: four times slower, measured. It reads this when Numba loads it.
+os.environ.setdefault("GOMP_SPINCOUNT", "10000")
+
 _WORKQUEUE_LOCK = threading.Lock()
+_numba: Any = numba  # its thread functions carry no types
+
+SPLATS_PER_THREAD: Final = 4096
+"""Fewer splats than this are not worth waking another thread for."""
 
 
 def thread_count(threads: int | None) -> int:
@@ -44,17 +54,24 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
-def exclusive_if_needed() -> AbstractContextManager[object]:
-    """A lock around parallel kernels where Numba's threading layer does not bear calls from several Python threads.
+@contextmanager
+def parallel_region(threads: int) -> Iterator[None]:
+    """Let parallel kernels use this many threads, and keep Python threads apart where they must not run them at once.
 
-    OpenMP and TBB do; the fallback "workqueue" ends the process. Until the first parallel call has chosen the layer,
-    the lock is taken as well.
+    OpenMP and TBB bear concurrent calls; Numba's fallback layer "workqueue" would end the process. Until the first
+    parallel call has chosen the layer, the guard is taken as well.
     """
     try:
-        safe = numba.threading_layer() != "workqueue"
+        safe = _numba.threading_layer() != "workqueue"
     except ValueError:  # no parallel kernel has run yet
         safe = False
-    return nullcontext() if safe else _WORKQUEUE_LOCK
+    before = _numba.get_num_threads()
+    _numba.set_num_threads(min(threads, _numba.config.NUMBA_NUM_THREADS))
+    try:
+        with nullcontext() if safe else _WORKQUEUE_LOCK:
+            yield
+    finally:
+        _numba.set_num_threads(before)
 
 
 class Workspace:
@@ -126,3 +143,21 @@ class Workspace:
         if total > len(self._slots):
             self._slots = aligned((total + total // 4, SLOT))
         return self._slots
+
+    def over_strips(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
+        """Run a kernel of `tasks` over all strips, on as many threads as this workspace has."""
+        if self.threads == 1:
+            task(0, strip_count(self.width), self.buffers[0], self.lists, *arguments)
+        else:
+            with parallel_region(self.threads):
+                tasks(self.bounds, self.buffers, self.lists, *arguments)
+
+    def over_splats(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
+        """Run a kernel of `tasks` over all splats."""
+        count = len(self.parameters)
+        threads = min(self.threads, count // SPLATS_PER_THREAD)
+        if threads <= 1:
+            task(0, count, self.lists, *arguments)
+        else:
+            with parallel_region(threads):
+                tasks(threads, self.lists, *arguments)

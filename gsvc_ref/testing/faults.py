@@ -7,6 +7,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import SequenceHeader, StreamWriter, crc32c
 from gsvc_ref.bitstream.bit_writer import Writer
@@ -26,7 +27,7 @@ class Lie:
         Its name in spec.md; ``align`` is what `align()` skips.
     value
         What is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as ``"0110"``;
-        or a function from the truth to one of these. An `f16` or `f32` is a run of its bit pattern.
+        or a function from the truth to one of these. A single `f32` is a run of one.
     occurrence
         Which element of that name lies, counted from 0 through the whole stream.
     """
@@ -118,17 +119,15 @@ class FaultyWriter(Writer):
         )
         yield values
 
-    def integers(self, name: str, count: int, size: int, values: Any = None) -> U4:
-        """A run of `le(size)`."""
-        dtype = np.dtype(f"<u{size}")
-        truth = np.asarray(values).astype(dtype)
+    def array(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
+        """A run of `le(2)`, `le(4)`, `f16` or `f32`."""
+        assert values is not None
 
         def write(said: Any) -> None:
-            data = np.asarray(said, np.uint32).astype(dtype).tobytes()
-            super(FaultyWriter, self).raw(name, len(data), data)
+            super(FaultyWriter, self).array(name, len(said), dtype, np.asarray(said, dtype))
 
-        self._tell(name, truth.tolist(), write)
-        return truth.astype(dtype.newbyteorder("="))
+        self._tell(name, values, write)
+        return values
 
 
 def write_stream(

@@ -24,6 +24,9 @@ from gsvc_ref.testing.strategies import SYMBOL_KINDS, U2, paint_symbols, painter
 MOST_SPLATS = 256
 """Every level allows so many splats of any size on frames of any size: its work is 256 times its pixels."""
 
+FEW_SPLATS = 8
+"""So few that no plane is worth entropy coding, and that a stream can be read by eye."""
+
 
 @st.composite
 def headers(draw: st.DrawFn, *, max_pixels: int = 1 << 17) -> SequenceHeader:
@@ -75,8 +78,9 @@ def _positions(draw: st.DrawFn, count: int, kind: BlockKind) -> U2:
     rng = draw(painters())
     style = draw(st.sampled_from(("plausible", "alike", "any")))
     if style == "any":
-        bits = rng.integers(0, 0x7C00, (count, 2), np.uint16)
-        return bits | rng.integers(0, 2, (count, 2), np.uint16) << 15
+        signs = rng.choice(np.array([0, 0x8000], np.uint16), (count, 2))
+        bits: U2 = rng.integers(0, 0x7C00, (count, 2), np.uint16) | signs
+        return bits
     spread = 1.0 if kind == "intra" else 2.0**-6
     values = rng.uniform(-spread, spread, (count, 2)).astype(np.float16)
     if style == "alike":
@@ -124,7 +128,7 @@ def _blocks(draw: st.DrawFn, header: SequenceHeader, count: int, kind: BlockKind
 
 @st.composite
 def frames(
-    draw: st.DrawFn, header: SequenceHeader, state: State, *, types: str = "IPR", max_count: int = 12
+    draw: st.DrawFn, header: SequenceHeader, state: State, *, types: str = "IPR", max_count: int = 120
 ) -> FrameCodes:
     """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MOST_SPLATS` in all."""
     frame_type: FrameType = draw(st.sampled_from(sorted(types)))
@@ -137,7 +141,8 @@ def frames(
         survivors = draw(painters()).random(len(state.splats)) < share
         if survivors.any():
             inter = draw(_blocks(header, int(np.count_nonzero(survivors)), "inter", state.inter))
-    count = draw(st.integers(0, min(max_count, MOST_SPLATS - int(np.count_nonzero(survivors)))))
+    room = min(max_count, MOST_SPLATS - int(np.count_nonzero(survivors)))
+    count = draw(st.one_of(st.integers(0, min(room, FEW_SPLATS)), st.integers(0, room)))
     kept = Kept() if frame_type == "I" else state.intra
     intra = draw(_blocks(header, count, "intra", kept)) if count else None
     return FrameCodes.intra_frame(intra) if frame_type == "I" else FrameCodes.predicted_frame(survivors, inter, intra)
@@ -164,7 +169,7 @@ class Stream:
 
 
 @st.composite
-def streams(draw: st.DrawFn, *, max_frames: int = 5, max_count: int = 12, max_pixels: int = 1 << 17) -> Stream:
+def streams(draw: st.DrawFn, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = 1 << 17) -> Stream:
     """Legal streams with all that the syntax allows.
 
     Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,

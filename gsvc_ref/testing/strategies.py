@@ -96,7 +96,7 @@ def videos(
     max_size: int = 24,
     bit_depths: st.SearchStrategy[int] | None = None,
 ) -> tuple[list[NDArray[np.unsignedinteger]], int]:
-    """Small videos: frames (H, W, 3) of integers, all of one size, u1 for 8 bits and u2 for 9 to 16; and the bit depth."""
+    """Small videos: frames (H, W, 3) of one size, u1 for 8 bits and u2 for 9 to 16; and their bit depth."""
     bit_depth = draw(bit_depths or st.sampled_from((8, 10, 12, 16)))
     width, height = draw(st.integers(1, max_size)), draw(st.integers(1, max_size))
     rng = draw(painters())

@@ -186,7 +186,6 @@ def fit(
     rng: np.random.Generator,
     *,
     total: int | None = None,
-    loss_goal: float = 0.0,
     on_iteration: OnIteration | None = None,
 ) -> tuple[float, int]:
     """Minimise the loss of one frame over the parameters of a population, which is changed in place.
@@ -203,8 +202,6 @@ def fit(
         Draws the splats that growth adds.
     total
         The number of splats that growth leads to; needed when `settings.growth` is set.
-    loss_goal
-        Growth stops adding once the loss is at or below this.
     on_iteration
         Called after each iteration.
 
@@ -222,7 +219,7 @@ def fit(
     for i in range(settings.iterations):
         loss, gradient = weighted_gradients(population, objective)
         missing = grown.get(i, 0) - len(population)
-        if missing > 0 and loss > loss_goal:
+        if missing > 0:
             population.append(new_splats(objective, missing, len(population) + missing, rng), 1.0)
             loss, gradient = weighted_gradients(population, objective)
         factor = step_factors(population.values) if settings.relative_steps else None

@@ -52,8 +52,8 @@ class PruningSchedule:
 
     @classmethod
     def inter(cls) -> Self:
-        """P-frames: the splats that GSA added, 10 % of N and so 1/11 of all, after every 100th from 500 to 1000."""
-        return cls(fraction=1 / 11, first=500, last=1000)
+        """P-frames: 10 % of the splats, as many as GSA added to 90 % of N, after every 100th iteration from 500 to 1000."""
+        return cls(first=500, last=1000)
 
     def counts(self, splats: int, iterations: int) -> dict[int, int]:
         """How many splats to remove after which iteration.

@@ -102,6 +102,7 @@ class LibavReader(VideoReader):
         self._av = import_av()
         self._name = name
         self._decoded = 0
+        self._last_time: float | None = None
         try:
             if isinstance(source, Path):  # a playlist must not reach into the network
                 options = {"protocol_whitelist": "file"}
@@ -114,7 +115,7 @@ class LibavReader(VideoReader):
             self._stream = self._open_stream()
             self._queue = self._decode()
             self._first = next(self._queue, None)
-            self.format = self._find_format()
+            self.format = self._find_format(self._first)
         except BaseException:
             self.close()
             raise
@@ -162,10 +163,11 @@ class LibavReader(VideoReader):
         except self._av.FFmpegError:
             return
 
-    def _find_format(self) -> VideoFormat:
-        stream, first = self._stream, self._first
-        size = stream.codec_context if first is None else first
-        check_size(size.width, size.height, self._name)
+    def _find_format(self, first: av.VideoFrame | None) -> VideoFormat:
+        stream = self._stream
+        if first is None:
+            raise GsvcError("malformed", f"{self._name} holds no frame that FFmpeg can decode; give another file")
+        check_size(first.width, first.height, self._name)
         rate = _fair_ratio(stream.average_rate) or _fair_ratio(stream.guessed_rate)
         if rate is None:
             rate = Fraction(25)
@@ -174,13 +176,11 @@ class LibavReader(VideoReader):
         video = self._source_format(first)
         return replace(video, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=stream.frames or None)
 
-    def _source_format(self, picture: av.VideoFrame | None) -> VideoFormat:
-        """The format of one picture as its own tags say, or that of the codec if there is no picture."""
-        tags: Any = self._stream.codec_context if picture is None else picture
-        name = "yuv420p" if picture is None else picture.format.name
-        pixels = _plain_layout("yuv420p" if picture is None else _plain_name(picture))
+    def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
+        """The format of one picture as its own tags say."""
+        pixels = _plain_layout(_plain_name(picture))
         rgb, grey = pixels.chroma_format == "rgb", len(pixels.places) == 1
-        matrix, siting = int(tags.colorspace), 0
+        matrix, siting = int(picture.colorspace), 0
         if rgb:
             matrix = 0
         elif grey:
@@ -194,18 +194,18 @@ class LibavReader(VideoReader):
                 self.note("PyAV does not tell the chroma siting, so assumed: left")
         color, notes = complete_color(
             self._name,
-            tags.height,
+            picture.height,
             pixels.chroma_format,
-            primaries=int(tags.color_primaries),
-            transfer=int(tags.color_trc),
+            primaries=int(picture.color_primaries),
+            transfer=int(picture.color_trc),
             matrix=matrix,
-            full_range=RANGES.get(tags.color_range, True if rgb or name.startswith("yuvj") else None),
+            full_range=RANGES.get(picture.color_range, True if rgb or picture.format.name.startswith("yuvj") else None),
             chroma_location=siting,
         )
         for sentence in notes:
             self.note(sentence)
         chroma_format = "444" if rgb and not color.full_range else pixels.chroma_format
-        return VideoFormat(tags.width, tags.height, Fraction(25), pixels.bit_depth, chroma_format, color)
+        return VideoFormat(picture.width, picture.height, Fraction(25), pixels.bit_depth, chroma_format, color)
 
     def _buffers(self, picture: av.VideoFrame, number: int) -> tuple[list[Any], PixelLayout]:
         """The planes in memory as (rows, bytes of a line) u1, and their layout."""
@@ -273,10 +273,20 @@ class LibavReader(VideoReader):
                 f"frame {number} of {self._name} is {found[0]}x{found[1]} with {found[2]} bits, the frames before are "
                 f"{expected[0]}x{expected[1]} with {expected[2]}: scale the video to one size and depth first",
             )
+        self._check_time(picture)
         if picture.interlaced_frame:
             self.note(f"{self._name} is interlaced; its frames are read as if progressive")
         if picture.rotation:
             self.note(f"{self._name} asks players to rotate it by {picture.rotation} degrees; frames are as coded")
+
+    def _check_time(self, picture: av.VideoFrame) -> None:
+        time, last, expected = picture.time, self._last_time, 1 / float(self.format.frame_rate)
+        if time is not None and last is not None and abs(time - last - expected) > 0.6 * expected + 0.001:
+            self.note(
+                f"frames of {self._name} are not evenly spaced in time; they are taken in order, as if "
+                f"{self.format.frame_rate} per second"
+            )
+        self._last_time = time
 
     def _read(self) -> Iterator[Frame]:
         pictures = self._queue if self._first is None else chain([self._first], self._queue)

@@ -3,8 +3,6 @@
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import suppress
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -162,11 +160,15 @@ class PartialFile:
         self.path = self._create()
 
     def _create(self) -> Path:
-        for attempt in count():
+        attempt = 0
+        while True:
             path = self.target.with_name(f".{self.target.name}.{os.getpid()}-{attempt}.part")
-            with suppress(FileExistsError), path.open("xb"):
+            try:
+                path.open("xb").close()
+            except FileExistsError:
+                attempt += 1
+            else:
                 return path
-        raise AssertionError("unreachable: count() never ends")
 
     def commit(self) -> None:
         """Give the file its final name, replacing what stood there."""

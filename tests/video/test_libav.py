@@ -87,7 +87,6 @@ def test_unknown_colour_is_stated(tmp_path):
     ("codec", "name", "suffix"), [("qtrle", "rgb24", "mov"), ("ffv1", "bgr0", "mkv"), ("rawvideo", "bgr24", "avi")]
 )
 def test_rgb_is_taken_as_it_is(tmp_path, codec, name, suffix):
-    """Among them a file that stores its lines bottom-up."""
     frames = smooth_frames(32, 20, 2)
     pictures = [av.VideoFrame.from_ndarray(frame, format="rgb24").reformat(format=name) for frame in frames]
     path = tmp_path / f"clip.{suffix}"
@@ -96,6 +95,21 @@ def test_rgb_is_taken_as_it_is(tmp_path, codec, name, suffix):
         assert reader.format.chroma_format == "rgb"
         for frame, expected in zip(reader, frames, strict=True):
             np.testing.assert_array_equal(frame, expected)
+
+
+def test_lines_stored_bottom_up(tmp_path):
+    """An AVI file with a positive height: the muxer wrote a negative one, for top-down."""
+    frames = smooth_frames(32, 20, 2)
+    path = tmp_path / "clip.avi"
+    write_clip(path, "rawvideo", [av.VideoFrame.from_ndarray(frame).reformat(format="bgr24") for frame in frames])
+    data = bytearray(path.read_bytes())
+    height = data.index(b"strf") + 16
+    assert data[height : height + 4] == (-20).to_bytes(4, "little", signed=True)
+    data[height : height + 4] = (20).to_bytes(4, "little")
+    path.write_bytes(data)
+    with open_video(path) as reader:
+        for frame, expected in zip(reader, frames, strict=True):
+            np.testing.assert_array_equal(frame, expected[::-1])
 
 
 def test_grey(tmp_path):
@@ -146,6 +160,115 @@ def test_rotation_is_stated(tmp_path):
     with open_video(tmp_path / "clip.mp4") as reader:
         assert len(list(reader)) == 1
         assert f"{tmp_path / 'clip.mp4'} asks players to rotate it by 90 degrees; frames are as coded" in reader.notes
+
+
+def test_damage_from_the_start(tmp_path):
+    path = tmp_path / "clip.mp4"
+    with closing(av.open(str(path), "w", options={"movflags": "faststart"})) as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 16, 16, "yuv420p"
+        container.mux(stream.encode(av.VideoFrame(16, 16, "yuv420p")))
+        container.mux(stream.encode(None))
+    data = path.read_bytes()
+    start = data.index(b"mdat") + 4
+    path.write_bytes(data[:start] + b"\xff" * (len(data) - start))
+    with pytest.raises(GsvcError, match="no video that FFmpeg can read") as caught:
+        open_video(path)
+    assert caught.value.kind == "malformed"
+
+
+def test_files_without_a_frame(tmp_path):
+    path = tmp_path / "clip.mp4"
+    with closing(av.open(str(path), "w", options={"movflags": "frag_keyframe+empty_moov"})) as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 16, 16, "yuv420p"
+        container.mux(stream.encode(av.VideoFrame(16, 16, "yuv420p")))
+        container.mux(stream.encode(None))
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index(b"moof") - 4])
+    with pytest.raises(GsvcError, match="holds no frame") as caught:
+        open_video(path)
+    assert caught.value.kind == "malformed"
+
+
+def test_only_the_first_video_stream_is_read(tmp_path):
+    path = tmp_path / "two.mkv"
+    with closing(av.open(str(path), "w")) as container:
+        for _ in range(2):
+            stream = container.add_stream("ffv1", rate=25)
+            stream.width, stream.height, stream.pix_fmt = 16, 16, "bgr0"
+        for stream, count in zip(container.streams.video, (2, 3), strict=True):
+            for number in range(count):
+                picture = av.VideoFrame(16, 16, "bgr0")
+                picture.pts, picture.time_base = number, Fraction(1, 25)
+                container.mux(stream.encode(picture))
+            container.mux(stream.encode(None))
+    with open_video(path) as reader:
+        assert reader.notes == [f"{path} holds 2 video streams; the first one is read"]
+        assert len(list(reader)) == 2
+
+
+def test_interlacing_is_stated(tmp_path):
+    path = tmp_path / "clip.mpg"
+    with closing(av.open(str(path), "w")) as container:
+        stream = container.add_stream("mpeg2video", rate=25, options={"flags": "+ildct+ilme"})
+        stream.width, stream.height, stream.pix_fmt = 32, 32, "yuv420p"
+        container.mux(stream.encode(av.VideoFrame(32, 32, "yuv420p")))
+        container.mux(stream.encode(None))
+    with open_video(path) as reader:
+        assert len(list(reader)) == 1
+        assert f"{path} is interlaced; its frames are read as if progressive" in reader.notes
+
+
+def test_uneven_frames_are_stated(tmp_path):
+    for name, times in (("even.mkv", [0, 40, 80, 120]), ("uneven.mkv", [0, 40, 80, 400])):
+        with closing(av.open(str(tmp_path / name), "w")) as container:
+            stream = container.add_stream("ffv1", rate=25)
+            stream.width, stream.height, stream.pix_fmt = 16, 16, "bgr0"
+            stream.codec_context.time_base = Fraction(1, 1000)
+            for time in times:
+                picture = av.VideoFrame(16, 16, "bgr0")
+                picture.pts, picture.time_base = time, Fraction(1, 1000)
+                container.mux(stream.encode(picture))
+            container.mux(stream.encode(None))
+        with open_video(tmp_path / name) as reader:
+            assert len(list(reader)) == 4
+            assert any("not evenly spaced" in note for note in reader.notes) == (name == "uneven.mkv")
+
+
+def test_an_unknown_frame_rate_is_stated(tmp_path, monkeypatch):
+    path = tmp_path / "clip.mkv"
+    write_clip(path, "ffv1", [av.VideoFrame(16, 16, "bgr0")], rate=50)
+    monkeypatch.setattr("gsvc_ref.video.libav._fair_ratio", lambda ratio: None)
+    with open_video(path) as reader:
+        assert reader.format.frame_rate == 25
+        assert reader.notes == [f"frame rate not stated by {path}, so assumed: 25 per second"]
+
+
+def test_motion_jpeg_states_everything(tmp_path):
+    write_clip(tmp_path / "clip.avi", "mjpeg", [av.VideoFrame(16, 16, "yuvj420p")])
+    with open_video(tmp_path / "clip.avi") as reader:
+        assert reader.format.color == ColorDescription(2, 2, 5, True, 1)
+        assert reader.notes == []
+
+
+def test_limited_range_rgb_is_expanded(tmp_path):
+    frame = np.full((16, 16, 3), 235, np.uint8)
+    frame[:, 8:] = [16, 126, 235]
+    picture = av.VideoFrame.from_ndarray(frame, format="rgb24").reformat(format="bgr0")
+    write_clip(tmp_path / "clip.mkv", "ffv1", [picture], tags={"color_range": 1})
+    with open_video(tmp_path / "clip.mkv") as reader:
+        assert reader.format.color == ColorDescription(2, 2, 0, False, 0)
+        (read,) = reader
+    assert read[0, 0].tolist() == [255, 255, 255]
+    assert read[0, 15].tolist() == [0, 128, 255]
+
+
+def test_an_impossible_matrix_tag_counts_as_unspecified(tmp_path):
+    write_clip(tmp_path / "clip.mkv", "ffv1", [av.VideoFrame(16, 16, "yuv420p")], tags={"colorspace": 0})
+    with open_video(tmp_path / "clip.mkv") as reader:
+        assert reader.format.color.matrix == 6
+        assert "matrix BT.601" in reader.notes[1]
 
 
 def annex_b(width, height, count, seed):

@@ -76,6 +76,9 @@ def test_standard_input_and_output(monkeypatch):
     monkeypatch.setattr(sys, "stdin", Standard(io.BytesIO(b"RIFF....")))
     with pytest.raises(GsvcError, match="standard input is not a valid y4m"):
         open_video("-")
+    monkeypatch.setattr(sys, "stdin", Standard(io.BytesIO()))
+    with pytest.raises(GsvcError, match="it is empty"):
+        open_video("-")
 
 
 def test_inputs_that_cannot_be(tmp_path):
@@ -171,10 +174,10 @@ def test_a_full_disk_passes_up_and_leaves_nothing(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_devices_are_written_to_not_replaced():
-    large = replace(VIDEO, width=640, height=480)
+    large = replace(VIDEO, width=128, height=64)
     writer = open_writer("/dev/full", large)
     with pytest.raises(OSError, match="No space left"):
-        writer.write(np.zeros((480, 640, 3), np.uint8))
+        writer.write(np.zeros((64, 128, 3), np.uint8))
     assert not Path("/dev/full").is_file()
 
 

@@ -50,8 +50,7 @@ def test_round_trip(height, width, bit_depth, seed):
 
 @pytest.mark.parametrize("bit_depth", range(9, 17))
 def test_every_sample_of_every_depth_comes_back(bit_depth):
-    samples = np.arange(1 << bit_depth, dtype=np.uint16)
-    frame = np.repeat(samples.reshape(-1, 256, 1), 3, axis=-1)
+    frame = np.resize(np.arange(1 << bit_depth, dtype=np.uint16), ((1 << bit_depth) // 96 + 1, 32, 3))
     np.testing.assert_array_equal(decode_png(encode_png(frame, bit_depth), "x").frame, frame)
 
 
@@ -100,6 +99,21 @@ def test_interlaced_pictures(width, height):
             data += b"\0" + row.tobytes() if len(row) else b""
     image = decode_png(png((width, height, 8, 2, 0, 0, 1), chunk(b"IDAT", zlib.compress(data))), "x")
     np.testing.assert_array_equal(image.frame, frame)
+
+
+@pytest.mark.parametrize("kind", range(5))
+def test_every_row_filter(kind):
+    frame = random_frame(5, 4, 8, 1)
+    rows = frame.reshape(5, 12).astype(int)
+    left, above, corner = np.zeros((3, 5, 12), int)
+    left[:, 3:], above[1:], corner[1:, 3:] = rows[:, :-3], rows[:-1], rows[:-1, :-3]
+    near = np.stack([left, above, corner])
+    closest = np.argmin(np.abs(left + above - corner - near), axis=0)
+    paeth = np.take_along_axis(near, closest[None], axis=0)[0]
+    predicted = [np.zeros_like(rows), left, above, (left + above) // 2, paeth][kind]
+    filtered = np.hstack([np.full((5, 1), kind), (rows - predicted) % 256]).astype(np.uint8)
+    data = png((4, 5, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(filtered.tobytes())))
+    np.testing.assert_array_equal(decode_png(data, "x").frame, frame)
 
 
 def test_color_is_stored_and_read():
