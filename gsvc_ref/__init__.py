@@ -1,3 +1,68 @@
-"""gsvc_ref: the readable CPU reference of GSVC, video as sums of 2D Gaussian splats."""
+"""gsvc_ref: the readable CPU reference of GSVC, video as sums of 2D Gaussian splats.
+
+    import gsvc_ref
+
+    report = gsvc_ref.encode("clip.y4m", "clip.gsvc")           # or a VideoReader, or frames and their VideoFormat
+    for frame in gsvc_ref.decode("clip.gsvc"):                  # (H, W, 3) u1, one at a time
+        ...
+    with gsvc_ref.open("clip.gsvc") as stream:
+        for frame in stream.frames(30, 60):                     # starts decoding at the nearest I-frame
+            frame.splats.positions, frame.bits
+
+spec.md says what the bytes mean; `gsvc_ref.codec`, `gsvc_ref.bitstream`, `gsvc_ref.reconstruction`, `gsvc_ref.render`
+and `gsvc_ref.quantization` are the parts of it, `gsvc_ref.training` the paper's algorithms, and `gsvc_ref.testing`
+Hypothesis strategies for those who test their own implementation.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from gsvc_ref.codec import Settings as Settings
+    from gsvc_ref.codec import Stream as open
+    from gsvc_ref.codec import decode as decode
+    from gsvc_ref.codec import encode as encode
+    from gsvc_ref.errors import GsvcError as GsvcError
+    from gsvc_ref.errors import UsageError as UsageError
+    from gsvc_ref.render import render as render
+    from gsvc_ref.render import render_gradients as render_gradients
+    from gsvc_ref.splats import Splats as Splats
 
 __version__ = "0.1.0"
+
+_HOMES: Final = {
+    "GsvcError": ("gsvc_ref.errors", "GsvcError"),
+    "Settings": ("gsvc_ref.codec", "Settings"),
+    "Splats": ("gsvc_ref.splats", "Splats"),
+    "UsageError": ("gsvc_ref.errors", "UsageError"),
+    "decode": ("gsvc_ref.codec", "decode"),
+    "encode": ("gsvc_ref.codec", "encode"),
+    "open": ("gsvc_ref.codec", "Stream"),
+    "render": ("gsvc_ref.render", "render"),
+    "render_gradients": ("gsvc_ref.render", "render_gradients"),
+}
+"""Where each public name lives. They are loaded on first use, so that `gsvc --help` does not wait for the compiler."""
+
+__all__ = [  # noqa: PLE0604
+    "GsvcError",
+    "Settings",
+    "Splats",
+    "UsageError",
+    "decode",
+    "encode",
+    "open",
+    "render",
+    "render_gradients",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gsvc_ref' has no attribute {name!r}")
+    module, attribute = _HOMES[name]
+    value = globals()[name] = getattr(import_module(module), attribute)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

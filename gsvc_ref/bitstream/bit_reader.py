@@ -61,9 +61,10 @@ class Reader(Coder):
         """Raise the GsvcError of a rule."""
         raise broken(rule, message, self.element_bit if bit is None else bit)
 
-    def _need(self, bits: int, name: str) -> None:
+    def _need(self, bits: int, name: str, start: int | None = None) -> None:
+        """Make sure that `bits` follow for the element that starts here, or at the bit `start`."""
         if bits > self.bits_left:
-            self._underflow(name, self.position)
+            self._underflow(name, self.position if start is None else start)
 
     def _underflow(self, name: str, bit: int) -> NoReturn:
         if self._end_rule == "R-6.2-3":
@@ -101,6 +102,7 @@ class Reader(Coder):
         start = self.position
         value = 0
         for shift in range(0, 35, 7):
+            self._need(8, name, start)
             byte = self._take_bytes(1, name)[0]
             value |= (byte & 0x7F) << shift
             if byte < 0x80:

@@ -138,7 +138,7 @@ def _check_kept(s: Coder, what: str, attribute_present: int, own: int, is_kept: 
 
 
 def _positions(s: Coder, header: SequenceHeader, count: int, given: U2 | None) -> U2:
-    positions = np.empty((count, 2), np.uint16)
+    columns = []
     for axis, letter in enumerate("xy"):
         code = None if given is None else given[:, axis]
         bit = s.position
@@ -148,18 +148,18 @@ def _positions(s: Coder, header: SequenceHeader, count: int, given: U2 | None) -
         low = plane(
             s, header, "positions", f"position_low[{letter}]", count, 256, None if code is None else code & 0xFF
         )
-        positions[:, axis] = high << 8 | low
-        infinite = positions[:, axis] & BINARY16_EXPONENT == BINARY16_EXPONENT
+        columns.append(high << 8 | low)
+        infinite = columns[axis] & BINARY16_EXPONENT == BINARY16_EXPONENT
         if infinite.any():
             first = int(np.argmax(infinite))
             s.fail("R-6.5-7", f"position {letter} of splat {first} of a block is not a finite binary16", bit=bit)
-    return positions
+    return np.column_stack(columns)
 
 
 def _cholesky(
     s: Coder, header: SequenceHeader, count: int, quantizer_present: bool, given: SplatBlock
 ) -> tuple[U2, Quantizer | None]:
-    codes = np.empty((count, 3), np.uint16)
+    columns = []
     scale, offset = np.empty(3, np.float32), np.empty(3, np.float32)
     own = given.quantizer or NO_QUANTIZER
     for channel, name in enumerate(("l11", "l21", "l22")):
@@ -171,8 +171,8 @@ def _cholesky(
                 offset[channel] = s.f32("cholesky_offset", own.offset[channel])
         symbols = None if given.cholesky is None else given.cholesky[:, channel]
         alphabet = 1 << header.cholesky_bits
-        codes[:, channel] = plane(s, header, "cholesky", f"cholesky_code[{name}]", count, alphabet, symbols)
-    return codes, Quantizer(scale, offset) if quantizer_present else None
+        columns.append(plane(s, header, "cholesky", f"cholesky_code[{name}]", count, alphabet, symbols))
+    return np.column_stack(columns), Quantizer(scale, offset) if quantizer_present else None
 
 
 def _codebooks(s: Coder, header: SequenceHeader, given: Codebooks | None) -> Codebooks:
@@ -194,8 +194,8 @@ def _codebooks(s: Coder, header: SequenceHeader, given: Codebooks | None) -> Cod
 def _colors(s: Coder, header: SequenceHeader, count: int, books: Codebooks, given: U2 | None) -> U2:
     if given is not None and given.shape[1] != len(books):
         s.fail("R-6.5-6", f"the colours of a block have indices for {given.shape[1]} stages; there are {len(books)}")
-    colors = np.empty((count, len(books)), np.uint16)
+    columns = []
     for k, book in enumerate(books):
         indices = None if given is None else given[:, k]
-        colors[:, k] = plane(s, header, "colors", f"color_index[{k + 1}]", count, len(book), indices)
-    return colors
+        columns.append(plane(s, header, "colors", f"color_index[{k + 1}]", count, len(book), indices))
+    return np.column_stack(columns)

@@ -114,8 +114,8 @@ class SourceReader(Reader):
             self._data += self._source.read(1)
         return not self.bits_left
 
-    def _need(self, bits: int, name: str) -> None:
+    def _need(self, bits: int, name: str, start: int | None = None) -> None:
         missing = (bits - self.bits_left + 7) // 8
         if missing > 0:
             self._data += self._source.read(missing)
-        super()._need(bits, name)
+        super()._need(bits, name, start)

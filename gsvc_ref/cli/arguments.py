@@ -50,3 +50,11 @@ def whole(text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,18}", text, re.ASCII):
         raise ArgumentTypeError(f"{text!r} is not a whole number")
     return int(text)
+
+
+def size(text: str) -> tuple[int, int]:
+    """``192x112`` is (192, 112), width and height."""
+    match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text, re.ASCII)
+    if match is None:
+        raise ArgumentTypeError(f"{text!r} is not a size such as 192x112")
+    return int(match[1]), int(match[2])

@@ -79,7 +79,7 @@ def describe(name: str, video: "VideoFormat", summary: "StreamSummary", *, frame
     ]
     if summary.frames:
         lines += [_rate_line(summary), _type_line(summary.frames)]
-    lines += ["", *_bit_lines(summary)]
+    lines += ["", *bit_lines(summary)]
     return lines + (["", *_frame_lines(summary.frames)] if frame_by_frame and summary.frames else [])
 
 
@@ -116,7 +116,8 @@ def _type_line(frames: "list[FrameSummary]") -> str:
     return f"  frames      {counts} ({frame_runs(types)}); {span} splats each"
 
 
-def _bit_lines(summary: "StreamSummary") -> list[str]:
+def bit_lines(summary: "StreamSummary") -> list[str]:
+    """A table of where the bits of a stream went."""
     total = 8 * summary.file_bytes
     rows = [[part, f"{count:,}", f"{count / total:.1%}"] for part, count in summary.bits.items() if count]
     return table(("part", "bits", "share"), [*rows, ["total", f"{total:,}", "100.0%"]])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
+from gsvc_ref.codec.motion import estimated_motion
 from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.codec.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
@@ -73,6 +74,7 @@ class FrameEncoder:
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
+        self.picture: F4 | None = None  # the source frame before, (H, W, 3)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
 
@@ -80,7 +82,7 @@ class FrameEncoder:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
-        self.state = result.state
+        self.state, self.picture = result.state, work.picture
         return result
 
 
@@ -127,11 +129,23 @@ class _FrameWork:
             population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.fit)
             total = self.total if self.settings.psnr is None else len(reference)
             new = round(settings.new_fraction * total)
+            if settings.follow_motion:
+                self._follow_motion(population)
             if settings.new_from_residual:
                 exchange_splats(population, self.objective, new, total, self.rng)
             else:
                 population.append(random_splats(new, self.width, self.height, self.rng), NEW_WEIGHT)
         return self._encode(population, settings, self.before)
+
+    def _follow_motion(self, population: Population) -> None:
+        """Move the splats by the estimated motion if that brings the picture closer."""
+        assert self.encoder.picture is not None
+        motion = estimated_motion(self.encoder.picture, self.picture, population.values[:, :2])
+        parameters = population.parameters()
+        still = self.objective.loss(parameters)
+        parameters[:, :2] += motion
+        if self.objective.loss(parameters) < still:
+            population.values[:, :2] += motion
 
     def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
         """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""

@@ -42,6 +42,8 @@ class FrameSettings:
     still_threshold
         P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
         share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
+    follow_motion
+        P-frames: begin with the splats moved along the optical flow of the source.
     """
 
     fit: FitSettings
@@ -51,6 +53,7 @@ class FrameSettings:
     new_fraction: float = 0.1
     new_from_residual: bool = False
     still_threshold: float = 0.0
+    follow_motion: bool = False
 
 
 @dataclass(frozen=True)
@@ -175,12 +178,13 @@ class Settings:
             start="image",
         )
         inter = FrameSettings(
-            fit=replace(few, iterations=40, rates=Rates(0.15, 0.06, 0.006), schedule=Cosine(40, 0.05)),
-            tune=replace(few, iterations=20, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(20, 0.05)),
+            fit=replace(few, iterations=60, rates=Rates(0.2, 0.08, 0.008), schedule=Cosine(60, 0.05)),
+            tune=replace(few, iterations=30, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(30, 0.05)),
             quantizer=BlockSettings(0.1, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
             new_fraction=0.03,
             new_from_residual=True,
             still_threshold=0.5,
+            follow_motion=True,
         )
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust")
         return _override(cls("quick", intra, inter, detection), overrides)

@@ -18,20 +18,20 @@ added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 
 **g = exp(-sigma).** The computed value lies between exp(-sigma - d(sigma)) and min(exp(-sigma + d(sigma)), 1), times
 1 ± (3 + 2 (sigma + d(sigma))) eps: d(g) is the larger distance, and 2^-126.
 
-**The sum** of n terms: smooth = sum |c| d(g) + gamma_(n+2) sum |c| (g + d(g)).
+**The sum** of n terms: smooth = sum |c| d(g) + gamma_(n+2) sum |c| (g + d(g)) + 2 n eta.
 
 **Coverage.** Where |sigma - ln 255| <= d(sigma) + eps ln 255 (the constant itself is rounded), either decision is
 legal: band = sum over those splats of |c| (g + d(g)).
 
 **Gradients.** A moment is S_m = sum of q m, with q = g (e . c), |q| <= g A where A = sum |e_k c_k|, and m one of u1,
 u2, u1^2, u1 u2, u2^2, whose errors d(m) follow from delta_1 and delta_2 by the product rule. With Q = g A,
-d(Q) = (d(g) + gamma_5 (g + d(g))) A and M = |m| + d(m), over the P pixels that are covered or within the band:
+d(Q) = (d(g) + gamma_5 (g + d(g))) A + 8 eta and M = |m| + d(m), over the P pixels that are covered or in the band:
 
-    d(S_m) = sum (d(Q) M + Q d(m)) + gamma_(P+3) sum (Q + d(Q)) M, and (Q + d(Q)) M again for every pixel in the band.
+    d(S_m) = sum (d(Q) M + Q d(m) + 2 eta) + gamma_(P+3) sum (Q + d(Q)) M + sum over the band of (Q + d(Q)) M.
 
 The same with A = |e_k| and m = 1 gives dL/dc'. Each gradient is then one moment or the difference of two over entries
-of L: their errors, and gamma_12 of their absolute sums, divided likewise. The factor gamma_(P+3) allows any order of
-summation, so that these bounds are loose for large splats; aggregate checks (relative L2 and bias) go with them.
+of L: their errors, gamma_12 of their absolute sums and what underflows, divided likewise. The factor gamma_(P+3) allows
+any order of summation and makes the bound loose for large splats: aggregates (relative L2 and bias) are judged too.
 """
 
 from typing import Final
@@ -120,7 +120,7 @@ def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8
         absolute[at] += (pixels.covered * (pixels.g + errors.d_g))[..., None] * abs(c)
         band[at] += (errors.band * (errors.g_plain + errors.d_g))[..., None] * abs(c)
         terms[at] += (pixels.covered | errors.band)[..., None]
-    return C, smooth + gamma(terms + 2) * (absolute + band) + band
+    return C, smooth + gamma(terms + 2) * (absolute + band) + band + 2 * terms * ETA
 
 
 def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8, F8]:
@@ -168,8 +168,9 @@ def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
     def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:
         """The absolute sum and the error of one moment."""
         M = m + d_m
-        highest = (errors.g_plain * A + d_q_of_a * A) * M
-        error = d_q_of_a * A * M + errors.g_plain * A * d_m + order * highest
+        d_Q = d_q_of_a * A + 8 * ETA
+        highest = (errors.g_plain * A + d_Q) * M
+        error = d_Q * M + errors.g_plain * A * d_m + order * highest + 2 * ETA
         return float(np.sum(highest[either])), float(np.sum(error[either]) + np.sum(highest[errors.band]))
 
     A = abs(e) @ abs(splat[5:])  # (h, w) f8
@@ -192,4 +193,9 @@ def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
 
 def _total(*parts: tuple[tuple[float, float], float]) -> float:
     """The error of a sum of moments times factors, each (absolute sum, error) and factor."""
-    return float(sum((error + gamma(12) * (absolute + error)) * factor + ETA for (absolute, error), factor in parts))
+    return float(
+        sum(
+            (error + gamma(12) * (absolute + error)) * factor + ETA * (1 + absolute + error)
+            for (absolute, error), factor in parts
+        )
+    )

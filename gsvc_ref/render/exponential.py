@@ -26,7 +26,7 @@ def exp_minus_half(s: np.float32) -> np.float32:
     dependent operations is worth more than the one multiplication that it costs.
     """
     t = s * s
-    p = ((C5 * s + C4) * t + (C3 * s + C2)) * t + (C1 * s + C0)
+    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
     p = p * p
     p = p * p
     return p * p

@@ -143,10 +143,10 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
         sd_y = math.sqrt(l21 * l21 + l22 * l22)
         half_height = RADIUS * sd_y
         # Clamped as floats: a centre may be further away than any integer type reaches.
-        left = max(math.ceil(mu_x - half_width - 0.5), 0.0)
-        right = min(math.floor(mu_x + half_width - 0.5), width - 1.0)
-        top = max(math.ceil(mu_y - half_height - 0.5), 0.0)
-        bottom = min(math.floor(mu_y + half_height - 0.5), height - 1.0)
+        left = max(np.ceil(mu_x - half_width - 0.5), 0.0)
+        right = min(np.floor(mu_x + half_width - 0.5), width - 1.0)
+        top = max(np.ceil(mu_y - half_height - 0.5), 0.0)
+        bottom = min(np.floor(mu_y + half_height - 0.5), height - 1.0)
         if left > right or top > bottom:
             continue
         first = int(left) // STRIP_WIDTH
@@ -227,8 +227,8 @@ def row_range(geometry: Any, strip: int, height: int) -> tuple[int, int]:
     high = min(max(-t, left), right)
     bottom = mu_y + l21 * low + l22 * math.sqrt(max(RADIUS * RADIUS - low * low, 0.0))
     top = mu_y + l21 * high - l22 * math.sqrt(max(RADIUS * RADIUS - high * high, 0.0))
-    first = max(math.ceil(top - 0.5), 0.0)
-    last = min(math.floor(bottom - 0.5), height - 1.0)
+    first = max(np.ceil(top - 0.5), 0.0)
+    last = min(np.floor(bottom - 0.5), height - 1.0)
     if left > right or first > last:
         return 0, 0
     return int(first), int(last) + 1

@@ -100,6 +100,7 @@ class Workspace:
         self._buckets = np.zeros(-(-height // BUCKET) + 1, np.int64)
         self._slots = aligned((0, SLOT))
         self._resize(0, np.zeros(0, np.int32), np.zeros(count + 1, np.int64), np.zeros((count, 2), np.int64))
+        self.load(self.parameters)
 
     def _resize(self, splats: int, entries: I4, offsets: I8, weights: I8) -> None:
         """Make room for exactly this number of splats: most calls come with the number of the call before."""

@@ -28,13 +28,16 @@ class Figure:
     label
         What it is.
     value
-        The number as text, with its unit.
+        The number as text.
+    unit
+        Its unit, or nothing.
     note
         One short line below it, or nothing.
     """
 
     label: str
     value: str
+    unit: str = ""
     note: str = ""
 
 

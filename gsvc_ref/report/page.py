@@ -17,12 +17,22 @@ _TYPE_NAMES = {"I": "I, on its own", "P": "P, predicted from the frame before", 
 def write_report(data: ReportData, path: str | Path) -> None:
     """Write the report as one HTML file that needs nothing else: no network, no scripts.
 
+    The page takes the file's name only when it is complete.
+
     Raises
     ------
     OSError
         The file cannot be written.
     """
-    Path(path).write_text(report_html(data), encoding="utf-8")
+    page = report_html(data)
+    target = Path(path)
+    unfinished = target.with_name(target.name + ".part")
+    try:
+        unfinished.write_text(page, encoding="utf-8")
+        unfinished.replace(target)
+    except BaseException:
+        unfinished.unlink(missing_ok=True)
+        raise
 
 
 def report_html(data: ReportData) -> str:
@@ -58,29 +68,33 @@ def _cards(data: ReportData) -> str:
     psnrs = [frame.psnr for frame in data.frames]
     splats = [frame.splats for frame in data.frames]
     seconds = sum(frame.seconds for frame in data.frames)
+    size, size_unit = _bytes(data.file_bytes)
+    mean, mean_unit = _decibels(data.mean_psnr)
     cards = [
-        Figure("File", _bytes(data.file_bytes), f"{thousands(data.file_bytes)} bytes"),
+        Figure("File", size, size_unit, f"{thousands(data.file_bytes)} bytes"),
         Figure(
             "Rate",
-            f"{data.bits_per_pixel:.3f} bpp",
+            f"{data.bits_per_pixel:.3f}",
+            "bits/pixel",
             f"{data.bits_per_second / 1000:,.1f} kbit/s; 1 : {data.compression:,.0f} of raw R′G′B′",
         ),
-        Figure("PSNR, mean", decibels(data.mean_psnr), f"frames {decibels(min(psnrs))} to {decibels(max(psnrs))}"),
+        Figure("PSNR, mean", mean, mean_unit, f"{decibels(min(psnrs))} to {decibels(max(psnrs))}"),
     ]
     if data.ms_ssim is not None:
-        cards.append(Figure("MS-SSIM, mean", f"{data.ms_ssim:.4f}", "1 is identical"))
+        cards.append(Figure("MS-SSIM, mean", f"{data.ms_ssim:.4f}", "", "identical frames: 1"))
     if data.vmaf is not None:
-        cards.append(Figure("VMAF, mean", f"{data.vmaf:.1f}", "of about 100"))
+        cards.append(Figure("VMAF, mean", f"{data.vmaf:.1f}", "", "identical frames: 97 to 100"))
     cards += [
-        Figure("Video", f"{data.width} × {data.height}", f"{data.bit_depth} bits, {_rate(data)} frames/s"),
+        Figure("Video", f"{data.width} × {data.height}", "", f"{data.bit_depth} bits, {_rate(data)} frames/s"),
         Figure(
             "Frames",
             str(count),
+            "",
             f"{', '.join(f'{types[kind]} {kind}' for kind in FRAME_TYPES if types[kind])}; "
             f"{float(count / data.frame_rate):.2f} s",
         ),
-        Figure("Splats per frame", thousands(sum(splats) / count), f"{min(splats):,} to {max(splats):,}"),
-        Figure("Encoding", f"{seconds / count:.2f} s/frame", f"{seconds:.1f} s, preset {data.preset}"),
+        Figure("Splats per frame", thousands(sum(splats) / count), "", f"{min(splats):,} to {max(splats):,}"),
+        Figure("Encoding", f"{seconds / count:.2f}", "s/frame", f"{seconds:.1f} s, preset {data.preset}"),
         *data.figures,
     ]
     return f'<div class="cards">{"".join(_card(card) for card in cards)}</div>'
@@ -88,9 +102,10 @@ def _cards(data: ReportData) -> str:
 
 def _card(figure: Figure) -> str:
     note = f'<div class="note">{html.escape(figure.note)}</div>' if figure.note else ""
+    unit = f' <span class="unit">{html.escape(figure.unit)}</span>' if figure.unit else ""
     return (
         f'<div class="card"><div class="name">{html.escape(figure.label)}</div>'
-        f'<div class="value">{html.escape(figure.value)}</div>{note}</div>'
+        f'<div class="value">{html.escape(figure.value)}{unit}</div>{note}</div>'
     )
 
 
@@ -203,9 +218,14 @@ def _rate(data: ReportData) -> str:
     return f"{float(data.frame_rate):.5g}"
 
 
-def _bytes(count: int) -> str:
-    """A size in the largest decimal unit that fits."""
+def _decibels(psnr: float) -> tuple[str, str]:
+    """A PSNR and its unit."""
+    return (f"{psnr:.2f}", "dB") if math.isfinite(psnr) else ("∞", "dB")
+
+
+def _bytes(count: int) -> tuple[str, str]:
+    """A size and the largest decimal unit that fits."""
     for unit, size in (("MB", 1_000_000), ("kB", 1000)):
         if count >= size:
-            return f"{count / size:.1f} {unit}"
-    return f"{count} B"
+            return f"{count / size:.1f}", unit
+    return str(count), "B"

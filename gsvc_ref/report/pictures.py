@@ -25,7 +25,7 @@ MOST_PREVIEW_BYTES: Final = 1_200_000
 MOST_PREVIEW_FRAMES: Final = 120
 
 _PREVIEW_QUALITIES: Final = (85, 70, 50, 30)
-_PREVIEW_GAP: Final = 4
+_PREVIEW_GAP: Final = 2
 _ELLIPSES: Final = 24
 _PAPER: Final = np.array([250, 250, 248])
 _DOT: Final = np.array([23, 66, 140])

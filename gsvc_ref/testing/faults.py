@@ -24,12 +24,13 @@ class Lie:
     Attributes
     ----------
     element
-        Its name in spec.md; ``align`` is what `align()` skips.
+        Its name in spec.md, also after that of its plane or channel: ``symbol``, ``color_index[1].symbol``,
+        ``l21.cholesky_scale``; ``align`` is what `align()` skips.
     value
         What is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as ``"0110"``;
         or a function from the truth to one of these. A single `f32` is a run of one.
     occurrence
-        Which element of that name lies, counted from 0 through the whole stream.
+        Which element of that name lies, counted from 0 through the stream as it is written: a payload before its chunk.
     """
 
     element: str
@@ -45,15 +46,16 @@ class Liar:
     seen: Counter[str] = field(default_factory=Counter)
     told: set[Lie] = field(default_factory=set)
 
-    def says(self, element: str, truth: Any) -> Any:
-        """What to write for an element."""
-        occurrence = self.seen[element]
-        self.seen[element] += 1
-        for lie in self.lies:
-            if lie.element == element and lie.occurrence == occurrence:
-                self.told.add(lie)
-                return lie.value(truth) if callable(lie.value) else lie.value
-        return truth
+    def says(self, prefix: str, element: str, truth: Any) -> Any:
+        """What to write for an element, whose full name begins with `prefix`."""
+        said = truth
+        for name in {element, prefix + element}:
+            for lie in self.lies:
+                if lie.element == name and lie.occurrence == self.seen[name]:
+                    self.told.add(lie)
+                    said = lie.value(truth) if callable(lie.value) else lie.value
+            self.seen[name] += 1
+        return said
 
     def writer(self, first_bit: int) -> "FaultyWriter":
         """The Writer of a payload or chunk: a `make_writer` for `StreamWriter`."""
@@ -68,7 +70,7 @@ class FaultyWriter(Writer):
         self._liar = liar
 
     def _tell(self, name: str, truth: Any, write: Callable[[Any], object]) -> None:
-        said = self._liar.says(name, truth)
+        said = self._liar.says(self._prefix, name, truth)
         if isinstance(said, bytes) and not isinstance(truth, bytes):
             super().raw(name, len(said), said)
         elif isinstance(said, str):

@@ -83,7 +83,9 @@ SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
 @st.composite
 def planes(draw: st.DrawFn, *, max_count: int = 600, alphabets: st.SearchStrategy[int] | None = None) -> Plane:
     """Planes that make an encoder use every `plane_mode`: one symbol, noise, peaks, few symbols, one odd among many."""
-    alphabet = draw(alphabets or st.one_of(st.integers(1, 20), st.sampled_from((64, 256, 1000, 1024, 4096))))
+    if alphabets is None:
+        alphabets = st.one_of(st.integers(1, 20), st.sampled_from((64, 256, 1000, 1024, 4096)))
+    alphabet = draw(alphabets)
     count = draw(st.integers(1, max_count))
     return Plane(paint_symbols(draw(painters()), draw(st.sampled_from(SYMBOL_KINDS)), count, alphabet), alphabet)
 
@@ -97,7 +99,7 @@ def videos(
     bit_depths: st.SearchStrategy[int] | None = None,
 ) -> tuple[list[NDArray[np.unsignedinteger]], int]:
     """Small videos: frames (H, W, 3) of one size, u1 for 8 bits and u2 for 9 to 16; and their bit depth."""
-    bit_depth = draw(bit_depths or st.sampled_from((8, 10, 12, 16)))
+    bit_depth = draw(st.sampled_from((8, 10, 12, 16)) if bit_depths is None else bit_depths)
     width, height = draw(st.integers(1, max_size)), draw(st.integers(1, max_size))
     rng = draw(painters())
     kind = draw(st.sampled_from(("noise", "flat", "extremes", "moving")))

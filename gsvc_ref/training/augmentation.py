@@ -32,7 +32,7 @@ SIZE_FACTOR: Final = 0.5
 """Deviation of a splat of `image_start` in units of 1 / sqrt(splats per pixel around it)."""
 
 COLOR_SHARE: Final = 0.5
-"""Fraction of what is missing that a splat of `residual_splats` takes as its colour."""
+"""Fraction of the residual that a splat of `residual_splats` takes as its colour."""
 
 
 def random_splats(count: int, width: int, height: int, rng: Generator) -> Splats:
@@ -147,16 +147,18 @@ def image_start(
     return Splats(positions, np.stack([size, np.zeros_like(size), size], axis=1), colors)
 
 
-def residual_splats(residual: F4, count: int, size: float, rng: Generator, *, smoothing: float | None = None) -> Splats:
-    """Small round splats where a picture is worst, coloured with half of what is missing there; ours.
+def residual_splats(
+    residual: F4, count: int, size: float, rng: Generator, *, smoothing: float = 0.0, color_share: float = COLOR_SHARE
+) -> Splats:
+    """Small round splats where a picture is worst, coloured with a part of what is missing there; ours.
 
-    Positions follow the squared residual smoothed by a Gaussian: drawn from the squared residual, then moved by a
-    normal distribution, which is the same and needs no filter.
+    Positions follow the squared residual, smoothed by a Gaussian if asked: drawn from the squared residual, then moved
+    by a normal distribution, which is the same and needs no filter.
 
     Parameters
     ----------
     residual
-        (H, W, 3) f4, picture minus target.
+        (H, W, 3) f4, what is missing: target minus picture.
     count
         Number of splats.
     size
@@ -164,7 +166,9 @@ def residual_splats(residual: F4, count: int, size: float, rng: Generator, *, sm
     rng
         Draws positions.
     smoothing
-        Deviation of the Gaussian in pixels; `size` where not given.
+        Deviation of the Gaussian in pixels, at least 0.
+    color_share
+        Their colour as a fraction of the residual at their centre.
 
     Returns
     -------
@@ -177,15 +181,16 @@ def residual_splats(residual: F4, count: int, size: float, rng: Generator, *, sm
         A size is out of its range, or the residual is not (H, W, 3) or not finite.
     """
     _check_picture(residual)
-    blur = size if smoothing is None else smoothing
-    if not size > 0 or not blur >= 0:
-        raise UsageError(f"size is {size} and smoothing {blur} pixels; they must be above 0 and at least 0")
+    if not size > 0 or not smoothing >= 0:
+        raise UsageError(f"size is {size} and smoothing {smoothing} pixels; they must be above 0 and at least 0")
     height, width = residual.shape[:2]
-    exact = draw_from_density(np.einsum("yxc,yxc->yx", residual, residual), count, rng)
-    moved = exact + rng.normal(0.0, blur, (count, 2))
-    positions = np.clip(moved, 0, [width, height]).astype(np.float32)
+    drawn = draw_from_density(np.einsum("yxc,yxc->yx", residual, residual), count, rng)
+    if smoothing:
+        drawn = drawn + rng.normal(0.0, smoothing, (count, 2)).astype(np.float32)
+    positions = np.clip(drawn, 0, np.array([width, height], np.float32))
     cholesky = np.tile(np.array([size, 0, size], np.float32), (count, 1))
-    return Splats(positions, cholesky, np.float32(-COLOR_SHARE) * residual[_pixels(positions, width, height)])
+    colors = np.float32(color_share) * residual[_pixels(positions, width, height)]  # (count, 3) f4
+    return Splats(positions, cholesky, colors)
 
 
 @kernel()

@@ -104,11 +104,11 @@ class LibavReader(VideoReader):
         self._decoded = 0
         self._last_time: float | None = None
         try:
-            if isinstance(source, Path):  # a playlist must not reach into the network
-                options = {"protocol_whitelist": "file"}
-                self._container = self._av.open("file:" + os.fspath(source), options=options)
-            else:
-                self._container = self._av.open(source)
+            self._container = self._av.open(
+                "file:" + os.fspath(source) if isinstance(source, Path) else source,
+                options={"protocol_whitelist": "file"},  # a playlist must not reach into the network
+                metadata_errors="ignore",
+            )
         except self._av.FFmpegError as error:
             raise self._unreadable(error) from error
         try:
@@ -242,6 +242,8 @@ class LibavReader(VideoReader):
     def _convert(self, picture: av.VideoFrame, number: int) -> Frame:
         buffers, pixels = self._buffers(picture, number)
         video = self._source_format(picture)
+        if video.color != self.format.color:
+            self.note(f"{self._name} changes its colour tags at frame {number}; each frame is converted by its own")
         shapes = video.plane_shapes
         if pixels.alpha is not None:
             if int(take(pixels.alpha, buffers, shapes[0], pixels).min()) < video.peak:

@@ -24,6 +24,8 @@ CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 DEPTHS: Final = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 ADAM7: Final = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
 """Passes of an interlaced PNG: first row, first column, row step, column step."""
+DEFLATE_LEVEL: Final = 4
+"""A fourth of the time of the usual 6 for files that are about 4 % larger, measured on 720p and 1080p pictures."""
 SRGB: Final = (1, 13)
 """H.273 primaries and transfer of sRGB."""
 
@@ -308,7 +310,8 @@ def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None 
     filtered = np.empty((height, 1 + packed.shape[1]), np.uint8)
     _filter(rows, step, filtered)
     size = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0))
-    return SIGNATURE + size + header + _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 6)) + _chunk(b"IEND", b"")
+    picture = _chunk(b"IDAT", zlib.compress(filtered.tobytes(), DEFLATE_LEVEL))
+    return SIGNATURE + size + header + picture + _chunk(b"IEND", b"")
 
 
 def _chunk(kind: bytes, body: bytes) -> bytes:

@@ -1,5 +1,6 @@
 """The paper's rule for stopping early."""
 
+import itertools
 import math
 
 import pytest
@@ -34,7 +35,7 @@ def test_it_stops_where_the_last_differences_are_all_calm(losses: list[float], p
     test = Convergence(patience, tolerance).start()
     for end, loss in enumerate(losses, 1):
         recent = losses[max(0, end - patience - 1) : end]
-        calm = all(abs(b - a) <= tolerance for a, b in zip(recent, recent[1:], strict=False))
+        calm = all(abs(b - a) <= tolerance for a, b in itertools.pairwise(recent))
         assert test.update(loss) == (len(recent) == patience + 1 and calm)
 
 

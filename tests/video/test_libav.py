@@ -45,6 +45,25 @@ def write_clip(path, codec, pictures, *, rate=25, format=None, tags=None, rotati
         container.mux(stream.encode(None))
 
 
+def annex_b(frames, **tags):
+    """Frames as an H.264 byte stream in which each frame stands for itself."""
+    file = io.BytesIO()
+    with closing(av.open(file, "w", format="h264")) as container:
+        stream = container.add_stream("libx264", rate=25, options={"g": "1", "bf": "0"})
+        stream.height, stream.width, _ = frames[0].shape
+        stream.pix_fmt = "yuv420p"
+        for name, value in tags.items():
+            setattr(stream.codec_context, name, value)
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame)))
+        container.mux(stream.encode(None))
+    return file.getvalue()
+
+
+def noise(width, height, count):
+    return list(np.random.default_rng(0).integers(0, 256, (count, height, width, 3), np.uint8))
+
+
 def smooth_frames(width, height, count, dtype=np.uint8, gain=1):
     y, x = np.mgrid[:height, :width]
     return [
@@ -208,6 +227,33 @@ def test_only_the_first_video_stream_is_read(tmp_path):
         assert len(list(reader)) == 2
 
 
+def test_metadata_in_another_encoding(tmp_path):
+    path = tmp_path / "clip.mkv"
+    with closing(av.open(str(path), "w")) as container:
+        container.metadata["title"] = "Cafe"
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 16, 16, "bgr0"
+        container.mux(stream.encode(av.VideoFrame(16, 16, "bgr0")))
+        container.mux(stream.encode(None))
+    data = path.read_bytes()
+    assert b"Cafe" in data
+    path.write_bytes(data.replace(b"Cafe", b"Caf\xe9"))
+    with open_video(path) as reader:
+        assert len(list(reader)) == 1
+
+
+def test_colour_tags_that_change_are_stated(tmp_path):
+    (frame,) = noise(32, 32, 1)
+    (tmp_path / "clip.h264").write_bytes(annex_b([frame], colorspace=1) + annex_b([frame], colorspace=6))
+    with open_video(tmp_path / "clip.h264") as reader:
+        first, second = reader
+        assert reader.format.color.matrix == 1
+        assert f"{tmp_path / 'clip.h264'} changes its colour tags at frame 1; each frame is converted by its own" in (
+            reader.notes
+        )
+    assert np.abs(first.astype(int) - second).mean() > 2
+
+
 def test_interlacing_is_stated(tmp_path):
     path = tmp_path / "clip.mpg"
     with closing(av.open(str(path), "w")) as container:
@@ -271,23 +317,8 @@ def test_an_impossible_matrix_tag_counts_as_unspecified(tmp_path):
         assert "matrix BT.601" in reader.notes[1]
 
 
-def annex_b(width, height, count, seed):
-    """Frames of noise as an H.264 byte stream."""
-    file = io.BytesIO()
-    rng = np.random.default_rng(seed)
-    pictures = [av.VideoFrame.from_ndarray(rng.integers(0, 256, (height, width, 3), np.uint8)) for _ in range(count)]
-    container = av.open(file, "w", format="h264")
-    stream = container.add_stream("libx264", rate=25, options={"g": "1", "bf": "0"})
-    stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-    for picture in pictures:
-        container.mux(stream.encode(picture))
-    container.mux(stream.encode(None))
-    container.close()
-    return file.getvalue()
-
-
 def test_frames_that_change_size(tmp_path):
-    (tmp_path / "clip.h264").write_bytes(annex_b(32, 32, 3, 0) + annex_b(48, 32, 2, 1))
+    (tmp_path / "clip.h264").write_bytes(annex_b(noise(32, 32, 3)) + annex_b(noise(48, 32, 2)))
     with open_video(tmp_path / "clip.h264") as reader:
         assert [next(reader).shape for _ in range(3)] == [(32, 32, 3)] * 3
         with pytest.raises(
@@ -298,7 +329,7 @@ def test_frames_that_change_size(tmp_path):
 
 
 def test_a_damaged_frame_is_named(tmp_path):
-    frames = [annex_b(64, 64, 1, seed) for seed in range(8)]
+    frames = [annex_b([frame]) for frame in noise(64, 64, 8)]
     frames[4] = frames[4][: len(frames[4]) // 2]
     (tmp_path / "clip.h264").write_bytes(b"".join(frames))
     with open_video(tmp_path / "clip.h264") as reader:
@@ -311,12 +342,11 @@ def test_a_damaged_frame_is_named(tmp_path):
 
 def test_a_file_that_is_cut_off_gives_the_frames_before(tmp_path):
     path = tmp_path / "clip.mp4"
-    rng = np.random.default_rng(0)
     with closing(av.open(str(path), "w", options={"movflags": "faststart"})) as container:
         stream = container.add_stream("libx264", rate=25, options={"g": "1", "bf": "0"})
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        for _ in range(10):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(rng.integers(0, 256, (48, 64, 3), np.uint8))))
+        for frame in noise(64, 48, 10):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame)))
         container.mux(stream.encode(None))
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 6 // 10])

@@ -1,0 +1,150 @@
+import io
+import os
+import sys
+from contextlib import suppress
+
+import pytest
+
+from gsvc_ref.cli.progress import DELAY_S, INTERVAL_S, PlainLine, ProgressDisplay, RichLine, kernels_are_cold, open_line
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Recorder:
+    def __init__(self):
+        self.shown = []
+
+    def show(self, text, share):
+        self.shown.append((text, share))
+
+    def clear(self):
+        self.shown.append("clear")
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def recorder():
+    return Recorder()
+
+
+def display(recorder, clock, **options):
+    return ProgressDisplay(stream=Terminal(), clock=clock, line=lambda stream: recorder, **options)
+
+
+def test_time_left_follows_from_the_share_done(recorder):
+    clock = Clock()
+    shown = display(recorder, clock)
+    clock.now += 10
+    shown.update("frame 5/20", 5, 20)
+    shown.close()
+    assert recorder.shown == [("frame 5/20  30 s left", 0.25), "clear"]
+
+
+def test_nothing_is_estimated_without_a_total(recorder):
+    clock = Clock()
+    shown = display(recorder, clock)
+    clock.now += 10
+    shown.update("frame 5", 5, None)
+    assert recorder.shown == [("frame 5", None)]
+
+
+def test_short_commands_and_frequent_updates_show_nothing(recorder):
+    clock = Clock()
+    shown = display(recorder, clock)
+    clock.now += DELAY_S / 2
+    shown.update("too soon", 1, 2)
+    clock.now += DELAY_S
+    shown.update("first", 1, None)
+    clock.now += INTERVAL_S / 2
+    shown.update("too soon again", 1, None)
+    clock.now += INTERVAL_S
+    shown.update("second", 1, None)
+    assert recorder.shown == [("first", None), ("second", None)]
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_silent_when_quiet_or_not_on_a_terminal(recorder, quiet):
+    clock = Clock()
+    stream = Terminal() if quiet else io.StringIO()
+    with ProgressDisplay(quiet=quiet, stream=stream, clock=clock, line=lambda stream: recorder) as shown:
+        clock.now += 10
+        shown.update("frame", 1, 2)
+        shown.status("status")
+        assert not shown.active
+    assert recorder.shown == []
+    assert stream.getvalue() == ""
+
+
+def test_plain_line_overwrites_what_was_longer(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "20")
+    stream = Terminal()
+    line = PlainLine(stream)
+    line.show("a long line that does not fit", None)
+    line.show("short", 0.5)
+    line.clear()
+    first, second, blank, rest = stream.getvalue().split("\r")[1:]
+    assert (first, second, blank, rest) == ("a long line that do", " 50%  short" + " " * 8, " " * 11, "")
+
+
+def test_rich_line_hides_nothing_after_it_is_cleared(monkeypatch):
+    pytest.importorskip("rich")
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Terminal()
+    line = open_line(stream)
+    assert isinstance(line, RichLine)
+    line.show("frame [1]/2", 0.5)
+    line.clear()
+    assert "frame [1]/2" in stream.getvalue()
+    assert "\x1b[?25h" in stream.getvalue()  # the cursor is back
+
+
+@pytest.mark.parametrize("reason", ["dumb terminal", "no rich"])
+def test_plain_line_where_rich_cannot_be(monkeypatch, reason):
+    monkeypatch.setenv("TERM", "dumb" if reason == "dumb terminal" else "xterm")
+    if reason == "no rich":
+        monkeypatch.setitem(sys.modules, "rich.console", None)
+    assert isinstance(open_line(Terminal()), PlainLine)
+
+
+def test_a_first_run_says_that_it_compiles(recorder, monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    with display(recorder, Clock()):
+        assert recorder.shown == [("compiling kernels (first run only) …", None)]
+
+
+def test_kernels_are_cold_until_cached_and_after_a_change(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    source, cache = tmp_path / "render" / "fast.py", tmp_path / "render" / "__pycache__"
+    cache.mkdir(parents=True)
+    source.touch()
+    os.utime(source, (1000, 1000))
+    assert kernels_are_cold(tmp_path)
+    index = cache / "fast.nbi"
+    index.touch()
+    os.utime(index, (2000, 2000))
+    assert not kernels_are_cold(tmp_path)
+    os.utime(source, (3000, 3000))
+    assert kernels_are_cold(tmp_path)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert not kernels_are_cold(tmp_path)
+
+
+def test_a_chosen_cache_folder_is_looked_at(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert kernels_are_cold()
+    with suppress(FileExistsError):
+        (tmp_path / "render_0123").mkdir()
+    (tmp_path / "render_0123" / "fast.nbi").touch()
+    assert not kernels_are_cold()

@@ -1,0 +1,112 @@
+"""The parts of the fast renderer: the exponential, the lists of entries, and the machine code of the inner loops."""
+
+import itertools
+import re
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from llvmlite import binding
+from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, splat_sets
+
+from gsvc_ref.render.bounds import EPS
+from gsvc_ref.render.definition import footprint
+from gsvc_ref.render.exponential import exp_minus_half
+from gsvc_ref.render.strip_sums import add_strip, grad_add_strip
+from gsvc_ref.render.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, row_range, share_strips, strip_count
+from gsvc_ref.render.tasks import objective_task
+from gsvc_ref.render.workspace import Workspace
+
+pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
+
+
+def loaded(splats, width=WIDTH, height=HEIGHT, threads=1):
+    work = Workspace(width, height, threads)
+    work.load(splats.to_array())
+    return work
+
+
+def test_the_exponential_is_within_its_error():
+    s = np.concatenate([np.linspace(0, SUPPORT_SQUARED, 20001), np.geomspace(2.0**-40, 1, 3001)]).astype(np.float32)
+    g = np.array([exp_minus_half(value) for value in s], np.float64)
+    exact = np.exp(-s.astype(np.float64) / 2)
+    assert np.all(abs(g / exact - 1) <= EPS * (5.1 + 1.7 * s))
+    assert exp_minus_half(np.float32(0)) == 1
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(splat_sets(st.one_of(ordinary, extreme)))
+def test_the_lists_hold_every_covered_pixel(splats):
+    """Each pixel that the definition covers lies in the rows of an entry of its strip."""
+    lists = loaded(splats).lists
+    for place, n in enumerate(lists.order):
+        pixels = footprint(splats.to_array()[n].astype(np.float64), WIDTH, HEIGHT)
+        if pixels is None:
+            continue
+        rows, columns = np.nonzero(pixels.covered & (pixels.sigma < 5.541))
+        for row, column in zip(rows + pixels.rows.start, columns + pixels.columns.start, strict=True):
+            s = column // STRIP_WIDTH
+            assert place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
+            first, end = row_range(lists.geometry[place], s, HEIGHT)
+            assert first <= row < end
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(splat_sets(st.one_of(ordinary, extreme), largest=12))
+def test_the_lists_are_consistent(splats):
+    lists = loaded(splats).lists
+    assert sorted(lists.order) == list(range(len(splats)))
+    buckets = (np.clip(splats.positions[:, 1], 0, HEIGHT - 1) // BUCKET).astype(int)
+    assert list(lists.order) == sorted(range(len(splats)), key=lambda n: (buckets[n], n))
+    assert lists.offsets[-1] == lists.base[-1]
+    for s in range(strip_count(WIDTH)):
+        places = lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
+        touching = [p for p in range(len(splats)) if lists.strips[p, 0] <= s < lists.strips[p, 1]]
+        assert list(places) == touching
+
+
+@given(st.lists(st.integers(0, 1000), min_size=1, max_size=40), st.integers(1, 6), st.integers(1, 50))
+def test_the_work_is_shared_out_completely_and_evenly(rows, tasks, height):
+    weights = np.stack([np.ones(len(rows), np.int64), np.array(rows)], axis=1)
+    bounds = np.full(tasks + 1, -1)
+    share_strips(weights, height, bounds)
+    assert bounds[0] == 0
+    assert bounds[-1] == len(rows)
+    assert np.all(np.diff(bounds) >= 0)
+    work = np.array(rows) + height
+    largest = max(np.sum(work[a:b]) for a, b in itertools.pairwise(bounds))
+    assert largest <= np.sum(work) / tasks + np.max(work)
+
+
+def test_a_splat_that_misses_all_centres_has_no_entries():
+    lists = loaded(NAMED["sub-pixel between centres"]).lists
+    assert lists.base.tolist() == [0, 0]
+
+
+@pytest.mark.skipif(not JIT, reason="there is no machine code without the JIT")
+@pytest.mark.skipif(
+    not binding.get_host_cpu_features().get("avx2", False), reason="packed instructions are looked for by AVX2's names"
+)
+@pytest.mark.parametrize("kernel", [add_strip, grad_add_strip, objective_task])
+def test_the_inner_loops_are_packed(kernel):
+    """Past some size of the loop body LLVM falls back to scalar code, ten times slower, without a word.
+
+    A row takes a dozen packed multiplications of each kind; scalar fallbacks for overlapping arrays may stand beside.
+    """
+    work = loaded(population(5, 40, 20), 40, 20)
+    strip, moments = work.buffers[0], np.zeros(96, np.float32)
+    target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
+    arguments = {
+        add_strip: (strip, 0, 20, work.lists),
+        grad_add_strip: (strip, 0, 20, work.lists, work.slots, moments),
+        objective_task: (0, 3, strip, work.lists, work.slots, target, 40, losses, True),
+    }[kernel]
+    # A compilation of its own, since code that comes from the cache cannot be looked at.
+    fresh = numba.jit(**kernel.targetoptions)(kernel.py_func)
+    fresh(*arguments)
+    (code,) = fresh.inspect_asm().values()
+    body = code.split(".Lfunc_end0")[0]
+    packed = re.findall(r"\bv(?:mul|fn?m(?:add|sub)\d+)ps\b.*%[yz]mm", body)
+    assert len(packed) >= 24
