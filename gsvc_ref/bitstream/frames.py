@@ -192,8 +192,6 @@ def _codebooks(s: Coder, header: SequenceHeader, given: Codebooks | None) -> Cod
 
 
 def _colors(s: Coder, header: SequenceHeader, count: int, books: Codebooks, given: U2 | None) -> U2:
-    if given is not None and given.shape[1] != len(books):
-        s.fail("R-6.5-6", f"the colours of a block have indices for {given.shape[1]} stages; there are {len(books)}")
     columns = []
     for k, book in enumerate(books):
         indices = None if given is None else given[:, k]

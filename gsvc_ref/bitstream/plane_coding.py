@@ -134,7 +134,7 @@ def choose_plane_code(symbols: NDArray[np.integer], alphabet: int, header: Seque
     UsageError
         A symbol is not below `alphabet` (R-6.6-2).
     """
-    row: U2 = np.ascontiguousarray(symbols, dtype=np.uint16)
+    row: U2 = np.array(symbols, np.uint16)
     first, last = int(row.min()), int(row.max())
     if last >= alphabet:
         raise UsageError(f"a symbol is {last}; it must be below {alphabet} (R-6.6-2)")

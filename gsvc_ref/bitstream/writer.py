@@ -91,10 +91,6 @@ class StreamWriter:
         GsvcError
             ``invalid``, R-8-1: a reconstructed parameter is not finite. Nothing has been written.
         """
-        if codes.survivors is not None and len(codes.survivors) != len(self.state.splats):
-            raise UsageError(
-                f"survivors tell of {len(codes.survivors)} splats; the frame before has {len(self.state.splats)}"
-            )
         if self._frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
         state = reconstruct(codes, self.state)

@@ -5,7 +5,7 @@ Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what w
 """
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
@@ -16,7 +16,7 @@ from gsvc_ref.cli.compare import add_command as add_compare
 from gsvc_ref.cli.decode import add_command as add_decode
 from gsvc_ref.cli.demo import add_command as add_demo
 from gsvc_ref.cli.encode import add_command as add_encode
-from gsvc_ref.cli.errors import EXIT_USAGE, guarded
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
 from gsvc_ref.cli.info import add_command as add_info
 
 
@@ -57,10 +57,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     parser = build_parser()
     try:
-        arguments: Namespace = parser.parse_args(argv)
+        arguments, unknown = parser.parse_known_args(argv)
     except SystemExit as end:  # argparse has said why
         return int(end.code or 0)
+    command = f"gsvc {arguments.command}" if arguments.command else "gsvc"
+    if unknown:
+        say(command, f"unknown argument {unknown[0]}; see {command} --help")
+        return EXIT_USAGE
     if arguments.command is None:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
-    return guarded(f"gsvc {arguments.command}", lambda: int(arguments.run(arguments)))
+    return guarded(command, lambda: int(arguments.run(arguments)))

@@ -109,9 +109,9 @@ def _pictures(
     before, after = _read(original, last + 1), _read(decoded, last + 1)
     rows = []
     with gsvc_ref.open(clip) as stream:
-        for frame in stream:
-            if frame.number in captions:
-                n, splats = frame.number, frame.splats
+        for shown in stream:
+            if shown.number in captions:
+                n, splats = shown.number, shown.splats
                 rows.append(PictureRow(n, before[n], after[n], splats.positions, splats.cholesky, captions[n]))
     return rows
 

@@ -15,6 +15,7 @@ from gsvc_ref.bitstream import SequenceHeader, StreamWriter, level_for
 from gsvc_ref.codec.detection import TypedFrame, typed_frames
 from gsvc_ref.codec.formats import header_fields
 from gsvc_ref.codec.frame_encoder import EncodedFrame, FrameEncoder
+from gsvc_ref.codec.quantizer_choice import quantizer_fields
 from gsvc_ref.codec.report import EncodeReport, FrameReport, OnProgress, Progress
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.errors import GsvcError, UsageError
@@ -79,21 +80,16 @@ class _Encode:
         ends = [end for end in (count, stop) if end is not None]
         self.frame_count = max(0, min(ends) - start) if ends else None
         self.encoder = FrameEncoder(settings, self.format.width, self.format.height, self.format.bit_depth)
-        self.writer = StreamWriter(file, self._header(), index=settings.index)
+        self.file = file
+        self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
 
     def _header(self) -> SequenceHeader:
-        settings, video = self.settings, self.format
-        blocks = (settings.intra.quantizer, settings.inter.quantizer)
-        level = level_for(video.width, video.height, splats=2 * self.encoder.most)
+        settings, video = self.encoder.settings, self.format
         return SequenceHeader(
-            level=level,
+            level=level_for(video.width, video.height, splats=2 * self.encoder.most),
             parameter_checksum_flag=settings.checksums,
-            cholesky_bits=settings.intra.quantizer.cholesky_bits,
-            color_stages=max(len(block.colors.codewords) for block in blocks),
-            color_codewords=max(max(block.colors.codewords) for block in blocks),
-            entropy_precision=settings.entropy_precision,
-            lane_count=settings.lane_count,
             **header_fields(video),
+            **quantizer_fields(settings),
         )
 
     def run(self) -> EncodeReport:
@@ -106,13 +102,19 @@ class _Encode:
             if not self.reports:
                 raise
             interrupted = True
-        if not self.reports:
+        if self.writer is None:
             raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
-        bits = self.writer.finish()
+        file_bytes = sum(self.writer.finish().values()) // 8
         return EncodeReport(
-            self.writer.header, self.settings, self.reports, sum(bits.values()) // 8, time.perf_counter() - self.begin,
-            self.seconds, interrupted, self.reader.notes,
-        )  # fmt: skip
+            header=self.writer.header,
+            settings=self.encoder.settings,
+            frames=self.reports,
+            file_bytes=file_bytes,
+            seconds=time.perf_counter() - self.begin,
+            seconds_by_stage=self.seconds,
+            interrupted=interrupted,
+            notes=self.reader.notes,
+        )
 
     def _typed(self) -> Iterator[TypedFrame]:
         """The frames with their types; the time between them is that of reading and detecting."""
@@ -133,6 +135,8 @@ class _Encode:
             lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
         with self._timed("write"):
+            if self.writer is None:
+                self.writer = StreamWriter(self.file, self._header(), index=self.settings.index)
             written = self.writer.write_frame(encoded.codes)
         for stage, seconds in encoded.seconds.items():
             self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds

@@ -24,7 +24,7 @@ from gsvc_ref.training.fit import (
     step_factors,
 )  # fmt: skip
 
-REUSE_ERROR: Final = 1.25
+REUSE_ERROR: Final = 2.5
 """The decoder's codebooks are used again if they raise the squared error of the differences by at most this factor."""
 
 STEPS_PSNR: Final = 35.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
 from gsvc_ref.codec.motion import estimated_motion
+from gsvc_ref.codec.quantizer_choice import with_best_quantizer
 from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.codec.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
@@ -50,7 +51,7 @@ class EncodedFrame:
     iterations
         Of all fits and fine-tuning together.
     seconds
-        Time by stage: start, fit, rate, quantize, check.
+        Time by stage: start, fit, choose, rate, quantize, check.
     """
 
     codes: FrameCodes
@@ -69,12 +70,22 @@ class FrameEncoder:
         All settings.
     width, height, bit_depth
         Of the frames.
+
+    Attributes
+    ----------
+    settings
+        Those given; from the first frame on with the quantisers that were chosen for the stream.
+    state
+        The decoder's state after the frames so far.
+    total, most
+        The splats that a frame is meant to have, and the most that it may get.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
         self.picture: F4 | None = None  # the source frame before, (H, W, 3)
+        self.is_first = True
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
 
@@ -82,7 +93,7 @@ class FrameEncoder:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
-        self.state, self.picture = result.state, work.picture
+        self.state, self.picture, self.is_first = result.state, work.picture, False
         return result
 
 
@@ -154,6 +165,11 @@ class _FrameWork:
                 population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=self._report("fit")
             )
             self.iterations += done
+        if self.encoder.is_first:
+            with self._timed("choose"):
+                self.encoder.settings = self.settings = with_best_quantizer(
+                    population, self.objective, self.settings, before, [self.settings.seed]
+                )
         if self.settings.psnr is None:
             return self._finish(*self._quantize(population, settings, before))
         goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most

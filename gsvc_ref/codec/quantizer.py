@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, rvq, to_half_bits
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse
-from gsvc_ref.quantization.rvq_training import RvqState, initialise, update
+from gsvc_ref.quantization.rvq_training import RvqState, initialize, update
 from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
@@ -125,7 +125,7 @@ class BlockQuantizer:
         chosen = self.active[:, 2]
         if not chosen.any():
             chosen = np.ones_like(chosen)
-        return initialise(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
+        return initialize(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
 
     @property
     def quantizer(self) -> Quantizer:
@@ -150,7 +150,7 @@ class BlockQuantizer:
         own_codebooks = color and self.rvq is not None
         return SplatBlock(
             positions=self._position_bits(difference[:, :2]) if position else None,
-            cholesky=lsq.quantise(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
+            cholesky=lsq.quantize(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
             if cholesky
             else None,
             colors=indices if color else None,
@@ -192,7 +192,7 @@ class BlockQuantizer:
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""
         colors = self._difference(values)[:, 5:8]
-        error = rvq.dequantise(rvq.assign(colors, self.codebooks), self.codebooks) - colors
+        error = rvq.dequantize(rvq.assign(colors, self.codebooks), self.codebooks) - colors
         return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())
 
     def learn(self, values: F4, block: SplatBlock, factor: float) -> None:

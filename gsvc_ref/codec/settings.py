@@ -32,6 +32,9 @@ class FrameSettings:
         Quantisation-aware fine-tuning after it.
     quantizer
         The quantisers.
+    candidates
+        I-frames: choices (b, M, B) of which the first frame takes the best by rate and quality for the whole stream;
+        none: those of `quantizer`.
     start
         I-frames: ``random`` as in the paper, or ``image``: drawn from the image.
     new_fraction
@@ -49,6 +52,7 @@ class FrameSettings:
     fit: FitSettings
     tune: FitSettings
     quantizer: BlockSettings
+    candidates: tuple[tuple[int, int, int], ...] = ()
     start: Literal["random", "image"] = "random"
     new_fraction: float = 0.1
     new_from_residual: bool = False
@@ -175,6 +179,7 @@ class Settings:
             fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05), growth=Growth()),
             tune=replace(few, iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(60, 0.05)),
             quantizer=BlockSettings(0.05, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
+            candidates=((7, 2, 16), (8, 2, 32), (8, 3, 16), (8, 3, 32), (9, 3, 32), (10, 3, 64)),
             start="image",
         )
         inter = FrameSettings(
@@ -234,6 +239,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
     _check_range("color_codewords", codewords, 1, 1024)
     if nested.get("iterations") is not None:
         settings = with_iterations(settings, nested["iterations"])
+    if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
+        settings = replace(settings, intra=replace(settings.intra, candidates=()))
     for kind in ("intra", "inter"):
         frame: FrameSettings = getattr(settings, kind)
         quantizer = frame.quantizer

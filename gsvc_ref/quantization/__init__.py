@@ -1,6 +1,6 @@
 """Values <-> codes: binary16 (`half`), LSQ+ (`lsq`), residual vector quantisation (`rvq`), and how these are learned.
 
-What a decoder needs is `from_half_bits`, `lsq.dequantise` and `rvq.dequantise`; everything else is an encoder's.
+What a decoder needs is `from_half_bits`, `lsq.dequantize` and `rvq.dequantize`; everything else is an encoder's.
 """
 
 from gsvc_ref.quantization import lsq, lsq_parameters, rvq, rvq_training

@@ -30,7 +30,7 @@ MAX_BITS: Final = 16
 
 
 class LsqGradients(NamedTuple):
-    """Gradients of a loss through `quantise` and `dequantise`, all f4."""
+    """Gradients of a loss through `quantize` and `dequantize`, all f4."""
 
     x: F4
     """(N, C)"""
@@ -47,7 +47,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
-def quantise(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
+def quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
 
     Parameters
@@ -74,13 +74,13 @@ def quantise(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Co
     s, beta = _checked_channels(scale, offset, values.shape[1])
     codes = np.empty(values.shape, np.uint16)  # (N, C)
     with np.errstate(over="ignore", invalid="ignore"):
-        finite = _quantise(values, s, beta, np.float32(p), codes)
+        finite = _quantize(values, s, beta, np.float32(p), codes)
     if not finite:
-        raise UsageError("a value to quantise is NaN or infinite; every value must be finite")
+        raise UsageError("a value to quantize is NaN or infinite; every value must be finite")
     return codes
 
 
-def dequantise(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
+def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
 
     Parameters
@@ -106,7 +106,7 @@ def dequantise(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     s, beta = _checked_channels(scale, offset, q.shape[1])
     values = np.empty(q.shape, np.float32)  # (N, C)
     with np.errstate(over="ignore"):
-        finite = _dequantise(np.ascontiguousarray(q, np.uint16), s, beta, values)
+        finite = _dequantize(np.ascontiguousarray(q, np.uint16), s, beta, values)
     if not finite:
         raise UsageError("a dequantised value overflows binary32; scale and offset are too large for these codes")
     return values
@@ -132,7 +132,7 @@ def gradients(
     Parameters
     ----------
     x, scale, offset, bits
-        As for `quantise`.
+        As for `quantize`.
     grad_output
         (N, C) f4, dL/dxq.
     gradient_scale
@@ -146,7 +146,7 @@ def gradients(
     Raises
     ------
     UsageError
-        As for `quantise`, or the shape of grad_output differs.
+        As for `quantize`, or the shape of grad_output differs.
     """
     p = largest_code(bits)
     values, grad = _checked_values(x), _checked_values(grad_output)
@@ -158,13 +158,13 @@ def gradients(
     with np.errstate(over="ignore", invalid="ignore"):
         finite = _gradients(values, s, beta, np.float32(p), grad, grad_x, sums)
     if not finite:
-        raise UsageError("a value to quantise is NaN or infinite; every value must be finite")
+        raise UsageError("a value to quantize is NaN or infinite; every value must be finite")
     if gradient_scale:
         sums /= np.sqrt(max(len(values), 1) * p)
     return LsqGradients(grad_x, sums[0].astype(np.float32), sums[1].astype(np.float32))
 
 
-def quantise_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
+def quantize_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
     """The definition of the codes; x (N, C), s and beta (C,), p the largest code."""
     with np.errstate(over="ignore"):  # an infinite t clamps to the end on its side
         t = (x - beta) / s
@@ -172,8 +172,8 @@ def quantise_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
 
 
 @kernel()
-def _quantise(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
-    """Twin of `quantise_plain`; False where a value is not finite."""
+def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
+    """Twin of `quantize_plain`; False where a value is not finite."""
     finite = True
     for n in range(x.shape[0]):
         for c in range(x.shape[1]):
@@ -183,15 +183,15 @@ def _quantise(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
     return finite
 
 
-def dequantise_plain(codes: Codes, s: F4, beta: F4) -> F4:
+def dequantize_plain(codes: Codes, s: F4, beta: F4) -> F4:
     """The definition of the values; codes (N, C), s and beta (C,)."""
     product = codes.astype(np.float32) * s  # a code is exact in binary32
     return np.asarray(product + beta)
 
 
 @kernel()
-def _dequantise(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
-    """Twin of `dequantise_plain`; False where a value is not finite."""
+def _dequantize(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
+    """Twin of `dequantize_plain`; False where a value is not finite."""
     finite = True
     for n in range(codes.shape[0]):
         for c in range(codes.shape[1]):

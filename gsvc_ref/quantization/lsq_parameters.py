@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.lsq import LsqGradients, largest_code, quantise
+from gsvc_ref.quantization.lsq import LsqGradients, largest_code, quantize
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -24,7 +24,7 @@ REFINEMENTS: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class LsqParameters:
-    """What a decoder needs to dequantise C channels.
+    """What a decoder needs to dequantize C channels.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ def bounded_scale(scale: ArrayLike) -> F4:
 def zero_codes(parameters: LsqParameters, bits: int) -> NDArray[np.uint16]:
     """The code nearest to zero in each channel, (C,) u2."""
     zeros = np.zeros((1, len(parameters.scale)), np.float32)
-    return quantise(zeros, parameters.scale, parameters.offset, bits).ravel()
+    return quantize(zeros, parameters.scale, parameters.offset, bits).ravel()
 
 
 def with_exact_zero(parameters: LsqParameters, bits: int) -> LsqParameters:
@@ -202,7 +202,7 @@ def _checked_values(x: ArrayLike) -> F8:
     if values.ndim != 2 or len(values) == 0:
         raise UsageError(f"the values have shape {values.shape}; they must be (N, channels) with N >= 1")
     if not np.isfinite(values).all():
-        raise UsageError("a value to quantise is NaN or infinite; every value must be finite")
+        raise UsageError("a value to quantize is NaN or infinite; every value must be finite")
     return values
 
 

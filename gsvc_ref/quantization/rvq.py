@@ -82,7 +82,7 @@ def assign(
     return indices
 
 
-def dequantise(indices: ArrayLike, codebooks: Codebooks) -> F4:
+def dequantize(indices: ArrayLike, codebooks: Codebooks) -> F4:
     """Sum of the codewords in stage order: C^1[i^1] first, then one binary32 addition per further stage.
 
     Parameters
@@ -205,7 +205,7 @@ def _checked_vectors(x: ArrayLike) -> F4:
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise UsageError(f"x has shape {vectors.shape}; it must be (N, 3)")
     if not np.isfinite(vectors).all():
-        raise UsageError("a vector to quantise is NaN or infinite; every component must be finite")
+        raise UsageError("a vector to quantize is NaN or infinite; every component must be finite")
     return vectors
 
 

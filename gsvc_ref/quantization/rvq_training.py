@@ -94,7 +94,7 @@ class RvqState:
     sums: tuple[F8, ...]
 
 
-def initialise(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: ArrayLike | None = None) -> RvqState:
+def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: ArrayLike | None = None) -> RvqState:
     """Codebooks by k-means (k-means++ seeds, then Lloyd), each stage on the residuals of the one before.
 
     Parameters
@@ -149,7 +149,7 @@ def update(
     indices
         (N, M) u2, `assign`'s choice among state.codebooks.
     settings, weights
-        As for `initialise`.
+        As for `initialize`.
     rng
         Draws the replacements of dead codewords; untouched while none is dead.
 
@@ -161,7 +161,7 @@ def update(
     Raises
     ------
     UsageError
-        As for `initialise`; or indices do not fit.
+        As for `initialize`; or indices do not fit.
     """
     r = residuals(x, indices, state.codebooks)  # (M + 1, N, 3) f4
     if r.shape[1] == 0:

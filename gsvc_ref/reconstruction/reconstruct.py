@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction.codes import F2, F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import Splats
 
@@ -64,8 +64,6 @@ class State:
 def reconstruct(codes: FrameCodes, state: State) -> State:
     """Decode one frame's codes: the state after the frame, whose `splats` are the frame's splats.
 
-    The codes must have passed the checks of spec.md section 6 (the bitstream reader and writer make them).
-
     Parameters
     ----------
     codes
@@ -77,7 +75,11 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
     ------
     GsvcError
         ``invalid``, R-8-1: a parameter is not finite.
+    UsageError
+        The codes do not fit the state or themselves, which those that a reader has read always do.
     """
+    if codes.survivors is not None and len(codes.survivors) != len(state.splats):
+        raise UsageError(f"survivors tell of {len(codes.survivors)} splats; the frame before has {len(state.splats)}")
     if codes.type == "R":  # R-6.4-4
         return state
     before = state.forget() if codes.type == "I" else state
@@ -98,7 +100,9 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
 
 def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]:
     """The inter column of section 8; an attribute without differences keeps its bits."""
-    reference = state.splats if codes.survivors is None else state.splats.take(np.flatnonzero(codes.survivors))
+    reference = state.splats
+    if codes.survivors is not None and not codes.survivors.all():
+        reference = reference.take(np.flatnonzero(codes.survivors))
     positions, cholesky, colors = reference.positions, reference.cholesky, reference.colors
     block = codes.inter
     if block is None:
@@ -106,23 +110,35 @@ def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]
     if block.positions is not None:
         positions = positions + _half(block.positions) * _half_size(state)  # (8-1), (8-2)
     if block.cholesky is not None:
-        assert kept.quantizer is not None
-        cholesky = cholesky + dequantize(block.cholesky, kept.quantizer)  # (8-3)
+        cholesky = cholesky + _dequantized(block.cholesky, kept.quantizer)  # (8-3)
     if block.colors is not None:
-        assert kept.codebooks is not None
-        colors = colors + codeword_sum(block.colors, kept.codebooks)  # (8-4)
+        colors = colors + _summed(block.colors, kept.codebooks)  # (8-4)
     return positions, cholesky, colors
 
 
 def _intra_values(block: SplatBlock, state: State, kept: Kept) -> tuple[F4, F4, F4]:
     """The intra column of section 8."""
-    assert block.positions is not None
-    assert block.cholesky is not None
-    assert block.colors is not None
-    assert kept.quantizer is not None
-    assert kept.codebooks is not None
+    if block.positions is None or block.cholesky is None or block.colors is None:
+        raise UsageError("an intra block needs positions, cholesky and colors (R-6.5-2)")
     positions = (_half(block.positions) + np.float32(1)) * _half_size(state)  # (8-1), (8-2)
-    return positions, dequantize(block.cholesky, kept.quantizer), codeword_sum(block.colors, kept.codebooks)
+    return positions, _dequantized(block.cholesky, kept.quantizer), _summed(block.colors, kept.codebooks)
+
+
+def _dequantized(codes: U2, quantizer: Quantizer | None) -> F4:
+    if quantizer is None:
+        raise UsageError("a block has no quantizer, and none is kept since the last I-frame (R-6.5-4)")
+    return dequantize(codes, quantizer)
+
+
+def _summed(indices: U2, codebooks: Codebooks | None) -> F4:
+    if codebooks is None:
+        raise UsageError("a block has no codebooks, and none are kept since the last I-frame (R-6.5-4)")
+    if indices.shape[1] != len(codebooks) or not codebooks:
+        raise UsageError(f"colors have indices for {indices.shape[1]} stages; there are {len(codebooks)} codebooks")
+    for stage, book in enumerate(codebooks):
+        if len(indices) and indices[:, stage].max() >= len(book):
+            raise UsageError(f"a color index of stage {stage + 1} is not below {len(book)} (R-6.6-2)")
+    return codeword_sum(indices, codebooks)
 
 
 def _half(bits: U2) -> F4:

@@ -55,8 +55,14 @@ def psnr_chart(frames: Sequence[FrameRecord], mean: float) -> str:
     return _svg(parts, height, "PSNR of each frame in dB")
 
 
-def bits_chart(frames: Sequence[FrameRecord], attributes: Sequence[str]) -> str:
-    """Bits of each frame over the frame number: stacked bars, one layer per attribute, from zero."""
+def color_classes(shares: Mapping[str, float]) -> dict[str, int]:
+    """The colour of each part by its rank in size, in the order given: the large ones differ, the smallest share grey."""
+    ranked = sorted(shares, key=lambda name: -shares[name])
+    return {name: min(ranked.index(name), COLORS - 1) for name in shares}
+
+
+def bits_chart(frames: Sequence[FrameRecord], colors: Mapping[str, int]) -> str:
+    """Bits of each frame over the frame number: stacked bars from zero, a layer per attribute that has a colour."""
     high = max(max(frame.bits for frame in frames), 1) * 1.05
     height = 260
     plot_height = height - _TOP - _BOTTOM
@@ -72,13 +78,12 @@ def bits_chart(frames: Sequence[FrameRecord], attributes: Sequence[str]) -> str:
         x = _x(index, frames) - bar / 2
         layers = []
         stacked = 0
-        for color, attribute in enumerate(attributes):
+        for attribute, color in colors.items():
             bits = frame.bits_by_attribute.get(attribute, 0)
             if bits:
                 top, bottom = y_of(stacked + bits), y_of(stacked)
                 layers.append(
-                    f'<rect class="c{color % COLORS}" x="{x:.2f}" y="{top:.2f}" '
-                    f'width="{bar:.2f}" height="{bottom - top:.2f}"/>'
+                    f'<rect class="c{color}" x="{x:.2f}" y="{top:.2f}" width="{bar:.2f}" height="{bottom - top:.2f}"/>'
                 )
                 stacked += bits
         parts.append(f"<g>{_title(frame)}{''.join(layers)}</g>")
@@ -88,13 +93,12 @@ def bits_chart(frames: Sequence[FrameRecord], attributes: Sequence[str]) -> str:
 def share_bar(shares: Mapping[str, float], label: str) -> str:
     """One horizontal bar whose parts are as long as their share of the whole."""
     total = sum(shares.values())
+    colors = color_classes(shares)
     parts, x = [], 0.0
-    for color, (name, value) in enumerate(shares.items()):
+    for name, value in shares.items():
         width = _WIDTH * value / total if total else 0.0
         title = f"<title>{html.escape(name)}: {100 * value / total if total else 0:.1f} %</title>"
-        parts.append(
-            f'<rect class="c{color % COLORS}" x="{x:.2f}" y="0" width="{width:.2f}" height="30">{title}</rect>'
-        )
+        parts.append(f'<rect class="c{colors[name]}" x="{x:.2f}" y="0" width="{width:.2f}" height="30">{title}</rect>')
         x += width
     return (
         f'<svg class="bar" viewBox="0 0 {_WIDTH} 30" preserveAspectRatio="none" role="img" '

@@ -146,7 +146,7 @@ class ReportData:
     bits_by_attribute
         Every bit of the file by what it describes; adds up to 8 `file_bytes`.
     stages
-        Seconds of wall time by what they were spent on, in order; together the whole run.
+        Seconds of wall time by what they were spent on, in order.
     frames
         One record per frame, in order.
     ms_ssim, vmaf
@@ -194,6 +194,9 @@ class ReportData:
             )
         if (total := sum(self.bits_by_attribute.values())) != 8 * self.file_bytes:
             raise UsageError(f"the parts have {total} bits, the file of {self.file_bytes} bytes {8 * self.file_bytes}")
+        for frame in self.frames:
+            if strangers := set(frame.bits_by_attribute) - set(self.bits_by_attribute):
+                raise UsageError(f"frame {frame.number} has bits of {strangers}, which the file's parts do not name")
         if len(self.preview_original) != len(self.preview_decoded):
             raise UsageError(
                 f"the preview has {len(self.preview_original)} original and {len(self.preview_decoded)} decoded "

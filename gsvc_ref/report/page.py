@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
-from gsvc_ref.report.charts import COLORS, bits_chart, decibels, mark_symbol, psnr_chart, share_bar, thousands
+from gsvc_ref.report.charts import bits_chart, color_classes, decibels, mark_symbol, psnr_chart, share_bar, thousands
 from gsvc_ref.report.data import FRAME_TYPES, Figure, FrameRecord, ReportData
 from gsvc_ref.report.gallery import pictures_section, preview_section
 
@@ -126,20 +126,17 @@ def _quality(data: ReportData) -> str:
     )
 
 
-def _attributes(data: ReportData) -> list[str]:
-    """Every attribute in the order of the totals, then any that only a frame names."""
-    names = dict.fromkeys(data.bits_by_attribute)
-    for frame in data.frames:
-        names.update(dict.fromkeys(frame.bits_by_attribute))
-    return list(names)
+def _attributes(data: ReportData) -> dict[str, int]:
+    """Every attribute that a frame has bits of, in the order of the totals, with its colour."""
+    used = {name for frame in data.frames for name, bits in frame.bits_by_attribute.items() if bits}
+    return {name: color for name, color in color_classes(data.bits_by_attribute).items() if name in used}
 
 
 def _bits(data: ReportData) -> str:
     """Bits over time and in total, by attribute."""
     legend = "".join(
-        f'<span><span class="swatch c{color % COLORS}"></span>{html.escape(name)}</span>'
-        for color, name in enumerate(_attributes(data))
-        if any(frame.bits_by_attribute.get(name) for frame in data.frames)
+        f'<span><span class="swatch c{color}"></span>{html.escape(name)}</span>'
+        for name, color in _attributes(data).items()
     )
     return (
         "<h2>Where the bits went</h2>"
@@ -158,7 +155,7 @@ def _time(data: ReportData) -> str:
         return ""
     return (
         "<h2>Where the time went</h2>"
-        '<p class="caption">Wall time of the whole run.</p>'
+        '<p class="caption">Wall time, stage by stage.</p>'
         + share_bar(data.stages, "seconds by stage")
         + _share_table(data.stages, "seconds", lambda seconds: f"{seconds:.2f}")
     )
@@ -167,10 +164,11 @@ def _time(data: ReportData) -> str:
 def _share_table(shares: Mapping[str, float], unit: str, text: Callable[[float], str]) -> str:
     """Name, amount and share of each part, and the total."""
     total = sum(shares.values())
+    colors = color_classes(shares)
     rows = "".join(
-        f'<tr><td class="text"><span class="swatch c{color % COLORS}"></span>{html.escape(name)}</td>'
+        f'<tr><td class="text"><span class="swatch c{colors[name]}"></span>{html.escape(name)}</td>'
         f"<td>{text(value)}</td><td>{100 * value / total if total else 0:.1f} %</td></tr>"
-        for color, (name, value) in enumerate(shares.items())
+        for name, value in shares.items()
     )
     return (
         f'<div class="scroll"><table><thead><tr><th class="text"></th><th>{unit}</th><th>share</th></tr></thead>'
@@ -181,7 +179,7 @@ def _share_table(shares: Mapping[str, float], unit: str, text: Callable[[float],
 
 def _frame_table(data: ReportData) -> str:
     """Every number of every frame."""
-    attributes = [name for name in _attributes(data) if any(name in frame.bits_by_attribute for frame in data.frames)]
+    attributes = list(_attributes(data))
     head = "".join(f"<th>{html.escape(name)}</th>" for name in attributes)
     rows = "".join(_frame_row(frame, attributes) for frame in data.frames)
     return (

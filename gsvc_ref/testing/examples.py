@@ -53,7 +53,8 @@ def rich_frames(count: int = 60) -> list[FrameCodes]:
     books = tuple((np.arange(3 * size).reshape(size, 3) / 16 - 0.5).astype(np.float16) for size in (5, 8))
 
     def block(size: int, spread: float, *, own: bool) -> SplatBlock:
-        positions = _half(np.column_stack([np.sin(n[:size]), np.cos(2 * n[:size])]) * spread)
+        places = np.column_stack([37 * n[:size] % 64, 23 * n[:size] % 64]) / 32 - 1  # all over the frame, exact
+        positions = _half(places * spread)
         cholesky = np.column_stack([codes[:size], codes[:size][::-1], np.full(size, 3)]).astype(np.uint16)
         colors = np.column_stack([codes[:size] % 5, n[:size] % 8]).astype(np.uint16)
         return SplatBlock(positions, cholesky, colors, quantizer if own else None, books if own else None)
@@ -62,7 +63,7 @@ def rich_frames(count: int = 60) -> list[FrameCodes]:
     stay = int(survivors.sum())
     predicted = FrameCodes.predicted_frame(survivors, block(stay, 2.0**-8, own=True), block(2, 0.5, own=False))
     still = FrameCodes.predicted_frame(np.ones(count, np.bool_), SplatBlock())
-    intra = FrameCodes.intra_frame(block(count, 0.9, own=True))
+    intra = FrameCodes.intra_frame(block(count, 1.0, own=True))
     return [intra, predicted, FrameCodes.repeated_frame(), intra, still]
 
 

@@ -72,8 +72,8 @@ class FaultyWriter(Writer):
     def _tell(self, name: str, truth: Any, write: Callable[[Any], object]) -> None:
         said = self._liar.says(self._prefix, name, truth)
         if isinstance(said, bytes) and not isinstance(truth, bytes):
-            super().raw(name, len(said), said)
-        elif isinstance(said, str):
+            said = "".join(f"{byte:08b}" for byte in said)
+        if isinstance(said, str):
             for bit in said:
                 super().u(name, 1, int(bit))
         else:

@@ -24,6 +24,9 @@ SMALLEST_FACTOR: Final = np.float32(0.25)
 STEP_SIZES: Final = (0.3, 4.0)
 """Limits in pixels of the step factor of a splat, half its mean radius sqrt(l11 l22), where steps are relative."""
 
+NEW_SIZE: Final = 0.165
+"""Deviation of a splat that is added where the residual is, in units of the mean distance between splats; measured."""
+
 GEOMETRY: Final = np.arange(PARAMETERS_PER_SPLAT + 1) < 5
 """The columns that steps relative to a splat's size apply to: position and Cholesky factor, (9,) bool."""
 
@@ -273,5 +276,5 @@ def keep_factors(values: F4) -> None:
 
 def new_splats(objective: Objective, count: int, total: int, rng: np.random.Generator) -> Splats:
     """Splats where the last evaluated picture differs most from the target, sized for `total` splats in all."""
-    size = 0.3 * math.sqrt(objective.width * objective.height / total)
+    size = NEW_SIZE * math.sqrt(objective.width * objective.height / total)
     return residual_splats(-objective.residual(), count, size, rng)

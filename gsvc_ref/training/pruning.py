@@ -52,7 +52,7 @@ class PruningSchedule:
 
     @classmethod
     def inter(cls) -> Self:
-        """P-frames: 10 % of the splats, as many as GSA added to 90 % of N, after every 100th iteration from 500 to 1000."""
+        """P-frames: 10 % of the splats, as many as GSA added to 90 % of N, after every 100th from 500 to 1000."""
         return cls(first=500, last=1000)
 
     def counts(self, splats: int, iterations: int) -> dict[int, int]:

@@ -24,17 +24,17 @@ def channels(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
 
 def test_codes_round_half_to_even() -> None:
     x = np.array([[0.5], [1.5], [2.5], [2.4375], [2.5625]], np.float32)
-    assert lsq.quantise(x, [1], [0], 6).ravel().tolist() == [0, 2, 2, 2, 3]
+    assert lsq.quantize(x, [1], [0], 6).ravel().tolist() == [0, 2, 2, 2, 3]
 
 
 def test_codes_clamp_at_both_ends() -> None:
     x = np.array([[-1e30], [-1.0], [63.4], [63.6], [1e30]], np.float32)
-    assert lsq.quantise(x, [1], [0], 6).ravel().tolist() == [0, 0, 63, 63, 63]
+    assert lsq.quantize(x, [1], [0], 6).ravel().tolist() == [0, 0, 63, 63, 63]
 
 
 def test_a_difference_beyond_binary32_clamps() -> None:
     x = np.array([[3e38], [-3e38]], np.float32)
-    assert lsq.quantise(x, [1e-6], [-3e38], 6).ravel().tolist() == [63, 0]
+    assert lsq.quantize(x, [1e-6], [-3e38], 6).ravel().tolist() == [63, 0]
     assert lsq.gradients(x, [1e-6], [-3e38], 6, np.ones((2, 1), np.float32)).x.ravel().tolist() == [0, 1]
 
 
@@ -42,10 +42,10 @@ def test_a_difference_beyond_binary32_clamps() -> None:
 def test_fast_functions_equal_the_definitions_bit_for_bit(case: tuple[np.ndarray, np.ndarray, np.ndarray, int]) -> None:
     x, scale, offset, bits = case
     p = lsq.largest_code(bits)
-    codes = lsq.quantise(x, scale, offset, bits)
-    assert np.array_equal(codes, lsq.quantise_plain(x, scale, offset, p))
-    restored = lsq.dequantise(codes, scale, offset)
-    assert restored.tobytes() == lsq.dequantise_plain(codes, scale, offset).tobytes()
+    codes = lsq.quantize(x, scale, offset, bits)
+    assert np.array_equal(codes, lsq.quantize_plain(x, scale, offset, p))
+    restored = lsq.dequantize(codes, scale, offset)
+    assert restored.tobytes() == lsq.dequantize_plain(codes, scale, offset).tobytes()
     grad_output = np.cos(np.arange(x.size, dtype=np.float32)).reshape(x.shape)
     grad = lsq.gradients(x, scale, offset, bits, grad_output)
     grad_x, grad_s, grad_beta = lsq.gradients_plain(x, scale, offset, p, grad_output)
@@ -59,10 +59,10 @@ def test_values_inside_the_range_move_by_at_most_half_a_step(
     case: tuple[np.ndarray, np.ndarray, np.ndarray, int],
 ) -> None:
     x, scale, offset, bits = case
-    codes = lsq.quantise(x, scale, offset, bits)
+    codes = lsq.quantize(x, scale, offset, bits)
     wide = x.astype(np.float64)
     inside = (wide >= offset) & (wide <= offset + lsq.largest_code(bits) * scale.astype(np.float64))
-    error = np.abs(lsq.dequantise(codes, scale, offset) - wide)
+    error = np.abs(lsq.dequantize(codes, scale, offset) - wide)
     rounding = 2.0**-22 * (np.abs(wide) + np.abs(offset) + scale)  # of the three binary32 operations
     assert (error <= scale / 2 + rounding)[inside].all()
 
@@ -77,8 +77,8 @@ def test_every_code_survives_the_round_trip_where_steps_are_resolved(
 ) -> None:
     offset = float(np.float32(round(offset / scale) % 512 * scale))  # keeps q s + beta within 17 bits of s
     q = np.array(codes, np.uint16).reshape(-1, 1)
-    restored = lsq.dequantise(q, [scale], [offset])
-    assert np.array_equal(lsq.quantise(restored, [scale], [offset], 16), q)
+    restored = lsq.dequantize(q, [scale], [offset])
+    assert np.array_equal(lsq.quantize(restored, [scale], [offset], 16), q)
 
 
 def test_dequantisation_is_two_roundings_not_a_fused_one() -> None:
@@ -88,7 +88,7 @@ def test_dequantisation_is_two_roundings_not_a_fused_one() -> None:
     product = (codes.astype(np.float64) * scale).astype(np.float32)  # exact in binary64, then rounded once
     twice = (product.astype(np.float64) + offset).astype(np.float32)
     fused = (codes.astype(np.float64) * scale + offset).astype(np.float32)
-    assert lsq.dequantise(codes, scale, offset).tobytes() == twice.tobytes()
+    assert lsq.dequantize(codes, scale, offset).tobytes() == twice.tobytes()
     assert (twice != fused).any()  # so the case tells them apart
 
 
@@ -130,44 +130,44 @@ def test_gradients_equal_autograd_through_a_straight_through_round(
 @pytest.mark.parametrize("bits", [0, 17, -1])
 def test_bits_out_of_range_are_refused(bits: int) -> None:
     with pytest.raises(UsageError, match=r"1\.\.16"):
-        lsq.quantise(np.zeros((1, 1)), [1], [0], bits)
+        lsq.quantize(np.zeros((1, 1)), [1], [0], bits)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_numbers_that_are_not_finite_are_refused(bad: float) -> None:
     with pytest.raises(UsageError, match="NaN or infinite"):
-        lsq.quantise([[0.0], [bad]], [1], [0], 6)
+        lsq.quantize([[0.0], [bad]], [1], [0], 6)
     with pytest.raises(UsageError, match="NaN or infinite"):
         lsq.gradients([[0.0], [bad]], [1], [0], 6, [[1.0], [1.0]])
     with pytest.raises(UsageError, match="finite"):
-        lsq.dequantise(np.zeros((1, 1), np.uint8), [1], [bad])
+        lsq.dequantize(np.zeros((1, 1), np.uint8), [1], [bad])
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
 def test_scales_that_are_not_positive_are_refused(scale: float) -> None:
     with pytest.raises(UsageError, match="positive"):
-        lsq.dequantise(np.zeros((1, 1), np.uint8), [scale], [0])
+        lsq.dequantize(np.zeros((1, 1), np.uint8), [scale], [0])
 
 
 def test_values_that_overflow_are_refused() -> None:
     with pytest.raises(UsageError, match="overflows"):
-        lsq.dequantise(np.array([[0], [255]], np.uint8), [3e37], [0])
+        lsq.dequantize(np.array([[0], [255]], np.uint8), [3e37], [0])
 
 
 def test_shapes_and_types_that_do_not_fit_are_refused() -> None:
     with pytest.raises(UsageError, match="uint16"):
-        lsq.dequantise(np.zeros((1, 1), np.int64), [1], [0])
+        lsq.dequantize(np.zeros((1, 1), np.int64), [1], [0])
     with pytest.raises(UsageError, match=r"both must be \(3,\)"):
-        lsq.quantise(np.zeros((2, 3)), [1, 1], [0, 0], 6)
+        lsq.quantize(np.zeros((2, 3)), [1, 1], [0, 0], 6)
     with pytest.raises(UsageError, match=r"\(N, channels\)"):
-        lsq.quantise(np.zeros(3), [1], [0], 6)
+        lsq.quantize(np.zeros(3), [1], [0], 6)
     with pytest.raises(UsageError, match="must be equal"):
         lsq.gradients(np.zeros((2, 1)), [1], [0], 6, np.zeros((1, 1)))
 
 
 def test_no_splats_give_no_codes_and_zero_gradients() -> None:
     none = np.empty((0, 3), np.float32)
-    assert lsq.quantise(none, [1] * 3, [0] * 3, 6).shape == (0, 3)
+    assert lsq.quantize(none, [1] * 3, [0] * 3, 6).shape == (0, 3)
     grad = lsq.gradients(none, [1] * 3, [0] * 3, 6, none, gradient_scale=True)
     assert grad.scale.tolist() == [0, 0, 0]
     assert grad.offset.tolist() == [0, 0, 0]

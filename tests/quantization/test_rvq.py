@@ -47,26 +47,26 @@ def test_stages_quantise_what_is_left_over() -> None:
     x = np.array([[9, 8, 8], [0, 2, 0], [8, 10.5, 8]], np.float32)
     indices = rvq.assign(x, books)
     assert indices.tolist() == [[1, 1], [0, 2], [1, 2]]
-    assert rvq.dequantise(indices, books).tolist() == [[9, 8, 8], [0, 2, 0], [8, 10, 8]]
+    assert rvq.dequantize(indices, books).tolist() == [[9, 8, 8], [0, 2, 0], [8, 10, 8]]
     assert rvq.residuals(x, indices, books)[-1].tolist() == [[0, 0, 0], [0, 0, 0], [0, 0.5, 0]]
 
 
 def test_dequantisation_adds_in_stage_order_in_binary32() -> None:
     books = [np.full((1, 3), value, np.float32) for value in (1.0, 2.0**-24, 2.0**-24)]
     one = np.zeros((1, 3), np.uint8)
-    assert rvq.dequantise(one, books).tolist() == [[1, 1, 1]]
-    assert rvq.dequantise(one, books[::-1]).tolist() == [[1 + 2.0**-23] * 3]
+    assert rvq.dequantize(one, books).tolist() == [[1, 1, 1]]
+    assert rvq.dequantize(one, books[::-1]).tolist() == [[1 + 2.0**-23] * 3]
 
 
 def test_a_single_negative_zero_stays_what_it_is() -> None:
     book = np.full((1, 3), -0.0, np.float32)
-    assert rvq.dequantise(np.zeros((1, 1), np.uint8), [book]).tobytes() == book.tobytes()
+    assert rvq.dequantize(np.zeros((1, 1), np.uint8), [book]).tobytes() == book.tobytes()
 
 
 @given(vectors, codebook_lists)
 def test_the_last_residual_is_the_quantisation_error(x: np.ndarray, books: list[np.ndarray]) -> None:
     indices = rvq.assign(x, books)
-    error = x.astype(np.float64) - rvq.dequantise(indices, books)
+    error = x.astype(np.float64) - rvq.dequantize(indices, books)
     assert np.abs(rvq.residuals(x, indices, books)[-1] - error).max(initial=0) <= 2.0**-19
 
 
@@ -176,11 +176,11 @@ def test_costs_that_make_no_sense_are_refused(penalties: object, weights: object
 )
 def test_indices_that_do_not_fit_are_refused(indices: np.ndarray, message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        rvq.dequantise(indices, [BOOK])
+        rvq.dequantize(indices, [BOOK])
 
 
 def test_counts_that_differ_and_sums_that_overflow_are_refused() -> None:
     with pytest.raises(UsageError, match="counts must be equal"):
         rvq.residuals(np.zeros((2, 3)), np.zeros((1, 1), np.uint8), [BOOK])
     with pytest.raises(UsageError, match="overflows"):
-        rvq.dequantise(np.zeros((1, 2), np.uint8), [np.full((1, 3), 3e38, np.float32)] * 2)
+        rvq.dequantize(np.zeros((1, 2), np.uint8), [np.full((1, 3), 3e38, np.float32)] * 2)

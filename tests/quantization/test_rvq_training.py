@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import rvq
-from gsvc_ref.quantization.rvq_training import REVIVED_COUNT, RvqSettings, RvqState, initialise, update
+from gsvc_ref.quantization.rvq_training import REVIVED_COUNT, RvqSettings, RvqState, initialize, update
 
 vectors = hnp.arrays(
     np.float32,
@@ -37,7 +37,7 @@ def trained(x: np.ndarray, state: RvqState, settings: RvqSettings, steps: int) -
 @given(vectors, st.lists(st.integers(1, 12), min_size=1, max_size=3), st.booleans())
 def test_any_vectors_give_finite_codebooks_of_binary16(x: np.ndarray, codewords: list[int], zero: bool) -> None:
     settings = RvqSettings(codewords=tuple(codewords), zero_codeword=zero)
-    state = initialise(x, settings, np.random.default_rng(0))
+    state = initialize(x, settings, np.random.default_rng(0))
     state = trained(x, state, settings, 3)
     assert [book.shape for book in state.codebooks] == [(count, 3) for count in codewords]
     for book, rounded in zip(state.codebooks, rvq.round_codebooks(state.codebooks), strict=True):
@@ -49,28 +49,28 @@ def test_any_vectors_give_finite_codebooks_of_binary16(x: np.ndarray, codewords:
 def test_few_distinct_vectors_are_met_exactly() -> None:
     distinct = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [5, 5, 5]], np.float32)
     x = distinct[np.random.default_rng(1).integers(0, 5, 60)]
-    state = initialise(x, RvqSettings(codewords=(8,)), np.random.default_rng(2))
+    state = initialize(x, RvqSettings(codewords=(8,)), np.random.default_rng(2))
     assert error(x, state) == 0
     assert {tuple(word) for word in state.codebooks[0]} == {tuple(word) for word in distinct}
 
 
 def test_fewer_vectors_than_codewords_are_met_exactly() -> None:
     x = np.array([[0.5, 0.25, 0], [1, 1, 1]], np.float32)
-    assert error(x, initialise(x, RvqSettings(codewords=(16, 16)), np.random.default_rng(0))) == 0
+    assert error(x, initialize(x, RvqSettings(codewords=(16, 16)), np.random.default_rng(0))) == 0
 
 
 def test_no_vectors_give_zero_codebooks_that_updates_leave_alone() -> None:
     none = np.empty((0, 3), np.float32)
     settings = RvqSettings()
-    state = initialise(none, settings, np.random.default_rng(0))
+    state = initialize(none, settings, np.random.default_rng(0))
     assert [book.tolist() for book in state.codebooks] == [[[0, 0, 0]] * 8] * 2
     assert update(state, none, np.empty((0, 2), np.uint16), settings, np.random.default_rng(0)) is state
 
 
 def test_the_same_generator_gives_the_same_codebooks() -> None:
     x, settings = colors(200), RvqSettings()
-    first, again = (initialise(x, settings, np.random.default_rng(4)) for _ in range(2))
-    other = initialise(x, settings, np.random.default_rng(5))
+    first, again = (initialize(x, settings, np.random.default_rng(4)) for _ in range(2))
+    other = initialize(x, settings, np.random.default_rng(5))
     assert [b.tobytes() for b in first.codebooks] == [b.tobytes() for b in again.codebooks]
     assert [b.tobytes() for b in first.codebooks] != [b.tobytes() for b in other.codebooks]
 
@@ -80,7 +80,7 @@ def test_more_stages_more_codewords_and_more_iterations_lower_the_error() -> Non
 
     def start(codewords: tuple[int, ...], iterations: int) -> float:
         settings = RvqSettings(codewords=codewords, kmeans_iterations=iterations)
-        return error(x, initialise(x, settings, np.random.default_rng(0)))
+        return error(x, initialize(x, settings, np.random.default_rng(0)))
 
     assert start((8,), 5) < start((8,), 0)
     assert start((8, 8), 5) < 0.6 * start((8,), 5)
@@ -109,7 +109,7 @@ def test_one_update_by_hand() -> None:
 
 def test_updates_follow_vectors_that_move() -> None:
     x, settings = colors(300), RvqSettings(codewords=(8, 8))
-    state = initialise(x, settings, np.random.default_rng(0))
+    state = initialize(x, settings, np.random.default_rng(0))
     moved = (x * 0.5 + 2).astype(np.float32)
     assert error(moved, trained(moved, state, settings, 40)) < 0.3 * error(moved, state)
 
@@ -135,7 +135,7 @@ def test_without_errors_a_dead_codeword_stays_and_draws_nothing() -> None:
     x = np.ones((20, 3), np.float32)
     settings = RvqSettings(codewords=(4,), dead_count=2.0)
     rng = np.random.default_rng(0)
-    state = initialise(x, settings, rng)
+    state = initialize(x, settings, rng)
     before = rng.bit_generator.state
     after = update(state, x, rvq.assign(x, state.codebooks), settings, rng)
     assert rng.bit_generator.state == before
@@ -145,20 +145,20 @@ def test_without_errors_a_dead_codeword_stays_and_draws_nothing() -> None:
 def test_the_zero_codeword_is_never_moved_nor_replaced() -> None:
     x = (colors(200) + 10).astype(np.float32)  # far from zero, so codeword 0 is never chosen in stage one
     settings = RvqSettings(codewords=(4, 4), zero_codeword=True, dead_count=5.0)
-    state = initialise(x, settings, np.random.default_rng(0))
+    state = initialize(x, settings, np.random.default_rng(0))
     assert 0 not in rvq.assign(x, state.codebooks)[:, 0]
     state = trained(x, state, settings, 10)
     for book in state.codebooks:
         assert book[0].tobytes() == np.zeros(3, np.float32).tobytes()
-    assert rvq.dequantise(np.zeros((1, 2), np.uint8), state.codebooks).tolist() == [[0, 0, 0]]
+    assert rvq.dequantize(np.zeros((1, 2), np.uint8), state.codebooks).tolist() == [[0, 0, 0]]
 
 
 def test_weights_move_codewords_to_where_they_count() -> None:
     x = colors(600)
     weights = np.where(x[:, 0] > 1.5, 100.0, 1.0)
     settings = RvqSettings(codewords=(8,))
-    alike = initialise(x, settings, np.random.default_rng(0))
-    weighted = initialise(x, settings, np.random.default_rng(0), weights)
+    alike = initialize(x, settings, np.random.default_rng(0))
+    weighted = initialize(x, settings, np.random.default_rng(0), weights)
     assert error(x, weighted, weights) < 0.7 * error(x, alike, weights)
     state, rng = alike, np.random.default_rng(1)
     for _ in range(40):
@@ -168,8 +168,8 @@ def test_weights_move_codewords_to_where_they_count() -> None:
 
 def test_weights_are_relative() -> None:
     x, settings = colors(50), RvqSettings(codewords=(4,))
-    one = initialise(x, settings, np.random.default_rng(0), np.full(50, 0.25))
-    none = initialise(x, settings, np.random.default_rng(0))
+    one = initialize(x, settings, np.random.default_rng(0), np.full(50, 0.25))
+    none = initialize(x, settings, np.random.default_rng(0))
     assert one.codebooks[0].tobytes() == none.codebooks[0].tobytes()
     assert one.counts[0].sum() == 50
 
@@ -177,14 +177,14 @@ def test_weights_are_relative() -> None:
 @pytest.mark.parametrize("weights", [np.zeros(3), np.array([1, -1, 1.0]), np.array([1, np.nan, 1]), np.ones(2)])
 def test_weights_that_make_no_sense_are_refused(weights: np.ndarray) -> None:
     with pytest.raises(UsageError, match="weights"):
-        initialise(np.zeros((3, 3)), RvqSettings(), np.random.default_rng(0), weights)
+        initialize(np.zeros((3, 3)), RvqSettings(), np.random.default_rng(0), weights)
 
 
 def test_vectors_beyond_binary16_are_refused() -> None:
     with pytest.raises(UsageError, match="65504"):
-        initialise(np.full((3, 3), 1e6), RvqSettings(), np.random.default_rng(0))
+        initialize(np.full((3, 3), 1e6), RvqSettings(), np.random.default_rng(0))
     with pytest.raises(UsageError, match="NaN"):
-        initialise(np.full((3, 3), np.nan), RvqSettings(), np.random.default_rng(0))
+        initialize(np.full((3, 3), np.nan), RvqSettings(), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(

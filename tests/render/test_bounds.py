@@ -47,7 +47,8 @@ def assert_gradients_within_bound(splats):
     actual = render_gradients(splats, RESIDUAL).astype(np.float64)
     representable = abs(gradients) + bound < np.finfo(np.float32).max
     assert np.all(abs(actual - gradients)[representable] <= bound[representable])
-    assert np.array_equal(gradients, render_gradients(splats, RESIDUAL, precision="exact"))
+    exact = render_gradients(splats, RESIDUAL, precision="exact")
+    np.testing.assert_allclose(gradients, exact, rtol=1e-9, atol=1e-12 * abs(exact).max(initial=0))
 
 
 @settings(max_examples=EXAMPLES, deadline=None)
@@ -88,7 +89,7 @@ def test_a_coverage_flip_is_inside_the_band_and_nothing_else_is_that_wide():
     edge[10, [6, 14]] = True
     assert np.all(bound[edge] > 1 / 256)
     assert np.all(bound[~edge] < 1e-5)
-    assert np.all(C[~edge] < 1)
+    assert np.all(C[edge] < 1 / 254)
 
 
 def test_the_bound_is_narrow():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.report import Figure, FrameRecord, PictureRow, ReportData, pictures, report_html, write_report
-from gsvc_ref.report.charts import bits_chart, nice_ticks, psnr_chart, share_bar
+from gsvc_ref.report.charts import bits_chart, color_classes, nice_ticks, psnr_chart, share_bar
 
 VOID = {"meta", "img", "source", "br", "hr", "link", "input"}
 
@@ -188,6 +188,7 @@ def test_the_file_appears_only_when_it_is_complete(tmp_path, monkeypatch):
     [
         ({"frames": ()}, "at least one frame"),
         ({"file_bytes": 1}, "the file of 1 bytes 8"),
+        ({"bits_by_attribute": {"positions": 8}, "file_bytes": 1}, "which the file's parts do not name"),
         ({"width": 0}, "0x12"),
         ({"frame_rate": Fraction(0)}, "0 frames per second"),
         ({"bit_depth": 17}, "17 bits"),
@@ -231,18 +232,23 @@ def test_ticks_of_one_value():
 
 
 def test_bars_are_as_high_as_their_bits():
-    frames = [record(0, "I", bits_by_attribute={"a": 3000, "b": 1000}), record(1, bits_by_attribute={"a": 500, "b": 0})]
-    bars = re.findall(
-        r'<rect class="(c\d)" x="([\d.]+)" y="([\d.]+)" width="[\d.]+" height="([\d.]+)"',
-        bits_chart(frames, ["a", "b"]),
-    )
-    assert [bar[0] for bar in bars] == ["c0", "c1", "c0"]
-    heights = [float(bar[3]) for bar in bars]
-    assert heights[0] / heights[1] == pytest.approx(3, rel=1e-2)
-    assert heights[0] / heights[2] == pytest.approx(6, rel=1e-2)
-    bottoms = [float(y) + float(h) for _, _, y, h in bars]
-    assert bottoms[0] == pytest.approx(bottoms[2], abs=0.02)
-    assert bottoms[1] == pytest.approx(float(bars[0][2]), abs=0.02)
+    first = {"a": 3000, "b": 1000, "c": 2000}
+    frames = [record(0, "I", bits_by_attribute=first), record(1, bits_by_attribute={"a": 500, "b": 0})]
+    bar = r'<rect class="(c\d)" x="[\d.]+" y="([\d.]+)" width="[\d.]+" height="([\d.]+)"'
+    bars = [(name, float(y), float(h)) for name, y, h in re.findall(bar, bits_chart(frames, {"a": 4, "b": 0, "c": 9}))]
+    assert [name for name, _, _ in bars] == ["c4", "c0", "c9", "c4"]
+    unit = bars[1][2]
+    np.testing.assert_allclose([height for _, _, height in bars], [3 * unit, unit, 2 * unit, unit / 2], atol=0.03)
+    bottoms = [y + height for _, y, height in bars]
+    assert bottoms[0] == pytest.approx(bottoms[3], abs=0.02)
+    np.testing.assert_allclose(bottoms[1:3], [bars[0][1], bars[1][1]], atol=0.02)
+
+
+def test_the_largest_parts_have_colors_of_their_own():
+    shares = {f"part {size}": size for size in (3, 12, 1, 9, 5, 2, 11, 4, 10, 6, 8, 7)}
+    colors = color_classes(shares)
+    assert list(colors) == list(shares)
+    assert [colors[f"part {size}"] for size in range(12, 0, -1)] == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9]
 
 
 def test_points_stand_at_their_psnr():
@@ -251,6 +257,8 @@ def test_points_stand_at_their_psnr():
     ys = [float(pair.split(",")[1]) for pair in re.search(r'points="([^"]+)"', chart)[1].split()]
     assert ys[2] == pytest.approx((ys[0] + ys[1]) / 2, abs=0.1)
     assert ys[3] < ys[1]
+    tick = re.search(r'y="([\d.]+)" text-anchor="end">32</text>', chart)
+    assert float(tick[1]) - 4 == pytest.approx(ys[2], abs=0.11)
     assert "mean" not in chart
     for kind in ("mark-i", "mark-p", "mark-r"):
         assert kind in chart

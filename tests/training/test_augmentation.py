@@ -146,33 +146,32 @@ def test_tiny_pictures_have_a_start(height: int, width: int, count: int) -> None
 
 def test_residual_splats_go_where_the_picture_is_wrong() -> None:
     residual = np.zeros((40, 60, 3), np.float32)
-    residual[10:14, 20:24] = [-0.8, 0.4, 0.0]  # the picture is too dark in red, too light in green
-    splats = residual_splats(residual, 200, 1.5, generator(), color_share=0.5)
+    residual[10:14, 20:24] = [0.8, -0.4, 0.0]  # the picture lacks red and has too much green
+    splats = residual_splats(residual, 200, 1.5, generator())
     x, y = splats.positions.T
     assert ((x >= 20) & (x <= 24) & (y >= 10) & (y <= 14)).all()
     assert np.unique(splats.cholesky, axis=0).tolist() == [[1.5, 0, 1.5]]
-    assert np.unique(splats.colors, axis=0) == pytest.approx(np.array([[0.4, -0.2, 0.0]]))
+    inside = (x % 1 > 0) & (y % 1 > 0)  # a rounded position may stand on the edge of the next pixel
+    assert np.unique(splats.colors[inside], axis=0) == pytest.approx(np.array([[0.4, -0.2, 0.0]]))
 
 
-def test_smoothing_moves_splats_by_a_normal_distribution() -> None:
-    residual = np.zeros((41, 41, 3), np.float32)
-    residual[20, 20] = 1.0
-    moved = residual_splats(residual, 4000, 1.0, generator(), smoothing=2.0).positions - 20.5
-    assert np.abs(moved.mean(axis=0)).max() < 5 * 2.0 / math.sqrt(4000)
-    assert moved.std(axis=0) == pytest.approx([math.sqrt(4 + 1 / 12)] * 2, rel=0.06)
+def test_residual_splats_follow_the_cube_of_the_residual() -> None:
+    residual = np.zeros((1, 2, 3), np.float32)
+    residual[0, :, 1] = [-0.5, 1.0]
+    left = np.count_nonzero(residual_splats(residual, 9000, 1.0, generator()).positions[:, 0] < 1)
+    assert abs(left - 1000) < 5 * math.sqrt(9000 * 8 / 81)
 
 
-def test_new_splats_are_black_unless_asked_otherwise() -> None:
-    residual = generator().normal(size=(8, 8, 3)).astype(np.float32)
-    splats = residual_splats(residual, 7, 1.0, generator())
+def test_residual_splats_lower_the_error() -> None:
+    residual = np.ones((20, 20, 1), np.float32) * np.array([0.5, -0.3, 0.1], np.float32)
+    splats = residual_splats(residual, 40, 1.0, generator())
+    assert np.square(residual - render_sum(splats, 20, 20)).sum() < np.square(residual).sum()
+
+
+def test_a_picture_without_error_gets_invisible_splats() -> None:
+    splats = residual_splats(np.zeros((4, 4, 3), np.float32), 7, 1.0, generator())
     assert len(splats) == 7
     assert not splats.colors.any()
-
-
-def test_coloured_splats_lower_the_error() -> None:
-    residual = np.square(generator().normal(size=(1, 1, 3))).astype(np.float32) * np.ones((20, 20, 1), np.float32)
-    splats = residual_splats(residual, 40, 1.0, generator(1), color_share=0.5)
-    assert np.square(render_sum(splats, 20, 20) + residual).sum() < np.square(residual).sum()
 
 
 @pytest.mark.parametrize("kind", [{"gradient_share": 1.5}, {"gradient_share": -0.1}, {"size_factor": 0.0}])
@@ -182,10 +181,9 @@ def test_parameters_out_of_range_are_refused(kind: dict[str, float]) -> None:
 
 
 def test_sizes_out_of_range_and_other_shapes_are_refused() -> None:
-    residual = np.zeros((4, 4, 3), np.float32)
-    for size, smoothing in ((0.0, 1.0), (1.0, -1.0), (math.nan, 0.0)):
+    for size in (0.0, -1.0, math.nan):
         with pytest.raises(UsageError, match="size"):
-            residual_splats(residual, 3, size, generator(), smoothing=smoothing)
+            residual_splats(np.zeros((4, 4, 3), np.float32), 3, size, generator())
     for shape in ((4, 4), (4, 4, 4), (0, 4, 3)):
         with pytest.raises(UsageError, match=r"\(H, W, 3\)"):
             image_start(np.zeros(shape, np.float32), 3, generator())

@@ -1,0 +1,79 @@
+"""The public strategies keep their promises and reach every corner of the syntax."""
+
+from collections import Counter
+
+import numpy as np
+from hypothesis import find, given, settings
+from hypothesis import strategies as st
+
+from gsvc_ref.bitstream import SequenceHeader, StreamReader
+from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing import Plane, Stream, frames, headers, planes, splat_sets, streams, videos
+
+
+@given(splat_sets(30, 20, min_count=2, max_count=9))
+def test_splat_sets(splats: Splats) -> None:
+    assert 2 <= len(splats) <= 9
+    assert (splats.cholesky[:, [0, 2]] > 0).all()
+
+
+def test_hard_splat_sets_have_degenerate_and_huge_ones() -> None:
+    find(splat_sets(hard=True), lambda splats: bool((np.abs(splats.cholesky[:, [0, 2]]) < 2.0**-126).any()))
+    find(splat_sets(hard=True), lambda splats: bool((np.abs(splats.positions) > 1e30).any()))
+
+
+@given(planes())
+def test_planes(plane: Plane) -> None:
+    assert len(plane.symbols) >= 1
+    assert plane.symbols.dtype == np.uint16
+    assert plane.symbols.max() < plane.alphabet
+
+
+@given(videos())
+def test_videos(video: tuple[list[np.ndarray], int]) -> None:
+    sequence, bit_depth = video
+    assert len({frame.shape for frame in sequence}) == 1
+    for frame in sequence:
+        assert frame.ndim == 3
+        assert frame.shape[2] == 3
+        assert frame.dtype == (np.uint8 if bit_depth == 8 else np.uint16)
+        assert frame.max() < 2**bit_depth
+
+
+@given(headers(), st.data())
+@settings(max_examples=30)
+def test_frames_fit_their_state(header: SequenceHeader, data: st.DataObject) -> None:
+    state = State.initial(header.width, header.height)
+    for types in ("I", "P", "R", "IPR"):
+        codes = data.draw(frames(header, state, types=types, max_count=6))
+        assert codes.type in types
+        state = reconstruct(codes, state)
+        assert len(state.splats) == codes.survivor_count + codes.intra_count or codes.type == "R"
+
+
+def test_streams_reach_every_corner_of_the_syntax() -> None:
+    """In 100 examples: every frame type, plane mode, flag and chunk."""
+    seen: Counter[str] = Counter()
+
+    @settings(max_examples=100, database=None, derandomize=True)
+    @given(streams(max_frames=4, max_count=90))
+    def look(stream: Stream) -> None:
+        def note(element: object) -> None:
+            name = element.name.split(".")[-1]  # type: ignore[attr-defined]
+            seen[name] += 1
+            if name == "plane_mode" or name.endswith("_present"):
+                seen[f"{name} = {element.value}"] += 1  # type: ignore[attr-defined]
+
+        reader = StreamReader(stream.data, trace=note)
+        for frame in reader:
+            seen[f"type {frame.type}"] += 1
+            seen["several lanes"] += reader.header.lane_count > 1
+            seen["frame count"] += reader.header.frame_count > 0
+
+    look()
+    flags = ("positions", "cholesky", "quantizer", "colors", "codebooks")
+    wanted = [f"{flag}_present = {value}" for flag in flags for value in (0, 1)]
+    wanted += [f"plane_mode = {mode}" for mode in (0, 1, 2)] + [f"type {letter}" for letter in "IPR"]
+    wanted += ["several lanes", "frame count", "entry_count", "parameter_checksum", "payload", "unknown", "word"]
+    assert [what for what in wanted if not seen[what]] == []
