@@ -66,7 +66,11 @@ def _detected(
 ) -> Iterator[tuple[int, Frame, bool, str]]:
     detection = settings.detection
     selector = KeyFrameSelector(
-        window=detection.window, threshold=detection.threshold, rule=detection.rule, causal=settings.low_latency
+        window=detection.window,
+        threshold=detection.threshold,
+        rule=detection.rule,
+        causal=settings.low_latency,
+        guard_ratio=detection.guard_ratio,
     )
     pretraining = Pretraining(settings)
     waiting: deque[tuple[int, Frame]] = deque()
@@ -106,7 +110,7 @@ class Pretraining:
         )
         inter_loss = None
         if self.before is not None:
-            inter_loss, _ = self._fit(self.before, objective, self.settings.intra)
+            inter_loss, _ = self._fit(self.before, objective, self.settings.inter)
         self.before = splats
         return intra_loss, inter_loss
 

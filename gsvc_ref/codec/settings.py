@@ -8,6 +8,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.training.adan import AdanSettings
 from gsvc_ref.training.fit import FitSettings, Growth, Rates
+from gsvc_ref.training.keyframes import GUARD_RATIO
 from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.training.schedule import Cosine
 
@@ -78,6 +79,8 @@ class DetectionSettings:
         A key frame exceeds the mean by this many standard deviations.
     rule
         ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
+    guard_ratio
+        By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
     """
 
     iterations: int = 500
@@ -86,6 +89,7 @@ class DetectionSettings:
     window: int = 10
     threshold: float = 3.0
     rule: Literal["paper", "robust"] = "paper"
+    guard_ratio: float = GUARD_RATIO
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,7 @@ class Settings:
             still_threshold=0.5,
             follow_motion=True,
         )
-        detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust")
+        detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
         return _override(cls("quick", intra, inter, detection), overrides)
 
     def most_splats(self, width: int, height: int) -> int:

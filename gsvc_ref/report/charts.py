@@ -56,7 +56,7 @@ def psnr_chart(frames: Sequence[FrameRecord], mean: float) -> str:
 
 
 def color_classes(shares: Mapping[str, float]) -> dict[str, int]:
-    """The colour of each part by its rank in size, in the order given: the large ones differ, the smallest share grey."""
+    """The colour of each part by its rank in size, in the order given: large ones differ, the smallest are all grey."""
     ranked = sorted(shares, key=lambda name: -shares[name])
     return {name: min(ranked.index(name), COLORS - 1) for name in shares}
 

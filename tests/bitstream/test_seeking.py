@@ -85,10 +85,9 @@ def test_an_index_may_name_fewer_i_frames() -> None:
 def test_seeking_reads_little() -> None:
     data = write_stream(RICH_HEADER, FRAMES, index=False)
     whole, indexed, hopped = Counted(data), Counted(write_stream(RICH_HEADER, FRAMES)), Counted(data)
-    list(StreamReader(whole))
+    intra_chunk = list(StreamReader(whole))[8].size
     list(StreamReader(indexed).frames(8, 9))
     list(StreamReader(hopped).frames(8, 9))
-    intra_chunk = 442
     assert indexed.count < 200 + 2 * intra_chunk  # the I-frame is read to see whether the index is true, then decoded
     assert hopped.count < 200 + intra_chunk
     assert whole.count == len(data)

@@ -4,6 +4,8 @@ import io
 import json
 import subprocess
 import sys
+import tracemalloc
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -121,8 +123,6 @@ print(json.dumps([[parameter_checksum(f.splats), zlib.adler32(f.splats.tobytes()
 
 
 def test_another_process_reads_the_same_bits(tmp_path: Path) -> None:
-    import zlib
-
     path = tmp_path / "rich.gsvc"
     with path.open("wb") as target:
         writer = StreamWriter(target, RICH_HEADER)
@@ -300,11 +300,23 @@ def test_later_minor_version_may_append_to_the_header() -> None:
         StreamReader(write_stream(OVERVIEW_HEADER, overview_frames(), lies=lies[1:]))
 
 
-def test_a_million_frames_need_no_memory_to_write() -> None:
-    """What the writer keeps is one index entry for each I-frame."""
-    writer = StreamWriter(Pipe(most=1 << 20), OVERVIEW_HEADER)
+def test_memory_does_not_grow_with_the_number_of_frames() -> None:
+    """Neither of the writer, which keeps an index entry for each I-frame, nor of the reader."""
     intra, _, repeated = overview_frames()
-    writer.write_frame(intra)
-    for _ in range(300):
-        writer.write_frame(repeated)
-    assert len(writer._entries or []) == 1
+
+    def peak(frames: int) -> int:
+        pipe = Pipe(most=1 << 20)
+        tracemalloc.start()
+        try:
+            writer = StreamWriter(pipe, OVERVIEW_HEADER)
+            writer.write_frame(intra)
+            for _ in range(frames):
+                writer.write_frame(repeated)
+            writer.finish()
+            assert sum(1 for _ in StreamReader(pipe)) == frames + 1
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(1)
+    assert peak(400) < peak(40) + 20 * 400  # the bytes of the pipe itself, 7 a frame, and of a copy
