@@ -104,12 +104,18 @@ def dequantize(indices: ArrayLike, codebooks: Codebooks) -> F4:
     """
     books = _checked_codebooks(codebooks)
     chosen = _checked_indices(indices, books)
-    values = np.take(books[0], chosen[:, 0], axis=0)  # (N, 3) f4
     with np.errstate(over="ignore"):
-        for k in range(1, len(books)):
-            values += np.take(books[k], chosen[:, k], axis=0)
+        values = codeword_sum(chosen, books)
     if not np.isfinite(values).all():
         raise UsageError("a sum of codewords overflows binary32; the codewords are too large")
+    return values
+
+
+def codeword_sum(indices: NDArray[np.unsignedinteger], codebooks: Codebooks) -> F4:
+    """The definition of the colours, without any check: (N, 3) f4 of indices (N, M); a decoder calls this (8-4)."""
+    values: F4 = codebooks[0].take(indices[:, 0], axis=0)  # (N, 3) f4
+    for k in range(1, len(codebooks)):
+        values += codebooks[k].take(indices[:, k], axis=0)
     return values
 
 

@@ -5,7 +5,7 @@ drift from its decoders.
 """
 
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, FrameType, Quantizer, SplatBlock
-from gsvc_ref.reconstruction.reconstruct import Kept, State, codeword_sum, dequantize, reconstruct
+from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct
 from gsvc_ref.reconstruction.work import rendering_work
 
 __all__ = [
@@ -17,8 +17,6 @@ __all__ = [
     "Quantizer",
     "SplatBlock",
     "State",
-    "codeword_sum",
-    "dequantize",
     "reconstruct",
     "rendering_work",
 ]

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.quantization import lsq, rvq
 from gsvc_ref.reconstruction.codes import F2, F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import Splats
 
@@ -127,7 +128,7 @@ def _intra_values(block: SplatBlock, state: State, kept: Kept) -> tuple[F4, F4, 
 def _dequantized(codes: U2, quantizer: Quantizer | None) -> F4:
     if quantizer is None:
         raise UsageError("a block has no quantizer, and none is kept since the last I-frame (R-6.5-4)")
-    return dequantize(codes, quantizer)
+    return lsq.dequantize_plain(codes, quantizer.scale, quantizer.offset)
 
 
 def _summed(indices: U2, codebooks: Codebooks | None) -> F4:
@@ -138,7 +139,7 @@ def _summed(indices: U2, codebooks: Codebooks | None) -> F4:
     for stage, book in enumerate(codebooks):
         if len(indices) and indices[:, stage].max() >= len(book):
             raise UsageError(f"a color index of stage {stage + 1} is not below {len(book)} (R-6.6-2)")
-    return codeword_sum(indices, codebooks)
+    return rvq.codeword_sum(indices, [book.astype(np.float32) for book in codebooks])
 
 
 def _half(bits: U2) -> F4:
@@ -150,15 +151,3 @@ def _half(bits: U2) -> F4:
 def _half_size(state: State) -> F4:
     return np.array([state.width, state.height], np.float32) / np.float32(2)  # (2,) f4, exact
 
-
-def dequantize(codes: U2, quantizer: Quantizer) -> F4:
-    """Values (N, 3) f4 in pixels of Cholesky codes (N, 3) u2: fl(fl(q · s) + β) of (8-3)."""
-    return codes.astype(np.float32) * quantizer.scale + quantizer.offset
-
-
-def codeword_sum(indices: U2, codebooks: Codebooks) -> F4:
-    """Colours (N, 3) f4 of indices (N, stages) u2: the codewords added in the order of the stages (8-4)."""
-    total: F4 = codebooks[0].astype(np.float32).take(indices[:, 0], axis=0)  # (N, 3) f4
-    for stage in range(1, len(codebooks)):
-        total = total + codebooks[stage].astype(np.float32).take(indices[:, stage], axis=0)
-    return total

@@ -12,16 +12,15 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.render.exponential import exp_minus_half
 from gsvc_ref.render.strips import (
-    BACKWARD_ROWS,
     F4,
     F8,
-    FORWARD_ROWS,
     LANES,
     ROW,
+    ROWS,
     SLOT,
     STRIP_WIDTH,
     SUPPORT_SQUARED,
-    Lists,
+    Selection,
     row_range,
 )
 
@@ -34,12 +33,12 @@ MOMENTS: Final = 6
 
 @kernel(contract=True, inline=True)
 def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
-    """Add one splat to FORWARD_ROWS rows of a strip: C += c' exp(-(u^2 + v^2) / 2) where u^2 + v^2 <= 2 ln 255.
+    """Add one splat to ROWS rows of a strip: C += c' exp(-(u^2 + v^2) / 2) where u^2 + v^2 <= 2 ln 255.
 
     Parameters
     ----------
     strip
-        (FORWARD_ROWS * ROW,) f4, these rows.
+        (ROWS * ROW,) f4, these rows.
     x, y
         The centre of their first pixel.
     record
@@ -50,7 +49,7 @@ def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
     for k in range(STRIP_WIDTH):
         u = ((x + LANES[k]) - mu_x) * inverse_l11
         shear = (l * u) * f
-        for row in range(FORWARD_ROWS):
+        for row in range(ROWS):
             v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
             s = u * u + v * v
             g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
@@ -61,7 +60,7 @@ def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
 
 @kernel(contract=True, inline=True)
 def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
-    """The transpose of `add_rows`: add, per lane, what BACKWARD_ROWS rows of dL/dC contribute to one splat's moments.
+    """The transpose of `add_rows`: add, per lane, what ROWS rows of dL/dC contribute to one splat's moments.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
         (MOMENTS * STRIP_WIDTH,) f4: per lane the sums of q, q v, q v^2, g e_red, g e_green and g e_blue, where
         e = dL/dC and q = g (e . c'). Within a strip u is constant per lane: the moments with u follow from these.
     strip
-        (BACKWARD_ROWS * ROW,) f4, dL/dC of these rows.
+        (ROWS * ROW,) f4, dL/dC of these rows.
     """
     mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
     red, green, blue = record[6], record[7], record[8]
@@ -77,7 +76,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
         u = ((x + LANES[k]) - mu_x) * inverse_l11
         shear = (l * u) * f
         m_q, m_qv, m_qvv, m_red, m_green, m_blue = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-        for row in range(BACKWARD_ROWS):
+        for row in range(ROWS):
             v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
             s = u * u + v * v
             g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
@@ -140,31 +139,29 @@ def fold_moments(moments: F4, x: np.float32, record: Any, slot: F4) -> None:
 
 
 @kernel()
-def add_strip(strip: F4, s: int, height: int, lists: Lists) -> None:
-    """Render strip s: zero the buffer ((height + SPARE_ROWS) * ROW,) f4 and add the entries in order."""
+def add_strip(strip: F4, s: int, selection: Selection, count: int) -> None:
+    """Render strip s: zero the buffer ((height + SPARE_ROWS) * ROW,) f4 and add the selected entries in order."""
     strip[:] = ZERO
     x = np.float32(s * STRIP_WIDTH) + HALF
-    for place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]:
-        first, end = row_range(lists.geometry[place], s, height)
-        for y in range(first, end, FORWARD_ROWS):
-            rows = strip[y * ROW : (y + FORWARD_ROWS) * ROW]
-            add_rows(rows, x, np.float32(y) + HALF, lists.records[place])
+    for i in range(count):
+        for y in range(selection.rows[i, 0], selection.rows[i, 1], ROWS):
+            rows = strip[y * ROW : (y + ROWS) * ROW]
+            add_rows(rows, x, np.float32(y) + HALF, selection.records[i])
 
 
 @kernel()
-def grad_add_strip(strip: F4, s: int, height: int, lists: Lists, slots: F4, moments: F4) -> None:
+def grad_add_strip(strip: F4, s: int, selection: Selection, count: int, slots: F4, moments: F4) -> None:
     """Gather dL/dC of strip s, zero in the spare rows, into the slots (entries, SLOT) f4 of the strip's entries.
 
     `moments` is (MOMENTS * STRIP_WIDTH,) f4 scratch.
     """
     x = np.float32(s * STRIP_WIDTH) + HALF
-    for place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]:
-        first, end = row_range(lists.geometry[place], s, height)
+    for i in range(count):
         moments[:] = ZERO
-        for y in range(first, end, BACKWARD_ROWS):
-            rows = strip[y * ROW : (y + BACKWARD_ROWS) * ROW]
-            grad_add_rows(moments, rows, x, np.float32(y) + HALF, lists.records[place])
-        fold_moments(moments, x, lists.records[place], slots[lists.base[place] + s - lists.strips[place, 0]])
+        for y in range(selection.rows[i, 0], selection.rows[i, 1], ROWS):
+            rows = strip[y * ROW : (y + ROWS) * ROW]
+            grad_add_rows(moments, rows, x, np.float32(y) + HALF, selection.records[i])
+        fold_moments(moments, x, selection.records[i], slots[selection.rows[i, 2]])
 
 
 @kernel()
@@ -203,12 +200,12 @@ def grad_splat(slots: F4, splat: F4, scale: float, sums: F8, gradient: F4) -> No
 
 
 @kernel(contract=True)
-def count_strip(s: int, width: int, height: int, record: Any, geometry: Any) -> int:
+def count_strip(s: int, width: int, height: int, record: Any) -> int:
     """How many pixels of strip s one splat covers, by the decision of `add_rows`."""
     mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
     x = np.float32(s * STRIP_WIDTH) + HALF
-    first, end = row_range(geometry, s, height)
-    end = min(first + -(-(end - first) // FORWARD_ROWS) * FORWARD_ROWS, height)
+    first, end = row_range(record, s, height)
+    end = min(first + -(-(end - first) // ROWS) * ROWS, height)
     pixels = 0
     for y in range(first, end):
         for k in range(min(STRIP_WIDTH, width - s * STRIP_WIDTH)):

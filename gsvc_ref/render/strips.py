@@ -23,16 +23,18 @@ CHANNELS: Final = 3
 ROW: Final = CHANNELS * STRIP_WIDTH
 """Floats in a row of a strip."""
 
-FORWARD_ROWS: Final = 2
-BACKWARD_ROWS: Final = 3
-"""Rows that the inner loops handle at once. More hide latency, until 16 vector registers (AVX2) spill; from about 8 on
-LLVM gives up and emits scalar code, ten times slower."""
+ROWS: Final = 3
+"""Rows that the inner loops handle at once, to hide latency. Four spill the 16 vector registers of AVX2, and from about
+eight on LLVM gives up and emits scalar code, ten times slower."""
 
-SPARE_ROWS: Final = max(FORWARD_ROWS, BACKWARD_ROWS) - 1
+SPARE_ROWS: Final = ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
 BUCKET: Final = 8
 """Rows of mu_y that share a place in the splat order (see `order_by_row`)."""
+
+RECORD: Final = 16
+"""Floats of a record in `Lists`: 64 bytes, of which twelve numbers are used."""
 
 SLOT: Final = 8
 """Sums that the backward pass keeps per entry: q u, q v, q u^2, q u v, q v^2 and the three of g e."""
@@ -96,23 +98,22 @@ class Lists(NamedTuple):
     order
         (N,) i4, place -> index of the splat.
     records
-        Per place (9,) f4: mu_x, mu_y, 1/l11, l, f, 1/l22 and the colour. (l21 u1) / l22 is computed as (l u1) f, which
-        is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is covered.
-    geometry
-        Per place (6,) f8: mu_x, mu_y, 1/l11, l21, l22 and u1 at the lower edge of the ellipse.
+        Per place (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22. The inner
+        loops compute (l21 u1) / l22 as (l u1) f, which is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so
+        that nothing overflows where a pixel is covered.
     strips
         Per place (2,) i4: the first strip and the one after the last; equal if no pixel centre can be covered.
     base
         (N + 1,) i8: the number of entries of the places before.
     entries, offsets
-        i4 and i8: strip s is touched by the places entries[offsets[s] : offsets[s + 1]], ascending.
+        (entries, 2) i4 and i8: strip s has the entries offsets[s] to offsets[s + 1] - 1, with ascending places; each is
+        the place and the entry's index in the order by place, where a splat's entries are side by side.
     weights
         Per strip (2,) i8: entries and estimated rows, to size the lists and to share the work.
     """
 
     order: I4
     records: F4
-    geometry: F8
     strips: I4
     base: I8
     entries: I4
@@ -123,7 +124,7 @@ class Lists(NamedTuple):
 @kernel()
 def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
     """Fill the lists except for entries and offsets from the parameters (N, 8) f4; `lists.order` is given."""
-    order, records, geometry = lists.order, lists.records, lists.geometry
+    order, records = lists.order, lists.records
     strips, base, weights = lists.strips, lists.base, lists.weights
     weights[:] = 0
     base[0] = 0
@@ -140,8 +141,7 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
         if l11 < SMALLEST_FACTOR or l22 < SMALLEST_FACTOR:
             continue
         half_width = RADIUS * l11
-        sd_y = math.sqrt(l21 * l21 + l22 * l22)
-        half_height = RADIUS * sd_y
+        half_height = RADIUS * math.sqrt(l21 * l21 + l22 * l22)
         # Clamped as floats: a centre may be further away than any integer type reaches.
         left = max(np.ceil(mu_x - half_width - 0.5), 0.0)
         right = min(np.floor(mu_x + half_width - 0.5), width - 1.0)
@@ -158,12 +158,6 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
         for s in range(first, end):
             weights[s, 0] += 1
             weights[s, 1] += rows
-        geometry[place, 0] = mu_x
-        geometry[place, 1] = mu_y
-        geometry[place, 2] = 1 / l11
-        geometry[place, 3] = l21
-        geometry[place, 4] = l22
-        geometry[place, 5] = RADIUS * l21 / sd_y
         records[place, 0] = parameters[n, 0]
         records[place, 1] = parameters[n, 1]
         records[place, 2] = np.float32(1 / l11)
@@ -173,6 +167,9 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
         records[place, 6] = parameters[n, 5]
         records[place, 7] = parameters[n, 6]
         records[place, 8] = parameters[n, 7]
+        records[place, 9] = parameters[n, 2]
+        records[place, 10] = parameters[n, 3]
+        records[place, 11] = parameters[n, 4]
 
 
 @kernel()
@@ -184,8 +181,10 @@ def list_entries(lists: Lists) -> None:
         offsets[s + 1] = offsets[s] + weights[s, 0]
         weights[s, 0] = offsets[s]
     for place in range(lists.strips.shape[0]):
-        for s in range(lists.strips[place, 0], lists.strips[place, 1]):
-            lists.entries[weights[s, 0]] = place
+        first, end = lists.strips[place]
+        for s in range(first, end):
+            lists.entries[weights[s, 0], 0] = place
+            lists.entries[weights[s, 0], 1] = lists.base[place] + s - first
             weights[s, 0] += 1
 
 
@@ -210,7 +209,7 @@ def share_strips(weights: I8, height: int, bounds: I8) -> None:
 
 
 @kernel(inline=True)
-def row_range(geometry: Any, strip: int, height: int) -> tuple[int, int]:
+def row_range(record: Any, strip: int, height: int) -> tuple[int, int]:
     """The rows (first, one after the last) where one splat may cover a pixel centre of a strip; equal if there is none.
 
     The ellipse |u| = RADIUS has y = mu_y + l21 u1 + l22 u2 with u2 = ± sqrt(RADIUS^2 - u1^2). Its lower edge is concave
@@ -218,11 +217,11 @@ def row_range(geometry: Any, strip: int, height: int) -> tuple[int, int]:
     of a strip the extremes are at t and -t clamped to their range of u1. Computed in binary64, whose error is far below
     that of the binary32 decision of each pixel.
     """
-    mu_x, mu_y, inverse_l11, l21, l22, t = (
-        geometry[0], geometry[1], geometry[2], geometry[3], geometry[4], geometry[5]
-    )  # fmt: skip
-    left = max((strip * STRIP_WIDTH + 0.5 - mu_x) * inverse_l11, -RADIUS)
-    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - mu_x) * inverse_l11, RADIUS)
+    mu_x, mu_y = np.float64(record[0]), np.float64(record[1])
+    l11, l21, l22 = np.float64(record[9]), np.float64(record[10]), np.float64(record[11])
+    t = RADIUS * l21 / math.sqrt(l21 * l21 + l22 * l22)
+    left = max((strip * STRIP_WIDTH + 0.5 - mu_x) / l11, -RADIUS)
+    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - mu_x) / l11, RADIUS)
     low = min(max(t, left), right)
     high = min(max(-t, left), right)
     bottom = mu_y + l21 * low + l22 * math.sqrt(max(RADIUS * RADIUS - low * low, 0.0))
@@ -232,3 +231,35 @@ def row_range(geometry: Any, strip: int, height: int) -> tuple[int, int]:
     if left > right or first > last:
         return 0, 0
     return int(first), int(last) + 1
+
+
+class Selection(NamedTuple):
+    """The entries of one strip, side by side in memory: gathered in a loop of their own, the cache misses overlap.
+
+    Attributes
+    ----------
+    rows
+        Per entry (3,) i4: first row, the one after the last, and the entry's index in the order by place.
+    records
+        Per entry (RECORD,) f4, copied from `Lists`.
+    """
+
+    rows: I4
+    records: F4
+
+
+@kernel()
+def select_strip(s: int, height: int, lists: Lists, selection: Selection) -> int:
+    """Fill the selection with the entries of strip s and return their number."""
+    first = lists.offsets[s]
+    count = lists.offsets[s + 1] - first
+    for i in range(count):
+        place = lists.entries[first + i, 0]
+        record = lists.records[place]
+        rows = row_range(record, s, height)
+        selection.rows[i, 0] = rows[0]
+        selection.rows[i, 1] = rows[1]
+        selection.rows[i, 2] = lists.entries[first + i, 1]
+        for k in range(RECORD):
+            selection.records[i, k] = record[k]
+    return count

@@ -13,14 +13,25 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.render.strip_pictures import read_strip, subtract_target, write_frame, write_picture
 from gsvc_ref.render.strip_sums import MOMENTS, add_strip, count_strip, grad_add_strip, grad_splat
-from gsvc_ref.render.strips import F4, F8, I8, ROW, SLOT, STRIP_WIDTH, Lists
+from gsvc_ref.render.strips import F4, F8, I8, RECORD, ROW, SLOT, STRIP_WIDTH, Lists, Selection, select_strip
+
+
+@kernel()
+def room_for_selection(first: int, end: int, lists: Lists) -> Selection:
+    """Memory for the selection of any of the strips first to end - 1."""
+    largest = np.int64(0)
+    for s in range(first, end):
+        largest = max(largest, lists.offsets[s + 1] - lists.offsets[s])
+    return Selection(np.empty((largest, 3), np.int32), np.empty((largest, RECORD), np.float32))
 
 
 @kernel()
 def picture_task(first: int, end: int, strip: F4, lists: Lists, picture: F4, clamp: bool) -> None:
     """Render strips first to end - 1 into the picture (H, 3 W) f4."""
+    selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        add_strip(strip, s, picture.shape[0], lists)
+        count = select_strip(s, picture.shape[0], lists, selection)
+        add_strip(strip, s, selection, count)
         write_picture(strip, s, picture, clamp)
 
 
@@ -34,8 +45,10 @@ def picture_tasks(bounds: I8, buffers: F4, lists: Lists, picture: F4, clamp: boo
 @kernel()
 def frame_task(first: int, end: int, strip: F4, lists: Lists, frame: Any, peak: np.float32) -> None:
     """Render strips first to end - 1 into the frame (H, 3 W) u1 or u2."""
+    selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        add_strip(strip, s, frame.shape[0], lists)
+        count = select_strip(s, frame.shape[0], lists, selection)
+        add_strip(strip, s, selection, count)
         write_frame(strip, s, frame, peak)
 
 
@@ -50,9 +63,11 @@ def frame_tasks(bounds: I8, buffers: F4, lists: Lists, frame: Any, peak: np.floa
 def grad_picture_task(first: int, end: int, strip: F4, lists: Lists, slots: F4, residual: F4) -> None:
     """The transpose of `picture_task`: gather dL/dC (H, 3 W) f4 of the strips into the slots of their entries."""
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
+    selection = room_for_selection(first, end, lists)
     for s in range(first, end):
+        count = select_strip(s, residual.shape[0], lists, selection)
         read_strip(residual, s, strip)
-        grad_add_strip(strip, s, residual.shape[0], lists, slots, moments)
+        grad_add_strip(strip, s, selection, count, slots, moments)
 
 
 @kernel(parallel=True)
@@ -73,11 +88,13 @@ def objective_task(
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
     squares = np.empty(STRIP_WIDTH, np.float64)
     height = target.shape[1] // ROW
+    selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        add_strip(strip, s, height, lists)
+        count = select_strip(s, height, lists, selection)
+        add_strip(strip, s, selection, count)
         losses[s] = subtract_target(strip, target[s], height, min(STRIP_WIDTH, width - s * STRIP_WIDTH), squares)
         if with_gradient:
-            grad_add_strip(strip, s, height, lists, slots, moments)
+            grad_add_strip(strip, s, selection, count, slots, moments)
 
 
 @kernel(parallel=True)
@@ -114,7 +131,7 @@ def count_task(first: int, end: int, lists: Lists, width: int, height: int, coun
     for place in range(first, end):
         pixels = np.int64(0)
         for s in range(lists.strips[place, 0], lists.strips[place, 1]):
-            pixels += count_strip(s, width, height, lists.records[place], lists.geometry[place])
+            pixels += count_strip(s, width, height, lists.records[place])
         counts[lists.order[place]] = pixels
 
 

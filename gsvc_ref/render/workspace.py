@@ -15,6 +15,7 @@ from gsvc_ref.render.strips import (
     F4,
     I4,
     I8,
+    RECORD,
     ROW,
     SLOT,
     SPARE_ROWS,
@@ -99,7 +100,7 @@ class Workspace:
         self.bounds = np.zeros(self.threads + 1, np.int64)
         self._buckets = np.zeros(-(-height // BUCKET) + 1, np.int64)
         self._slots = aligned((0, SLOT))
-        self._resize(0, np.zeros(0, np.int32), np.zeros(count + 1, np.int64), np.zeros((count, 2), np.int64))
+        self._resize(0, np.zeros((0, 2), np.int32), np.zeros(count + 1, np.int64), np.zeros((count, 2), np.int64))
         self.load(self.parameters)
 
     def _resize(self, splats: int, entries: I4, offsets: I8, weights: I8) -> None:
@@ -107,8 +108,7 @@ class Workspace:
         self.parameters = np.zeros((splats, PARAMETERS_PER_SPLAT), np.float32)
         self.lists = Lists(
             order=np.zeros(splats, np.int32),
-            records=aligned((splats, 9)),
-            geometry=np.zeros((splats, 6), np.float64),
+            records=aligned((splats, RECORD)),
             strips=np.zeros((splats, 2), np.int32),
             base=np.zeros(splats + 1, np.int64),
             entries=entries,
@@ -133,7 +133,7 @@ class Workspace:
         prepare(self.parameters, self.width, self.height, self.lists)
         total = int(self.lists.base[-1])
         if total > len(self.lists.entries):
-            self.lists = self.lists._replace(entries=np.zeros(total + total // 4, np.int32))
+            self.lists = self.lists._replace(entries=np.zeros((total + total // 4, 2), np.int32))
         share_strips(self.lists.weights, self.height, self.bounds)
         list_entries(self.lists)
 

@@ -15,8 +15,16 @@ from gsvc_ref.render.bounds import EPS
 from gsvc_ref.render.definition import footprint
 from gsvc_ref.render.exponential import exp_minus_half
 from gsvc_ref.render.strip_sums import add_strip, grad_add_strip
-from gsvc_ref.render.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, row_range, share_strips, strip_count
-from gsvc_ref.render.tasks import objective_task
+from gsvc_ref.render.strips import (
+    BUCKET,
+    STRIP_WIDTH,
+    SUPPORT_SQUARED,
+    row_range,
+    select_strip,
+    share_strips,
+    strip_count,
+)
+from gsvc_ref.render.tasks import objective_task, room_for_selection
 from gsvc_ref.render.workspace import Workspace
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
@@ -48,8 +56,8 @@ def test_the_lists_hold_every_covered_pixel(splats):
         rows, columns = np.nonzero(pixels.covered & (pixels.sigma < 5.541))
         for row, column in zip(rows + pixels.rows.start, columns + pixels.columns.start, strict=True):
             s = column // STRIP_WIDTH
-            assert place in lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
-            first, end = row_range(lists.geometry[place], s, HEIGHT)
+            assert place in lists.entries[lists.offsets[s] : lists.offsets[s + 1], 0]
+            first, end = row_range(lists.records[place], s, HEIGHT)
             assert first <= row < end
 
 
@@ -62,9 +70,9 @@ def test_the_lists_are_consistent(splats):
     assert list(lists.order) == sorted(range(len(splats)), key=lambda n: (buckets[n], n))
     assert lists.offsets[-1] == lists.base[-1]
     for s in range(strip_count(WIDTH)):
-        places = lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
+        own = lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
         touching = [p for p in range(len(splats)) if lists.strips[p, 0] <= s < lists.strips[p, 1]]
-        assert list(places) == touching
+        assert own.tolist() == [[p, lists.base[p] + s - lists.strips[p, 0]] for p in touching]
 
 
 @given(st.lists(st.integers(0, 1000), min_size=1, max_size=40), st.integers(1, 6), st.integers(1, 50))
@@ -97,10 +105,12 @@ def test_the_inner_loops_are_packed(kernel):
     """
     work = loaded(population(5, 40, 20), 40, 20)
     strip, moments = work.buffers[0], np.zeros(96, np.float32)
+    selection = room_for_selection(0, 3, work.lists)
+    count = select_strip(0, 20, work.lists, selection)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     arguments = {
-        add_strip: (strip, 0, 20, work.lists),
-        grad_add_strip: (strip, 0, 20, work.lists, work.slots, moments),
+        add_strip: (strip, 0, selection, count),
+        grad_add_strip: (strip, 0, selection, count, work.slots, moments),
         objective_task: (0, 3, strip, work.lists, work.slots, target, 40, losses, True),
     }[kernel]
     # A compilation of its own, since code that comes from the cache cannot be looked at.
