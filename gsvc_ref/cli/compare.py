@@ -16,7 +16,6 @@ from gsvc_ref.cli.files import (
     display_name,
     holds_stream,
     open_stream,
-    stream_source,
 )
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, table
@@ -91,9 +90,8 @@ def open_side(name: str, frames: tuple[int, int | None]) -> Iterator[Side]:
     if name != STDIO and holds_stream(name):
         import gsvc_ref
 
-        source = stream_source(name)
-        with open_stream(source, name) as stream:
-            decoded = gsvc_ref.decode(source, start=start, stop=stop)
+        with open_stream(name) as stream:
+            decoded = gsvc_ref.decode(stream, start=start, stop=stop)
             yield Side(name, stream.format, [], CompleteFrames(iter(decoded)))
     else:
         from gsvc_ref.video import open_video

@@ -16,7 +16,6 @@ from gsvc_ref.cli.files import (
     check_output,
     display_name,
     open_stream,
-    stream_source,
 )
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import per_second, plural
@@ -75,10 +74,9 @@ def _decode(arguments: Namespace) -> int:
     import gsvc_ref
 
     start, stop = arguments.frames
-    source = stream_source(arguments.input)
-    with open_stream(source, arguments.input) as stream:
+    with open_stream(arguments.input) as stream:
         decoded = gsvc_ref.decode(
-            source, start=start, stop=stop,
+            stream, start=start, stop=stop,
             scale=arguments.scale, precision=arguments.precision, threads=arguments.threads,
         )  # fmt: skip
         frames = CompleteFrames(iter(decoded))

@@ -77,16 +77,8 @@ def holds_stream(name: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def stream_source(name: str) -> str | bytes:
-    """What the API takes for the name of a stream: a pipe, which can be read only once, is read whole."""
-    if name == STDIO:
-        return sys.stdin.buffer.read()
-    path = Path(name)
-    return name if path.is_file() else path.read_bytes()
-
-
-def open_stream(source: str | bytes, name: str) -> "Stream":
-    """Open a GSVC stream.
+def open_stream(name: str) -> "Stream":
+    """Open a GSVC stream, or standard input, which is read as it comes.
 
     Raises
     ------
@@ -96,7 +88,7 @@ def open_stream(source: str | bytes, name: str) -> "Stream":
     import gsvc_ref
 
     try:
-        return gsvc_ref.open(source)
+        return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name)
     except GsvcError as error:
         advice = f"; if it is a video, encode it first: gsvc encode {name} OUT.gsvc" if error.rule == MAGIC_RULE else ""
         message = f"{display_name(name)}: {error.message}{advice}"

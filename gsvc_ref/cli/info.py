@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.errors import EXIT_DATA, say
-from gsvc_ref.cli.files import check_input, display_name, open_stream, stream_source
+from gsvc_ref.cli.files import check_input, display_name, open_stream
 from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
 from gsvc_ref.errors import GsvcError
 
@@ -35,7 +35,7 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     name = display_name(arguments.input)
     try:
-        with open_stream(stream_source(arguments.input), arguments.input) as stream:
+        with open_stream(arguments.input) as stream:
             video, summary = stream.format, stream.info()
     except GsvcError as error:  # there is not even a header
         if arguments.json:

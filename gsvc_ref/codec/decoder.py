@@ -70,7 +70,7 @@ class Stream:
 
 
 def decode(
-    source: Source,
+    source: Source | Stream,
     *,
     start: int = 0,
     stop: int | None = None,
@@ -83,7 +83,7 @@ def decode(
     Parameters
     ----------
     source
-        A path, bytes, or a binary file.
+        A path, bytes, a binary file (a pipe is decoded as it comes), or an open Stream, which stays open.
     start, stop
         Half-open range of frames; decoding begins at the nearest I-frame at or before `start`.
     scale
@@ -102,15 +102,24 @@ def decode(
     UsageError
         An argument is out of range.
     """
+    if isinstance(source, Stream):
+        yield from _decode(source, start, stop, scale, precision, threads)
+        return
     with Stream(source) as stream:
-        header = stream.header
-        width, height = scaled_size(header, scale)
-        last: tuple[Splats, Frame] | None = None
-        for decoded in stream.frames(start, stop):
-            if last is None or decoded.type != "R":
-                splats = decoded.splats.scaled(width / header.width, height / header.height)
-                last = decoded.splats, _picture(splats, width, height, header.bit_depth, precision, threads)
-            yield last[1]
+        yield from _decode(stream, start, stop, scale, precision, threads)
+
+
+def _decode(
+    stream: Stream, start: int, stop: int | None, scale: float, precision: Precision, threads: int | None
+) -> Iterator[Frame]:
+    header = stream.header
+    width, height = scaled_size(header, scale)
+    last: Frame | None = None
+    for decoded in stream.frames(start, stop):
+        if last is None or decoded.type != "R":
+            splats = decoded.splats.scaled(width / header.width, height / header.height)
+            last = _picture(splats, width, height, header.bit_depth, precision, threads)
+        yield last
 
 
 def _picture(

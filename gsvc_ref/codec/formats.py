@@ -4,6 +4,7 @@ from fractions import Fraction
 from typing import Final
 
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import ChromaFormat, ColorDescription, VideoFormat
 
 CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("rgb", "420", "422", "444")
@@ -40,14 +41,17 @@ def video_format(header: SequenceHeader) -> VideoFormat:
 
     Raises
     ------
-    UsageError
-        The header describes a format that no writer makes, such as identity-matrix 4:2:0.
+    GsvcError
+        ``unsupported``: the header describes a format that no writer makes, such as identity-matrix 4:2:0.
     """
-    color = ColorDescription(
-        header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
-        bool(header.video_full_range_flag), header.chroma_sample_loc_type,
-    )  # fmt: skip
-    return VideoFormat(
-        header.width, header.height, header.frame_rate, header.bit_depth, CHROMA_FORMATS[header.chroma_format], color,
-        header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
-    )  # fmt: skip
+    try:
+        color = ColorDescription(
+            header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
+            bool(header.video_full_range_flag), header.chroma_sample_loc_type,
+        )  # fmt: skip
+        return VideoFormat(
+            header.width, header.height, header.frame_rate, header.bit_depth, CHROMA_FORMATS[header.chroma_format],
+            color, header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
+        )  # fmt: skip
+    except UsageError as error:
+        raise GsvcError("unsupported", f"the stream's source format cannot be written: {error}") from None

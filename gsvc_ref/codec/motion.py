@@ -6,8 +6,6 @@ A guess to begin a P-frame with; ours, not the paper's. Decoders know nothing of
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import map_coordinates
-from skimage.registration import optical_flow_ilk
 
 from gsvc_ref.codec.detection import reduced
 from gsvc_ref.splats import F4
@@ -32,6 +30,10 @@ def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
     positions
         (N, 2) f4, centres of splats in the first one, in pixels.
     """
+    # Imported here, since these two take half a second that decoding need not wait for.
+    from scipy.ndimage import map_coordinates
+    from skimage.registration import optical_flow_ilk
+
     old, new = (reduced(picture, LONGEST_SIDE).mean(axis=2) for picture in (before, after))
     if min(old.shape) < SMALLEST_SIDE or np.array_equal(old, new):
         return np.zeros_like(positions)

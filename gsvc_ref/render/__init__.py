@@ -1,8 +1,8 @@
 """From splats to pixels and back to gradients.
 
 `definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, and the other
-modules compute it fast: `strips` and `workspace` sort the splats into column strips, `strip_sums` holds the inner
-loops, `tasks` shares them among threads, and `rendering` and `objective` are what the rest of the package calls.
+modules compute it fast: `lists` sorts the splats into column `strips`, `strip_sums` holds the inner loops, `tasks`
+shares them among threads, and `rendering` and `objective` are what the rest of the package calls.
 """
 
 from gsvc_ref.render.bounds import exact_gradients_with_bound, render_exact_with_bound

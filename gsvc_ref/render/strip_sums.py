@@ -11,18 +11,8 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.render.exponential import exp_minus_half
-from gsvc_ref.render.strips import (
-    F4,
-    F8,
-    LANES,
-    ROW,
-    ROWS,
-    SLOT,
-    STRIP_WIDTH,
-    SUPPORT_SQUARED,
-    Selection,
-    row_range,
-)
+from gsvc_ref.render.lists import Selection, row_range
+from gsvc_ref.render.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH, SUPPORT_SQUARED
 
 HALF: Final = np.float32(0.5)
 ZERO: Final = np.float32(0)

@@ -10,23 +10,8 @@ import numba
 import numpy as np
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render.strips import (
-    BUCKET,
-    F4,
-    I4,
-    I8,
-    RECORD,
-    ROW,
-    SLOT,
-    SPARE_ROWS,
-    Lists,
-    aligned,
-    list_entries,
-    order_by_row,
-    prepare,
-    share_strips,
-    strip_count,
-)
+from gsvc_ref.render.lists import Lists, list_entries, order_by_row, prepare, share_strips
+from gsvc_ref.render.strips import BUCKET, F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 # GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that

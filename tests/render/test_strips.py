@@ -14,16 +14,9 @@ from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary,
 from gsvc_ref.render.bounds import EPS
 from gsvc_ref.render.definition import footprint
 from gsvc_ref.render.exponential import exp_minus_half
+from gsvc_ref.render.lists import row_range, select_strip, share_strips
 from gsvc_ref.render.strip_sums import add_strip, grad_add_strip
-from gsvc_ref.render.strips import (
-    BUCKET,
-    STRIP_WIDTH,
-    SUPPORT_SQUARED,
-    row_range,
-    select_strip,
-    share_strips,
-    strip_count,
-)
+from gsvc_ref.render.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
 from gsvc_ref.render.tasks import objective_task, room_for_selection
 from gsvc_ref.render.workspace import Workspace
 
