@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench clean
+.PHONY: help demo test lint format figures clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -31,8 +31,8 @@ format: .venv/.ready-lint,testing            ## put the code into the house styl
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-bench: .venv/.ready-test,peers            ## measure speed against peers in the same run
-	$(BIN)/python -m benchmarks
+figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 15 minutes)
+	$(BIN)/python -m benchmarks.clips
 
 clean:            ## remove what the other commands made
 	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist

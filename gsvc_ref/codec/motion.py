@@ -16,6 +16,9 @@ LONGEST_SIDE: Final = 128
 RADIUS: Final = 7
 """Half the side of the window over which flow is taken as constant, in reduced pixels."""
 
+WARPS: Final = 3
+"""Refinements of the flow; on three clips more than these changed the prediction by less than 0.1 dB."""
+
 SMALLEST_SIDE: Final = 16
 """Frames with a shorter reduced side are not searched for motion."""
 
@@ -39,6 +42,6 @@ def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
         return np.zeros_like(positions)
     step = -(-max(before.shape[:2]) // LONGEST_SIDE)
     places = [positions[:, 1] / step - 0.5, positions[:, 0] / step - 0.5]
-    rows, columns = optical_flow_ilk(old, new, radius=RADIUS)  # type: ignore[no-untyped-call]
+    rows, columns = optical_flow_ilk(old, new, radius=RADIUS, num_warp=WARPS)  # type: ignore[no-untyped-call]
     motion = [step * map_coordinates(part, places, order=1, mode="nearest") for part in (columns, rows)]
     return np.asarray(np.nan_to_num(np.stack(motion, axis=1)), np.float32)

@@ -9,12 +9,13 @@ from gsvc_ref.render.bounds import exact_gradients_with_bound, render_exact_with
 from gsvc_ref.render.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
 from gsvc_ref.render.objective import Objective
 from gsvc_ref.render.pictures import to_frame
-from gsvc_ref.render.rendering import covered_pixels, render, render_frame, render_gradients, render_sum
+from gsvc_ref.render.rendering import Renderer, covered_pixels, render, render_frame, render_gradients, render_sum
 
 __all__ = [
     "SMALLEST_FACTOR",
     "SUPPORT_SIGMA",
     "Objective",
+    "Renderer",
     "covered_pixels",
     "exact_gradients_with_bound",
     "render",

@@ -74,8 +74,8 @@ class Footprint:
 def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footprint | None:
     """Evaluate one splat (8,) f8 over its bounding box and `margin` pixels around it; None where that is empty.
 
-    u1 = dx / l11, u2 = (dy - l21 u1) / l22 and sigma = (u1^2 + u2^2) / 2: this is d^T (L L^T)^-1 d / 2 (paper section
-    3.2), never negative and without a determinant.
+    u1 = dx / l11, u2 = (dy - l21 u1) / l22 and sigma = (u1^2 + u2^2) / 2, spec.md (9-1): the paper's
+    d^T (L L^T)^-1 d / 2 (section 3.2), never negative and without a determinant.
     """
     mu_x, mu_y, l11, l21, l22 = splat[:5]
     if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR):
@@ -110,7 +110,7 @@ def footprints(splats: Splats, width: int, height: int) -> Iterator[tuple[int, F
 
 
 def exact_sum(splats: Splats, width: int, height: int) -> F8:
-    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order (paper equation "rendering").
+    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order: spec.md (9-2).
 
     Returns
     -------

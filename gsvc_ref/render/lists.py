@@ -57,8 +57,8 @@ class Lists(NamedTuple):
     entries, offsets
         (entries, 2) i4 and i8: strip s has the entries offsets[s] to offsets[s + 1] - 1, with ascending places; each is
         the place and the entry's index in the order by place, where a splat's entries are side by side.
-    weights
-        Per strip (2,) i8: entries and estimated rows, to size the lists and to share the work.
+    positions
+        Per strip () i8: its number of entries, then where the next entry of the strip goes.
     """
 
     order: I4
@@ -67,15 +67,15 @@ class Lists(NamedTuple):
     base: I8
     entries: I4
     offsets: I8
-    weights: I8
+    positions: I8
 
 
 @kernel()
 def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
     """Fill the lists except for entries and offsets from the parameters (N, 8) f4; `lists.order` is given."""
     order, records = lists.order, lists.records
-    strips, base, weights = lists.strips, lists.base, lists.weights
-    weights[:] = 0
+    strips, base, positions = lists.strips, lists.base, lists.positions
+    positions[:] = 0
     base[0] = 0
     for place in range(order.size):
         n = order[place]
@@ -103,10 +103,8 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
         strips[place, 0] = first
         strips[place, 1] = end
         base[place + 1] = base[place] + end - first
-        rows = int(bottom) - int(top) + 1
         for s in range(first, end):
-            weights[s, 0] += 1
-            weights[s, 1] += rows
+            positions[s] += 1
         records[place, 0] = parameters[n, 0]
         records[place, 1] = parameters[n, 1]
         records[place, 2] = np.float32(1 / l11)
@@ -123,38 +121,18 @@ def prepare(parameters: F4, width: int, height: int, lists: Lists) -> None:
 
 @kernel()
 def list_entries(lists: Lists) -> None:
-    """Counting sort of the entries by strip. `lists.weights[:, 0]` is used up as the running position."""
-    offsets, weights = lists.offsets, lists.weights
+    """Counting sort of the entries by strip."""
+    offsets, positions = lists.offsets, lists.positions
     offsets[0] = 0
-    for s in range(weights.shape[0]):
-        offsets[s + 1] = offsets[s] + weights[s, 0]
-        weights[s, 0] = offsets[s]
+    for s in range(positions.size):
+        offsets[s + 1] = offsets[s] + positions[s]
+        positions[s] = offsets[s]
     for place in range(lists.strips.shape[0]):
         first, end = lists.strips[place]
         for s in range(first, end):
-            lists.entries[weights[s, 0], 0] = place
-            lists.entries[weights[s, 0], 1] = lists.base[place] + s - first
-            weights[s, 0] += 1
-
-
-@kernel()
-def share_strips(weights: I8, height: int, bounds: I8) -> None:
-    """Cut the strips into bounds.size - 1 runs of about the same work (estimated rows, and the frame's own rows)."""
-    tasks = bounds.size - 1
-    total = np.int64(0)
-    for s in range(weights.shape[0]):
-        total += weights[s, 1] + height
-    bounds[0] = 0
-    done = np.int64(0)
-    task = 1
-    for s in range(weights.shape[0]):
-        half = (weights[s, 1] + height) // 2
-        while task < tasks and (done + half) * tasks >= total * task:
-            bounds[task] = s
-            task += 1
-        done += weights[s, 1] + height
-    for t in range(task, tasks + 1):
-        bounds[t] = weights.shape[0]
+            lists.entries[positions[s], 0] = place
+            lists.entries[positions[s], 1] = lists.base[place] + s - first
+            positions[s] += 1
 
 
 @kernel(inline=True)

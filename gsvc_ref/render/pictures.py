@@ -25,7 +25,7 @@ def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
 
 
 def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
-    """Quantise a picture: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even.
+    """Quantise a picture: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even (R-9.1-1).
 
     The product is rounded to the type of the picture first, binary32 or binary64.
 

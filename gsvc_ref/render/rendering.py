@@ -29,10 +29,49 @@ LARGEST_SIDE = 65536
 """Pixels along a side that the renderer accepts; centres of pixels are then exact in binary32."""
 
 
+class Renderer:
+    """Renders set after set of splats at one size, ``fast``, and keeps its buffers between the calls.
+
+    One renderer serves one thread at a time.
+
+    Parameters
+    ----------
+    width, height
+        Size of the frame in pixels.
+    threads
+        Threads to use, None for one per CPU. The results have the same bits for any number.
+
+    Raises
+    ------
+    UsageError
+        The size or the number of threads is outside its limits.
+    """
+
+    def __init__(self, width: int, height: int, *, threads: int | None = None) -> None:
+        _check_size(width, height)
+        self._shape = (height, width, 3)
+        self._work = Workspace(width, height, threads)
+
+    def picture(self, splats: Splats, *, clamp: bool = True) -> NDArray[np.float32]:
+        """What `render` returns, or `render_sum` without the clamp: (H, W, 3) f4."""
+        self._work.load(splats.to_array())
+        picture = np.empty(self._shape, np.float32)  # (H, W, 3) f4
+        self._work.over_strips(picture_task, picture_tasks, picture.reshape(self._shape[0], -1), clamp)
+        return picture
+
+    def frame(self, splats: Splats, bit_depth: int) -> NDArray[Any]:
+        """What `render_frame` returns: (H, W, 3) u1 for 8 bits, else u2."""
+        frame = np.empty(self._shape, frame_type(bit_depth))  # (H, W, 3) u1 or u2
+        self._work.load(splats.to_array())
+        peak = np.float32(2**bit_depth - 1)
+        self._work.over_strips(frame_task, frame_tasks, frame.reshape(self._shape[0], -1), peak)
+        return frame
+
+
 def render(
     splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.float32]:
-    """The picture of a set of splats: the sum of c' exp(-sigma) over the covering splats, clamped to [0, 1].
+    """The picture of a set of splats: the sum of c' exp(-sigma) where they cover, clamped to [0, 1] (spec.md 9.1).
 
     Parameters
     ----------
@@ -58,7 +97,7 @@ def render(
     if _is_exact(precision):
         _check_size(width, height)
         return np.clip(definition.exact_sum(splats, width, height), 0, 1).astype(np.float32)
-    return _fast_picture(splats, width, height, threads, clamp=True)
+    return Renderer(width, height, threads=threads).picture(splats)
 
 
 def render_sum(
@@ -68,23 +107,20 @@ def render_sum(
     if _is_exact(precision):
         _check_size(width, height)
         return definition.exact_sum(splats, width, height)
-    return _fast_picture(splats, width, height, threads, clamp=False)
+    return Renderer(width, height, threads=threads).picture(splats, clamp=False)
 
 
 def render_frame(
     splats: Splats, width: int, height: int, bit_depth: int, *, threads: int | None = None
 ) -> NDArray[Any]:
     """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2."""
-    work = _load(splats, width, height, threads)
-    frame = np.empty((height, width, 3), frame_type(bit_depth))  # (H, W, 3) u1 or u2
-    work.over_strips(frame_task, frame_tasks, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
-    return frame
+    return Renderer(width, height, threads=threads).frame(splats, bit_depth)
 
 
 def render_gradients(
     splats: Splats, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.float32] | NDArray[np.float64]:
-    """The gradient of sum(residual * C) for every parameter, coverage held fixed (see `definition.exact_gradients`).
+    """The gradient of sum(residual * C) for every parameter, coverage held fixed (`definition.Footprint.gradient`).
 
     Parameters
     ----------
@@ -146,10 +182,3 @@ def _load(splats: Splats, width: int, height: int, threads: int | None) -> Works
     work = Workspace(width, height, threads)
     work.load(splats.to_array())
     return work
-
-
-def _fast_picture(splats: Splats, width: int, height: int, threads: int | None, *, clamp: bool) -> NDArray[np.float32]:
-    work = _load(splats, width, height, threads)
-    picture = np.empty((height, width, 3), np.float32)  # (H, W, 3) f4
-    work.over_strips(picture_task, picture_tasks, picture.reshape(height, -1), clamp)
-    return picture

@@ -2,7 +2,7 @@
 
 The definition is `definition.py`; here u1 and u2 are called u and v. All loops over `STRIP_WIDTH` have constant bounds
 and constant offsets into one flat buffer, which is what makes LLVM turn them into vector code; a test looks at the
-result. Per strip the splats come in list order, so that each sum has one fixed order whoever owns the strip.
+result. Per strip the splats come in the order of `lists`, so that each sum has one fixed order whoever owns the strip.
 """
 
 from typing import Any, Final
@@ -32,7 +32,7 @@ def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
     x, y
         The centre of their first pixel.
     record
-        (9,) f4, see `strips.prepare`.
+        (RECORD,) f4, see `lists.Lists`.
     """
     mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
     red, green, blue = record[6], record[7], record[8]
@@ -70,7 +70,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
             v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
             s = u * u + v * v
             g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
-            v = v if s <= SUPPORT_SQUARED else ZERO
+            v = v if s <= SUPPORT_SQUARED else ZERO  # it may be infinite there, and 0 * infinity is no sum
             e_red = strip[row * ROW + k]
             e_green = strip[row * ROW + STRIP_WIDTH + k]
             e_blue = strip[row * ROW + 2 * STRIP_WIDTH + k]
@@ -108,6 +108,7 @@ def fold_moments(moments: F4, x: np.float32, record: Any, slot: F4) -> None:
         u8 = ((x + LANES[k + 8]) - mu_x) * inverse_l11
         q0, q8 = moments[k], moments[8 + k]
         r0, r8 = moments[16 + k], moments[24 + k]
+        # Where nothing is covered u may be infinite, and 0 * infinity is no sum.
         u0 = u0 if q0 != ZERO or r0 != ZERO else ZERO
         u8 = u8 if q8 != ZERO or r8 != ZERO else ZERO
         moments[k] = q0 * u0 + q8 * u8
@@ -158,7 +159,7 @@ def grad_add_strip(strip: F4, s: int, selection: Selection, count: int, slots: F
 def grad_splat(slots: F4, splat: F4, scale: float, sums: F8, gradient: F4) -> None:
     """One splat's gradient (8,) f4 from the slots (strips, SLOT) f4 of its entries.
 
-    With v = L^-T u, so that v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11 (see `definition.exact_gradients`):
+    With v = L^-T u, so that v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11 (see `definition.Footprint.gradient`):
 
         dL/dmu  = (sum q v1, sum q v2) = (S_u / l11 - k S_v, S_v / l22)          where k = l21 / (l11 l22)
         dL/dl11 = sum q v1 u1 = S_uu / l11 - k S_uv

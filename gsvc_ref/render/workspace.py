@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render.lists import Lists, list_entries, order_by_row, prepare, share_strips
+from gsvc_ref.render.lists import Lists, list_entries, order_by_row, prepare
 from gsvc_ref.render.strips import BUCKET, F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
@@ -69,8 +69,6 @@ class Workspace:
         (N, 8) f4, a copy of what was loaded last.
     lists
         The entries of every strip for these parameters.
-    bounds
-        (threads + 1,) i8: thread t owns the strips bounds[t] to bounds[t + 1] - 1.
     buffers
         (threads, floats) f4, room for one strip each.
     """
@@ -82,13 +80,12 @@ class Workspace:
         self.threads = min(thread_count(threads), count)
         # Padded to whole cache lines, so that every thread's buffer starts on one.
         self.buffers = aligned((self.threads, -(-(height + SPARE_ROWS) * ROW // 16) * 16))
-        self.bounds = np.zeros(self.threads + 1, np.int64)
         self._buckets = np.zeros(-(-height // BUCKET) + 1, np.int64)
         self._slots = aligned((0, SLOT))
-        self._resize(0, np.zeros((0, 2), np.int32), np.zeros(count + 1, np.int64), np.zeros((count, 2), np.int64))
+        self._resize(0, np.zeros((0, 2), np.int32), np.zeros(count + 1, np.int64), np.zeros(count, np.int64))
         self.load(self.parameters)
 
-    def _resize(self, splats: int, entries: I4, offsets: I8, weights: I8) -> None:
+    def _resize(self, splats: int, entries: I4, offsets: I8, positions: I8) -> None:
         """Make room for exactly this number of splats: most calls come with the number of the call before."""
         self.parameters = np.zeros((splats, PARAMETERS_PER_SPLAT), np.float32)
         self.lists = Lists(
@@ -98,7 +95,7 @@ class Workspace:
             base=np.zeros(splats + 1, np.int64),
             entries=entries,
             offsets=offsets,
-            weights=weights,
+            positions=positions,
         )
 
     def load(self, parameters: F4) -> None:
@@ -110,7 +107,7 @@ class Workspace:
             A parameter is NaN or infinite.
         """
         if len(parameters) != len(self.parameters):
-            self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.weights)
+            self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
         np.copyto(self.parameters, parameters)
         bad = order_by_row(self.parameters, self.height, self.lists.order, self._buckets)
         if bad >= 0:
@@ -119,7 +116,6 @@ class Workspace:
         total = int(self.lists.base[-1])
         if total > len(self.lists.entries):
             self.lists = self.lists._replace(entries=np.zeros((total + total // 4, 2), np.int32))
-        share_strips(self.lists.weights, self.height, self.bounds)
         list_entries(self.lists)
 
     @property
@@ -133,10 +129,10 @@ class Workspace:
     def over_strips(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all strips, on as many threads as this workspace has."""
         if self.threads == 1:
-            task(0, strip_count(self.width), self.buffers[0], self.lists, *arguments)
+            task(0, 1, self.buffers[0], self.lists, *arguments)
         else:
             with parallel_region(self.threads):
-                tasks(self.bounds, self.buffers, self.lists, *arguments)
+                tasks(self.buffers, self.lists, *arguments)
 
     def over_splats(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all splats."""

@@ -21,6 +21,7 @@ from render_cases import (
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.render import (
+    Renderer,
     covered_pixels,
     render,
     render_exact_with_bound,
@@ -117,6 +118,15 @@ def test_a_frame_in_one_pass_has_the_same_bits(splats, bit_depth):
     expected = to_frame(render(splats, WIDTH, HEIGHT), bit_depth)
     assert frame.dtype == expected.dtype
     assert np.array_equal(frame, expected)
+
+
+def test_a_renderer_keeps_nothing_but_its_buffers():
+    renderer = Renderer(WIDTH, HEIGHT)
+    for count in (3, 12, 0, 1, 12):
+        splats = population(count, WIDTH, HEIGHT, seed=count)
+        assert np.array_equal(renderer.picture(splats), render(splats, WIDTH, HEIGHT))
+        assert np.array_equal(renderer.picture(splats, clamp=False), render_sum(splats, WIDTH, HEIGHT))
+        assert np.array_equal(renderer.frame(splats, 8), render_frame(splats, WIDTH, HEIGHT, 8))
 
 
 def test_a_frame_without_splats_is_black():

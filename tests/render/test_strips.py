@@ -1,6 +1,5 @@
 """The parts of the fast renderer: the exponential, the lists of entries, and the machine code of the inner loops."""
 
-import itertools
 import re
 
 import numba
@@ -14,7 +13,7 @@ from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary,
 from gsvc_ref.render.bounds import EPS
 from gsvc_ref.render.definition import footprint
 from gsvc_ref.render.exponential import exp_minus_half
-from gsvc_ref.render.lists import row_range, select_strip, share_strips
+from gsvc_ref.render.lists import row_range, select_strip
 from gsvc_ref.render.strip_sums import add_strip, grad_add_strip
 from gsvc_ref.render.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
 from gsvc_ref.render.tasks import objective_task, room_for_selection
@@ -68,19 +67,6 @@ def test_the_lists_are_consistent(splats):
         assert own.tolist() == [[p, lists.base[p] + s - lists.strips[p, 0]] for p in touching]
 
 
-@given(st.lists(st.integers(0, 1000), min_size=1, max_size=40), st.integers(1, 6), st.integers(1, 50))
-def test_the_work_is_shared_out_completely_and_evenly(rows, tasks, height):
-    weights = np.stack([np.ones(len(rows), np.int64), np.array(rows)], axis=1)
-    bounds = np.full(tasks + 1, -1)
-    share_strips(weights, height, bounds)
-    assert bounds[0] == 0
-    assert bounds[-1] == len(rows)
-    assert np.all(np.diff(bounds) >= 0)
-    work = np.array(rows) + height
-    largest = max(np.sum(work[a:b]) for a, b in itertools.pairwise(bounds))
-    assert largest <= np.sum(work) / tasks + np.max(work)
-
-
 def test_a_splat_that_misses_all_centres_has_no_entries():
     lists = loaded(NAMED["sub-pixel between centres"]).lists
     assert lists.base.tolist() == [0, 0]
@@ -98,13 +84,13 @@ def test_the_inner_loops_are_packed(kernel):
     """
     work = loaded(population(5, 40, 20), 40, 20)
     strip, moments = work.buffers[0], np.zeros(96, np.float32)
-    selection = room_for_selection(0, 3, work.lists)
+    selection = room_for_selection(0, 1, work.lists)
     count = select_strip(0, 20, work.lists, selection)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     arguments = {
         add_strip: (strip, 0, selection, count),
         grad_add_strip: (strip, 0, selection, count, work.slots, moments),
-        objective_task: (0, 3, strip, work.lists, work.slots, target, 40, losses, True),
+        objective_task: (0, 1, strip, work.lists, work.slots, target, 40, losses, True),
     }[kernel]
     # A compilation of its own, since code that comes from the cache cannot be looked at.
     fresh = numba.jit(**kernel.targetoptions)(kernel.py_func)
