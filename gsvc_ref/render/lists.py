@@ -58,7 +58,7 @@ class Lists(NamedTuple):
         (entries, 2) i4 and i8: strip s has the entries offsets[s] to offsets[s + 1] - 1, with ascending places; each is
         the place and the entry's index in the order by place, where a splat's entries are side by side.
     positions
-        Per strip () i8: its number of entries, then where the next entry of the strip goes.
+        (strips,) i8: the number of entries of each strip, then where its next entry goes.
     """
 
     order: I4
