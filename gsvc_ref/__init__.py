@@ -9,9 +9,9 @@
         for frame in stream.frames(30, 60):                     # starts decoding at the nearest I-frame
             frame.splats.positions, frame.bits
 
-spec.md says what the bytes mean; `gsvc_ref.codec`, `gsvc_ref.bitstream`, `gsvc_ref.reconstruction`, `gsvc_ref.render`
-and `gsvc_ref.quantization` are the parts of it, `gsvc_ref.training` the paper's algorithms, and `gsvc_ref.testing`
-Hypothesis strategies for those who test their own implementation.
+spec.md says what the bytes mean, and `bitstream`, `reconstruction`, `rendering` and `quantization` do what it says;
+`training` has the paper's algorithms, `codec` the drivers, and `testing` Hypothesis strategies for those who test an
+implementation of their own.
 """
 
 from importlib import import_module
@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from gsvc_ref.codec import Settings as Settings
-    from gsvc_ref.codec import Stream as open
+    from gsvc_ref.codec import Stream as open  # noqa: N813
     from gsvc_ref.codec import decode as decode
     from gsvc_ref.codec import encode as encode
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
-    from gsvc_ref.render import render as render
-    from gsvc_ref.render import render_gradients as render_gradients
+    from gsvc_ref.rendering import render as render
+    from gsvc_ref.rendering import render_gradients as render_gradients
     from gsvc_ref.splats import Splats as Splats
 
 __version__ = "0.1.0"
@@ -38,12 +38,12 @@ _HOMES: Final = {
     "decode": ("gsvc_ref.codec", "decode"),
     "encode": ("gsvc_ref.codec", "encode"),
     "open": ("gsvc_ref.codec", "Stream"),
-    "render": ("gsvc_ref.render", "render"),
-    "render_gradients": ("gsvc_ref.render", "render_gradients"),
+    "render": ("gsvc_ref.rendering", "render"),
+    "render_gradients": ("gsvc_ref.rendering", "render_gradients"),
 }
 """Where each public name lives. They are loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
-__all__ = [  # noqa: PLE0604
+__all__ = [
     "GsvcError",
     "Settings",
     "Splats",

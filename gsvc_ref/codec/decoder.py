@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
 from gsvc_ref.codec.formats import video_format
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import render, render_frame, to_frame
-from gsvc_ref.render.rendering import Precision
-from gsvc_ref.splats import Splats
+from gsvc_ref.rendering import Renderer, render, to_frame
+from gsvc_ref.rendering.renderer import Precision
 from gsvc_ref.video import VideoFormat
 
 Frame = NDArray[np.unsignedinteger[Any]]
@@ -114,20 +113,16 @@ def _decode(
 ) -> Iterator[Frame]:
     header = stream.header
     width, height = scaled_size(header, scale)
+    renderer = Renderer(width, height, threads=threads)
     last: Frame | None = None
     for decoded in stream.frames(start, stop):
         if last is None or decoded.type != "R":
             splats = decoded.splats.scaled(width / header.width, height / header.height)
-            last = _picture(splats, width, height, header.bit_depth, precision, threads)
+            if precision == "fast":
+                last = renderer.frame(splats, header.bit_depth)
+            else:
+                last = to_frame(render(splats, width, height, precision=precision), header.bit_depth)
         yield last
-
-
-def _picture(
-    splats: Splats, width: int, height: int, bit_depth: int, precision: Precision, threads: int | None
-) -> Frame:
-    if precision == "fast":
-        return render_frame(splats, width, height, bit_depth, threads=threads)
-    return to_frame(render(splats, width, height, precision=precision), bit_depth)
 
 
 def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.codec.settings import FrameSettings, Settings, scaled
 from gsvc_ref.reconstruction import FrameType
-from gsvc_ref.render import Objective
+from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats
 from gsvc_ref.training.fit import NEW, Population, fit

@@ -10,7 +10,7 @@ from gsvc_ref.codec.quantizer import Active, BlockQuantizer, BlockSettings
 from gsvc_ref.codec.rate_control import psnr_of_loss
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
-from gsvc_ref.render import Objective
+from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
 from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.fit import (

@@ -16,7 +16,7 @@ from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_p
 from gsvc_ref.codec.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
-from gsvc_ref.render import Objective, render_frame
+from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
 from gsvc_ref.training.fit import NEW, OnIteration, Population, fit
@@ -86,6 +86,7 @@ class FrameEncoder:
         self.state = State.initial(width, height)
         self.picture: F4 | None = None  # the source frame before, (H, W, 3)
         self.is_first = True
+        self.renderer = Renderer(width, height, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
 
@@ -193,7 +194,7 @@ class _FrameWork:
 
     def _finish(self, codes: FrameCodes, state: State) -> EncodedFrame:
         with self._timed("check"):
-            decoded = render_frame(state.splats, self.width, self.height, self.bit_depth, threads=self.settings.threads)
+            decoded = self.encoder.renderer.frame(state.splats, self.bit_depth)
             quality = psnr(self.frame, decoded, self.peak)
         return EncodedFrame(codes, state, quality, self.iterations, self.seconds)
 

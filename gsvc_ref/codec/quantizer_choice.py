@@ -12,7 +12,7 @@ from gsvc_ref.codec.quantizer import with_codewords
 from gsvc_ref.codec.rate_control import DB_PER_DOUBLING, psnr_of_loss
 from gsvc_ref.codec.settings import Settings, scaled
 from gsvc_ref.reconstruction import FrameCodes, State
-from gsvc_ref.render import Objective
+from gsvc_ref.rendering import Objective
 from gsvc_ref.training.fit import Population
 
 TRIAL_ITERATIONS: Final = 10

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.render import Objective
+from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.fit import FitSettings, Population, fit, new_splats

@@ -150,4 +150,3 @@ def _half(bits: U2) -> F4:
 
 def _half_size(state: State) -> F4:
     return np.array([state.width, state.height], np.float32) / np.float32(2)  # (2,) f4, exact
-

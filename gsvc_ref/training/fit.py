@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import Objective
+from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.augmentation import residual_splats
@@ -18,7 +18,7 @@ from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.pruning import PruningSchedule, fold_weights, select_survivors
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Schedule
 
-SMALLEST_FACTOR: Final = np.float32(0.25)
+LEAST_FACTOR: Final = np.float32(0.25)
 """Least l11 and l22 in pixels: a smaller splat can lie between all pixel centres and then gets no gradient."""
 
 STEP_SIZES: Final = (0.3, 4.0)
@@ -269,9 +269,9 @@ def step_factors(values: F4) -> F4:
 
 
 def keep_factors(values: F4) -> None:
-    """Put l11 and l22 back to at least SMALLEST_FACTOR, in place."""
-    np.maximum(values[:, 2], SMALLEST_FACTOR, out=values[:, 2])
-    np.maximum(values[:, 4], SMALLEST_FACTOR, out=values[:, 4])
+    """Put l11 and l22 back to at least LEAST_FACTOR, in place."""
+    np.maximum(values[:, 2], LEAST_FACTOR, out=values[:, 2])
+    np.maximum(values[:, 4], LEAST_FACTOR, out=values[:, 4])
 
 
 def new_splats(objective: Objective, count: int, total: int, rng: np.random.Generator) -> Splats:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import render_sum
+from gsvc_ref.rendering import render_sum
 from gsvc_ref.training.augmentation import (
     SIZE_FACTOR,
     draw_from_density,

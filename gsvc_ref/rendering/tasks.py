@@ -12,10 +12,10 @@ import numba
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.render.lists import Lists, Selection, select_strip
-from gsvc_ref.render.strip_pictures import read_strip, subtract_target, write_frame, write_picture
-from gsvc_ref.render.strip_sums import MOMENTS, add_strip, count_strip, grad_add_strip, grad_splat
-from gsvc_ref.render.strips import F4, F8, I8, RECORD, ROW, SLOT, STRIP_WIDTH
+from gsvc_ref.rendering.lists import Lists, Selection, select_strip
+from gsvc_ref.rendering.strip_pictures import read_strip, subtract_target, write_frame, write_picture
+from gsvc_ref.rendering.strip_sums import MOMENTS, add_strip, count_strip, grad_add_strip, grad_splat
+from gsvc_ref.rendering.strips import F4, F8, I8, RECORD, ROW, SLOT, STRIP_WIDTH
 
 
 @kernel()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_cases import HEIGHT, NAMED, SMOOTH, WIDTH, population
 
-from gsvc_ref.render import SUPPORT_SIGMA, Objective, render_gradients
+from gsvc_ref.rendering import SUPPORT_SIGMA, Objective, render_gradients
 from gsvc_ref.splats import Splats
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install gsvc_ref[peers]")

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.render.definition import SUPPORT_SIGMA
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.render.exponential import exp_minus_half
-from gsvc_ref.render.lists import Selection, row_range
-from gsvc_ref.render.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH, SUPPORT_SQUARED
+from gsvc_ref.rendering.exponential import exp_minus_half
+from gsvc_ref.rendering.lists import Selection, row_range
+from gsvc_ref.rendering.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH, SUPPORT_SQUARED
 
 HALF: Final = np.float32(0.5)
 ZERO: Final = np.float32(0)

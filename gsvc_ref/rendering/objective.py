@@ -6,10 +6,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render.strip_pictures import read_strip
-from gsvc_ref.render.strips import F4, ROW, SLOT, aligned, strip_count
-from gsvc_ref.render.tasks import objective_task, objective_tasks, picture_task, picture_tasks, splat_task, splat_tasks
-from gsvc_ref.render.workspace import Workspace
+from gsvc_ref.rendering.strip_pictures import read_strip
+from gsvc_ref.rendering.strips import F4, ROW, SLOT, aligned, strip_count
+from gsvc_ref.rendering.tasks import (
+    objective_task,
+    objective_tasks,
+    picture_task,
+    picture_tasks,
+    splat_task,
+    splat_tasks,
+)
+from gsvc_ref.rendering.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 _NO_SLOTS = aligned((0, SLOT))

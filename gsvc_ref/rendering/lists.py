@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.render.definition import SMALLEST_FACTOR
-from gsvc_ref.render.strips import BUCKET, F4, I4, I8, RADIUS, RECORD, STRIP_WIDTH
+from gsvc_ref.rendering.definition import SMALLEST_FACTOR
+from gsvc_ref.rendering.strips import BUCKET, F4, I4, I8, RADIUS, RECORD, STRIP_WIDTH
 
 
 @kernel()

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import definition
-from gsvc_ref.render.pictures import frame_type
-from gsvc_ref.render.tasks import (
+from gsvc_ref.rendering import definition
+from gsvc_ref.rendering.pictures import frame_type
+from gsvc_ref.rendering.tasks import (
     count_task,
     count_tasks,
     frame_task,
@@ -20,7 +20,7 @@ from gsvc_ref.render.tasks import (
     splat_task,
     splat_tasks,
 )
-from gsvc_ref.render.workspace import Workspace
+from gsvc_ref.rendering.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 Precision = Literal["fast", "exact"]

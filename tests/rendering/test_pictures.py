@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import to_frame
+from gsvc_ref.rendering import to_frame
 
 
 def gray(*values, dtype=np.float64):

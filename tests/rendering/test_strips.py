@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from llvmlite import binding
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, splat_sets
 
-from gsvc_ref.render.bounds import EPS
-from gsvc_ref.render.definition import footprint
-from gsvc_ref.render.exponential import exp_minus_half
-from gsvc_ref.render.lists import row_range, select_strip
-from gsvc_ref.render.strip_sums import add_strip, grad_add_strip
-from gsvc_ref.render.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
-from gsvc_ref.render.tasks import objective_task, room_for_selection
-from gsvc_ref.render.workspace import Workspace
+from gsvc_ref.rendering.bounds import EPS
+from gsvc_ref.rendering.definition import footprint
+from gsvc_ref.rendering.exponential import exp_minus_half
+from gsvc_ref.rendering.lists import row_range, select_strip
+from gsvc_ref.rendering.strip_sums import add_strip, grad_add_strip
+from gsvc_ref.rendering.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
+from gsvc_ref.rendering.tasks import objective_task, room_for_selection
+from gsvc_ref.rendering.workspace import Workspace
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from render_cases import DEGENERATE, EXAMPLES, HEIGHT, NAMED, SMOOTH, WIDTH, ordinary, population, single, splat_sets
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import SMALLEST_FACTOR, SUPPORT_SIGMA, render, render_gradients, render_sum
-from gsvc_ref.render.definition import exact_covered_pixels, exact_gradients, exact_sum, footprint
+from gsvc_ref.rendering import SMALLEST_FACTOR, SUPPORT_SIGMA, render, render_gradients, render_sum
+from gsvc_ref.rendering.definition import exact_covered_pixels, exact_gradients, exact_sum, footprint
 from gsvc_ref.splats import Splats
 
 

@@ -39,7 +39,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.render.definition import SUPPORT_SIGMA, Footprint, check_residual, footprint
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, check_residual, footprint
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]

@@ -18,14 +18,14 @@ from render_cases import (
     splat_sets,
 )  # fmt: skip
 
-from gsvc_ref.render import (
+from gsvc_ref.rendering import (
     SUPPORT_SIGMA,
     exact_gradients_with_bound,
     render_exact_with_bound,
     render_gradients,
     render_sum,
 )  # fmt: skip
-from gsvc_ref.render.bounds import EPS, gamma
+from gsvc_ref.rendering.bounds import EPS, gamma
 from gsvc_ref.splats import Splats
 
 # Interpreted kernels work on NumPy scalars, which warn where the compiled ones quietly make an infinity.

@@ -20,7 +20,7 @@ from render_cases import (
 )  # fmt: skip
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import (
+from gsvc_ref.rendering import (
     Renderer,
     covered_pixels,
     render,

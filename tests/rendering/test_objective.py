@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, ordinary, population, single, splat_sets
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render import Objective, render, render_gradients, render_sum
+from gsvc_ref.rendering import Objective, render, render_gradients, render_sum
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

@@ -10,8 +10,8 @@ import numba
 import numpy as np
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.render.lists import Lists, list_entries, order_by_row, prepare
-from gsvc_ref.render.strips import BUCKET, F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
+from gsvc_ref.rendering.lists import Lists, list_entries, order_by_row, prepare
+from gsvc_ref.rendering.strips import BUCKET, F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 # GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that

@@ -2,14 +2,14 @@
 
 `definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, and the other
 modules compute it fast: `lists` sorts the splats into column `strips`, `strip_sums` holds the inner loops, `tasks`
-shares them among threads, and `rendering` and `objective` are what the rest of the package calls.
+shares them among threads, and `renderer` and `objective` are what the rest of the package calls.
 """
 
-from gsvc_ref.render.bounds import exact_gradients_with_bound, render_exact_with_bound
-from gsvc_ref.render.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
-from gsvc_ref.render.objective import Objective
-from gsvc_ref.render.pictures import to_frame
-from gsvc_ref.render.rendering import Renderer, covered_pixels, render, render_frame, render_gradients, render_sum
+from gsvc_ref.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
+from gsvc_ref.rendering.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
+from gsvc_ref.rendering.objective import Objective
+from gsvc_ref.rendering.pictures import to_frame
+from gsvc_ref.rendering.renderer import Renderer, covered_pixels, render, render_frame, render_gradients, render_sum
 
 __all__ = [
     "SMALLEST_FACTOR",
