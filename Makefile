@@ -22,12 +22,12 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest
 
-lint: .venv/.ready-lint,testing            ## check style and types
+lint: .venv/.ready-lint            ## check style and types
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-format: .venv/.ready-lint,testing            ## put the code into the house style
+format: .venv/.ready-lint            ## put the code into the house style
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
