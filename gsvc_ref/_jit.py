@@ -3,16 +3,14 @@
 import os
 import shutil
 from collections.abc import Callable
-from hashlib import sha256
-from pathlib import Path
-from typing import Any, Final, ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from gsvc_ref._kernel_folder import kernel_folder, stale_folders
+
 P = ParamSpec("P")
 R = TypeVar("R")
-
-PACKAGE: Final = Path(__file__).resolve().parent
 
 
 def kernel(
@@ -41,31 +39,15 @@ def kernel(
     return decorate
 
 
-def sources_key() -> str:
-    """A short name for the present state of all sources of the package: their paths, sizes and times."""
-    digest = sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        status = path.stat()
-        digest.update(f"{path.relative_to(PACKAGE)} {status.st_size} {status.st_mtime_ns}\n".encode())
-    return digest.hexdigest()[:16]
-
-
-def choose_cache() -> None:
-    """Give the compiled kernels a folder that belongs to the present sources.
-
-    Numba alone looks only at the file of the function that it loads, so after an edit of a kernel in another file, or
-    an update, it would go on running what that kernel was. NUMBA_CACHE_DIR, when set, is left alone.
-    """
+def use_kernel_folder() -> None:
+    """Have Numba keep its cache in `kernel_folder`, and remove the folders of sources that are no more."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return
-    base = PACKAGE / "__pycache__"
-    if not os.access(base if base.is_dir() else PACKAGE, os.W_OK):
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gsvc_ref"
-    present = base / f"kernels-{sources_key()}"
-    if not present.is_dir():
-        for stale in base.glob("kernels-*"):
+    folder = kernel_folder()
+    if not folder.is_dir():
+        for stale in stale_folders():
             shutil.rmtree(stale, ignore_errors=True)
-    numba.config.CACHE_DIR = str(present)  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
 
 
-choose_cache()
+use_kernel_folder()

@@ -18,7 +18,7 @@ class GsvcError(Exception):
     message
         What was wrong, what is allowed, and what to do.
     rule
-        Requirement id of spec.md that the data breaks (``R-4.2-1``), or None for other files than streams.
+        Requirement id of spec.md that the data breaks (``R-6.2-2``), or None for other files than streams.
     bit
         Offset in bits from the start of the stream of the element at fault, or None.
     """

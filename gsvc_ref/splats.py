@@ -96,9 +96,14 @@ class Splats:
         )
 
     def scaled(self, scale_x: float, scale_y: float) -> "Splats":
-        """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale."""
-        return Splats(
-            self.positions * np.array([scale_x, scale_y], np.float32),
-            self.cholesky * np.array([scale_x, scale_y, scale_y], np.float32),
-            self.colors,
-        )
+        """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale.
+
+        Raises
+        ------
+        UsageError
+            A parameter exceeds binary32 at this scale.
+        """
+        with np.errstate(over="ignore"):
+            positions = self.positions * np.array([scale_x, scale_y], np.float32)
+            cholesky = self.cholesky * np.array([scale_x, scale_y, scale_y], np.float32)
+        return Splats(positions, cholesky, self.colors)

@@ -188,3 +188,5 @@ class StreamWriter:
         rest = memoryview(data)
         while rest:
             rest = rest[self._target.write(rest) or 0 :]
+        if not self._seekable:  # whoever reads the other end need not wait for a buffer to fill
+            self._target.flush()

@@ -66,7 +66,8 @@ def run(arguments: Namespace) -> int:
     try:
         return _decode(arguments)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted; nothing was saved")
+        done = "the output ends early" if arguments.output == STDIO else "nothing was saved"
+        say(COMMAND, f"interrupted; {done}")
         return EXIT_INTERRUPTED
 
 

@@ -108,7 +108,7 @@ def _encode(arguments: Namespace) -> int:
         with ProgressDisplay(quiet=arguments.quiet) as display:
             report = encode(reader, arguments.output, settings, progress=progress_callback(display))
         if talkative:
-            for note in reader.notes[told:]:
+            for note in report.notes[told:]:
                 print(f"  note: {note}", file=out)
             print("\n".join(summary(arguments.output, report)), file=out)
         elif arguments.json:
@@ -140,7 +140,7 @@ def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: Text
 
 def describe_settings(settings: "Settings", width: int, height: int) -> str:
     """The settings that matter most, in one line."""
-    splats = plural(settings.splat_count(width, height), "splat")
+    splats = plural(settings.most_splats(width, height), "splat")
     rate = (
         f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
     )

@@ -5,18 +5,16 @@ import shutil
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TextIO
 
+from gsvc_ref._kernel_folder import is_empty
 from gsvc_ref.cli.text import duration
 
 DELAY_S: Final = 0.7
 """Commands that end sooner show nothing."""
 INTERVAL_S: Final = 0.1
 """Least time between two updates."""
-KERNEL_FOLDER: Final = "render"
-"""The package whose compiled kernels every command needs."""
 
 
 class Line(Protocol):
@@ -153,20 +151,6 @@ class ProgressDisplay:
         self.close()
 
 
-def kernels_are_cold(package: Path = Path(__file__).parent.parent) -> bool:
-    """Whether Numba will have to compile, as far as its cache folders tell without importing it.
-
-    Parameters
-    ----------
-    package
-        The folder of gsvc_ref.
-    """
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        return False
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return not any(Path(chosen).glob(f"{KERNEL_FOLDER}_*/*.nbi"))
-    cache = package / KERNEL_FOLDER / "__pycache__"
-    if not os.access(package / KERNEL_FOLDER, os.W_OK):
-        return False  # Numba then chooses a folder of the user's, which only Numba knows
-    newest = max((path.stat().st_mtime for path in cache.glob("*.nbi")), default=0.0)
-    return newest < max(path.stat().st_mtime for path in (package / KERNEL_FOLDER).glob("*.py"))
+def kernels_are_cold() -> bool:
+    """Whether the compiler will have to work, told without importing it."""
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and is_empty()

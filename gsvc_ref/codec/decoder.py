@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
 from gsvc_ref.codec.formats import video_format
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Renderer, render, to_frame
 from gsvc_ref.rendering.renderer import Precision
 from gsvc_ref.video import VideoFormat
@@ -117,12 +117,15 @@ def _decode(
     last: Frame | None = None
     for decoded in stream.frames(start, stop):
         if last is None or decoded.type != "R":
-            splats = decoded.splats.scaled(width / header.width, height / header.height)
+            try:
+                splats = decoded.splats.scaled(width / header.width, height / header.height)
+            except UsageError as error:
+                raise GsvcError("unsupported", f"frame {decoded.number} at scale {scale}: {error}") from None
             if precision == "fast":
                 last = renderer.frame(splats, header.bit_depth)
             else:
                 last = to_frame(render(splats, width, height, precision=precision), header.bit_depth)
-        yield last
+        yield last.copy()  # an R-frame shows it again, whatever the caller does to this one
 
 
 def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:

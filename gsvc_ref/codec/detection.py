@@ -39,6 +39,8 @@ def typed_frames(
     for number, frame, is_key, reason in _with_key_frames(frames, settings, peak, on_pretraining):
         if number == 0:
             yield TypedFrame(number, frame, "I", "first frame")
+        elif is_key and settings.key_frames != "auto":  # asked for, so there whatever the picture
+            yield TypedFrame(number, frame, "I", reason)
         elif settings.repeat_frames and before is not None and np.array_equal(frame, before):
             yield TypedFrame(number, frame, "R", "equal to the frame before")
         else:

@@ -1,17 +1,21 @@
 """Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
 
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from types import FrameType
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream import SequenceHeader, StreamWriter, level_for
+from gsvc_ref.bitstream import LEVELS, SequenceHeader, StreamWriter, level_for
 from gsvc_ref.codec.detection import TypedFrame, typed_frames
 from gsvc_ref.codec.formats import header_fields
 from gsvc_ref.codec.frame_encoder import EncodedFrame, FrameEncoder
@@ -24,6 +28,9 @@ from gsvc_ref.video.format import check_frame
 
 Frame = NDArray[np.unsignedinteger[Any]]
 Source = str | Path | BinaryIO | VideoReader | tuple[Iterable[Frame], VideoFormat]
+
+MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
+"""No level allows more splats in a frame."""
 
 
 def encode(
@@ -79,14 +86,18 @@ class _Encode:
         count = reader.format.frame_count
         ends = [end for end in (count, stop) if end is not None]
         self.frame_count = max(0, min(ends) - start) if ends else None
-        self.encoder = FrameEncoder(settings, self.format.width, self.format.height, self.format.bit_depth)
+        width, height = self.format.width, self.format.height
+        most = settings.most_splats(width, height)
+        # P-frames may pass N while they add before they prune.
+        self.level = level_for(width, height, splats=min(most + most // 4, MOST_SPLATS))
+        self.encoder = FrameEncoder(settings, width, height, self.format.bit_depth)
         self.file = file
         self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
 
     def _header(self) -> SequenceHeader:
         settings, video = self.encoder.settings, self.format
         return SequenceHeader(
-            level=level_for(video.width, video.height, splats=2 * self.encoder.most),
+            level=self.level,
             parameter_checksum_flag=settings.checksums,
             **header_fields(video),
             **quantizer_fields(settings),
@@ -104,7 +115,9 @@ class _Encode:
             interrupted = True
         if self.writer is None:
             raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
-        file_bytes = sum(self.writer.finish().values()) // 8
+        with interrupts_deferred() as interrupt:
+            file_bytes = sum(self.writer.finish().values()) // 8
+        interrupted |= interrupt.seen
         return EncodeReport(
             header=self.writer.header,
             settings=self.encoder.settings,
@@ -113,8 +126,22 @@ class _Encode:
             seconds=time.perf_counter() - self.begin,
             seconds_by_stage=self.seconds,
             interrupted=interrupted,
-            notes=self.reader.notes,
+            notes=[*self.reader.notes, *self._missed_quality()],
         )
+
+    def _missed_quality(self) -> list[str]:
+        """A sentence if frames have less than the quality asked for."""
+        goal = self.settings.psnr
+        if goal is None:
+            return []
+        missed = [frame for frame in self.reports if frame.psnr < goal]
+        if not missed:
+            return []
+        worst = min(missed, key=lambda frame: frame.psnr)
+        return [
+            f"{len(missed)} of {len(self.reports)} frames have less than {goal:g} dB (frame {worst.number}, the worst, "
+            f"has {worst.psnr:.2f} dB): allow more splats or iterations"
+        ]
 
     def _typed(self) -> Iterator[TypedFrame]:
         """The frames with their types; the time between them is that of reading and detecting."""
@@ -134,13 +161,16 @@ class _Encode:
             item.frame, item.type, item.number,
             lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
-        with self._timed("write"):
-            if self.writer is None:
-                self.writer = StreamWriter(self.file, self._header(), index=self.settings.index)
-            written = self.writer.write_frame(encoded.codes)
-        for stage, seconds in encoded.seconds.items():
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
-        self.reports.append(self._report(item, encoded, before, written.bits, time.perf_counter() - begin))
+        with interrupts_deferred() as interrupt:
+            with self._timed("write"):
+                if self.writer is None:
+                    self.writer = StreamWriter(self.file, self._header(), index=self.settings.index)
+                written = self.writer.write_frame(encoded.codes)
+            for stage, seconds in encoded.seconds.items():
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+            self.reports.append(self._report(item, encoded, before, written.bits, time.perf_counter() - begin))
+        if interrupt.seen:
+            raise KeyboardInterrupt
 
     def _report(
         self, item: TypedFrame, encoded: EncodedFrame, before: int, bits: dict[str, int], seconds: float
@@ -164,12 +194,46 @@ class _Encode:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
 
 
+@dataclass
+class Interrupt:
+    """Whether Ctrl-C came."""
+
+    seen: bool = False
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[Interrupt]:
+    """Hold Ctrl-C back while a frame is written, which is quick, and say whether it came.
+
+    Only the main thread gets Ctrl-C, and only Python's own handling of it is replaced.
+    """
+    interrupt = Interrupt()
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield interrupt
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        interrupt.seen = True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield interrupt
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @contextmanager
 def _opened(source: Source) -> Iterator[VideoReader]:
     if isinstance(source, VideoReader):
         yield source
-    elif isinstance(source, tuple):
+    elif isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat):
         yield FrameSource(*source)
+    elif not isinstance(source, str | Path) and not hasattr(source, "read"):
+        raise UsageError(
+            f"a {type(source).__name__} is no source; give a path, a VideoReader, or frames with their format: "
+            f"(frames, VideoFormat(...))"
+        )
     else:
         with open_video(source) as reader:
             yield reader
@@ -188,13 +252,15 @@ class FrameSource(VideoReader):
                 check_frame(np.asarray(frame), self.format)
             except UsageError as error:
                 raise UsageError(f"frame {number}: {error}") from None
-            yield frame
+            yield np.array(frame)  # the caller may fill the same array again
 
 
 @contextmanager
 def _target_file(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     """The file to write to; a path stands under its own name only when the block has ended well."""
     if not isinstance(target, str | Path):
+        if not hasattr(target, "write") or hasattr(target, "encoding"):
+            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
         yield target
         return
     if str(target) == "-":

@@ -27,6 +27,9 @@ from gsvc_ref.training.fit import (
 REUSE_ERROR: Final = 2.5
 """The decoder's codebooks are used again if they raise the squared error of the differences by at most this factor."""
 
+REUSE_LOSS: Final = 1.25
+"""The decoder's quantisers are used again for new splats if they raise the loss by at most this factor (1 dB)."""
+
 STEPS_PSNR: Final = 35.0
 """PSNR in dB for which the fixed steps of `BlockSettings` are meant."""
 
@@ -72,8 +75,7 @@ class FrameQuantizer:
             block = with_steps_for(loss, settings.inter.quantizer)
             self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
         if self.survivors < len(values):
-            new = values[self.survivors :]
-            self.intra = BlockQuantizer(new, None, None, size, settings.intra.quantizer, rng, before.intra)
+            self.intra = intra_quantizer(values, self.survivors, objective, size, settings.intra.quantizer, before, rng)
 
     def codes(self, values: F4) -> FrameCodes:
         """The codes of values (n, 8) f4."""
@@ -145,6 +147,33 @@ def inter_quantizer(
         if again.color_error(values) <= REUSE_ERROR * fresh.color_error(values):
             return again
     return quantizer(Kept(same, None))
+
+
+def intra_quantizer(
+    values: F4,
+    survivors: int,
+    objective: Objective,
+    size: F4,
+    settings: BlockSettings,
+    before: State,
+    rng: np.random.Generator,
+) -> BlockQuantizer:
+    """A quantiser of the splats after the survivors: what the decoder keeps, unless the picture suffers from that.
+
+    What suits an I-frame's splats can be far from what new ones need, such as those of the first picture after black.
+    """
+    new, none_stay = values[survivors:], np.zeros(len(before.splats), np.bool_)
+
+    def loss(quantizer: BlockQuantizer) -> float:
+        codes = FrameCodes.predicted_frame(none_stay, None, quantizer.codes(new))
+        coded = reconstruct(codes, before).splats.to_array()
+        return objective.loss(np.concatenate([values[:survivors], coded]))
+
+    fresh = BlockQuantizer(new, None, None, size, settings, rng, Kept())
+    if before.intra == Kept():
+        return fresh
+    again = BlockQuantizer(new, None, None, size, settings, rng, before.intra)
+    return again if loss(again) <= REUSE_LOSS * loss(fresh) else fresh
 
 
 def fine_tune(

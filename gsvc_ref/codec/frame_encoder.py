@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -102,13 +102,8 @@ class _FrameWork:
     """The work on one frame: what its steps share, and the time that each takes."""
 
     def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
-        self.encoder, self.settings, self.frame, self.rng, self.progress = (
-            encoder,
-            encoder.settings,
-            frame,
-            rng,
-            progress,
-        )
+        self.encoder, self.settings = encoder, encoder.settings
+        self.frame, self.rng, self.progress = frame, rng, progress
         self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
@@ -174,14 +169,18 @@ class _FrameWork:
         if self.settings.psnr is None:
             return self._finish(*self._quantize(population, settings, before))
         goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most
+        best: EncodedFrame | None = None
         for _ in range(QUALITY_ROUNDS):
             with self._timed("rate"):
                 self.iterations += hold_quality(population, self.objective, goal, most, settings.tune, self.rng)
             result = self._finish(*self._quantize(population, settings, before))
-            if result.psnr >= self.settings.psnr or len(population) >= most:
+            if best is None or result.psnr > best.psnr:
+                best = result
+            if best.psnr >= self.settings.psnr or len(population) >= most:
                 break
             goal *= 10 ** ((result.psnr - self.settings.psnr - SAFETY) / 10)
-        return result
+        assert best is not None  # there is at least one round
+        return replace(best, iterations=self.iterations)
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):

@@ -60,8 +60,15 @@ class BlockSettings:
     def __post_init__(self) -> None:
         if not 1 <= self.cholesky_bits <= 12:
             raise UsageError(f"cholesky_bits is {self.cholesky_bits}; it must be 1..12")
+        steps = (self.position_step, self.cholesky_step)
+        if any(step is not None and not 0 < step < math.inf for step in steps):
+            raise UsageError(f"position_step and cholesky_step are {steps}; they must be None or above 0 pixels")
+        if not (0 <= self.commitment < math.inf and 0 <= self.quantizer_rate < 1):
+            raise UsageError(f"{self}: commitment must be at least 0 and quantizer_rate in [0, 1)")
         if len(self.colors.codewords) > 8:
             raise UsageError(f"color_stages is {len(self.colors.codewords)}; it must be 1..8")
+        if max(self.colors.codewords) > 1024:
+            raise UsageError(f"color_codewords is {max(self.colors.codewords)}; it must be 1..1024")
 
 
 class BlockQuantizer:

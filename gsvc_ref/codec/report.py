@@ -88,11 +88,11 @@ class EncodeReport:
     file_bytes
         Size of the stream: its bits are the rate.
     seconds, seconds_by_stage
-        Time in all, and of detect, start, fit, rate, quantize, check, write and read.
+        Time in all, and of "read and detect", "write", and the stages of `EncodedFrame.seconds`.
     interrupted
         Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
     notes
-        What was assumed about the source.
+        What was assumed about the source, and what was not reached.
     """
 
     header: SequenceHeader

@@ -60,6 +60,12 @@ class FrameSettings:
     still_threshold: float = 0.0
     follow_motion: bool = False
 
+    def __post_init__(self) -> None:
+        if self.start not in ("random", "image"):
+            raise UsageError(f"start is {self.start!r}; it must be 'random' or 'image'")
+        _check_range("new_fraction", self.new_fraction, 0, 1)
+        _check_range("still_threshold", self.still_threshold, 0, 1e6)
+
 
 @dataclass(frozen=True)
 class DetectionSettings:
@@ -90,6 +96,12 @@ class DetectionSettings:
     threshold: float = 3.0
     rule: Literal["paper", "robust"] = "paper"
     guard_ratio: float = GUARD_RATIO
+
+    def __post_init__(self) -> None:
+        _check_range("iterations", self.iterations, 1, 10_000_000, whole=True)
+        _check_range("splats", self.splats, 1, 1 << 22, whole=True)
+        _check_range("longest_side", self.longest_side, 1, 65535, whole=True)
+        _check_range("window", self.window, 0, 10_000, whole=True)
 
 
 @dataclass(frozen=True)
@@ -143,17 +155,19 @@ class Settings:
     checksums: bool = False
 
     def __post_init__(self) -> None:
-        _check_range("splats", self.splats, 1, 1 << 22)
+        _check_range("splats", self.splats, 1, 1 << 22, whole=True)
         _check_range("psnr", self.psnr, 1, 100)
-        _check_range("threads", self.threads, 1, 1024)
-        _check_range("seed", self.seed, 0, 2**63 - 1)
-        _check_range("lane_count", self.lane_count, 1, 64)
-        _check_range("entropy_precision", self.entropy_precision, 12, 16)
+        _check_range("threads", self.threads, 1, 1024, whole=True)
+        _check_range("seed", self.seed, 0, 2**63 - 1, whole=True)
+        _check_range("lane_count", self.lane_count, 1, 64, whole=True)
+        _check_range("entropy_precision", self.entropy_precision, 12, 16, whole=True)
+        if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
+            raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
         start, stop = self.frames
         if start < 0 or (stop is not None and stop <= start):
             raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B")
         if isinstance(self.key_frames, int):
-            _check_range("key_frames", self.key_frames, 1, 2**32 - 1)
+            _check_range("key_frames", self.key_frames, 1, 2**32 - 1, whole=True)
         elif isinstance(self.key_frames, tuple):
             if any(number < 0 for number in self.key_frames):
                 raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
@@ -228,7 +242,10 @@ OVERRIDES: Final = (
     "splats", "psnr", "key_frames", "low_latency", "repeat_frames", "frames", "seed", "threads", "lane_count",
     "entropy_precision", "index", "checksums", "intra", "inter", "detection",
 )  # fmt: skip
-"""Settings that an override replaces as they are; the others reach into `intra` and `inter`."""
+"""Settings that an override replaces as they are."""
+
+REACHING: Final = ("iterations", "cholesky_bits", "color_stages", "color_codewords")
+"""Overrides that reach into `intra` and `inter`."""
 
 
 def _override(settings: S, overrides: dict[str, Any]) -> S:
@@ -237,7 +254,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
     stages, codewords = overrides.pop("color_stages", None), overrides.pop("color_codewords", None)
     unknown = set(overrides) - set(OVERRIDES)
     if unknown:
-        raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {', '.join(OVERRIDES)}")
+        known = ", ".join((*OVERRIDES, *REACHING))
+        raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
     settings = replace(settings, **overrides)
     _check_range("color_stages", stages, 1, 8)
     _check_range("color_codewords", codewords, 1, 1024)
@@ -245,6 +263,7 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
         settings = with_iterations(settings, nested["iterations"])
     if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
         settings = replace(settings, intra=replace(settings.intra, candidates=()))
+    changed: dict[str, Any] = {}
     for kind in ("intra", "inter"):
         frame: FrameSettings = getattr(settings, kind)
         quantizer = frame.quantizer
@@ -252,9 +271,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
             quantizer = replace(quantizer, cholesky_bits=nested["cholesky_bits"])
         if stages is not None or codewords is not None:
             quantizer = with_codewords(quantizer, stages, codewords)
-        changed: dict[str, Any] = {kind: replace(frame, quantizer=quantizer)}
-        settings = replace(settings, **changed)
-    return settings
+        changed[kind] = replace(frame, quantizer=quantizer)
+    return replace(settings, **changed)
 
 
 def with_iterations(settings: S, iterations: int) -> S:
@@ -275,6 +293,10 @@ def scaled(fit: FitSettings, iterations: int) -> FitSettings:
     return replace(fit, iterations=iterations, schedule=schedule)
 
 
-def _check_range(name: str, value: float | None, low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
+def _check_range(name: str, value: float | None, low: float, high: float, *, whole: bool = False) -> None:
+    if value is None:
+        return
+    if whole and (isinstance(value, bool) or not isinstance(value, int)):
+        raise UsageError(f"{name} is {value!r}; it must be a whole number in {low}..{high}")
+    if not low <= value <= high:
         raise UsageError(f"{name} is {value}; it must be in {low}..{high}")

@@ -194,6 +194,7 @@ def _revive(
     if reach[-1] == 0:  # every vector is met exactly: nothing to gain
         return
     drawn = np.searchsorted(reach, rng.random(np.count_nonzero(dead)) * reach[-1], side="right")
+    drawn = np.minimum(drawn, len(errors) - 1)  # a product that rounds up to the total would pass the last
     codebook[dead] = residual[drawn]
     counts[dead] = REVIVED_COUNT
     sums[dead] = REVIVED_COUNT * codebook[dead]

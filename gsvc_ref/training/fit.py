@@ -74,6 +74,10 @@ class Growth:
     begin: float = 0.04
     end: float = 0.6
 
+    def __post_init__(self) -> None:
+        if not (0 < self.first <= 1 and self.additions >= 1 and 0 <= self.begin <= self.end < 1):
+            raise UsageError(f"{self}: it must have 0 < first <= 1, additions >= 1 and 0 <= begin <= end < 1")
+
     def counts(self, total: int, iterations: int) -> dict[int, int]:
         """Iteration (from 0) -> number of splats after its addition; the last entry is the total."""
         start = self.start(total)

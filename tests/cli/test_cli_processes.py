@@ -74,7 +74,7 @@ def test_demo_in_a_small_size(tmp_path, capsys):
     out = capsys.readouterr().out
     size = (folder / "clip.gsvc").stat().st_size
     assert f"which is 8 x {size:,}, the size of the file" in out
-    assert "each frame is the one that the encoder had" in out
+    assert "the checksum of each frame's splats held" in out
     page = (folder / "report.html").read_text()
     assert "gsvc encode" in page
     assert len(list((folder / "decoded").iterdir())) == 4

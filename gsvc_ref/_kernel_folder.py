@@ -1,0 +1,52 @@
+"""Where compiled kernels are kept, told without importing the compiler."""
+
+import os
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+PACKAGE: Final = Path(__file__).resolve().parent
+
+
+def kernel_folder() -> Path:
+    """The folder of the kernels compiled from the present sources, which may not exist yet.
+
+    Numba alone looks only at the file of the function that it loads, so after an edit of a kernel in another file, or
+    an update, it would go on running what that kernel was. Here the folder's name changes with any source.
+    NUMBA_CACHE_DIR, when set, is left alone.
+    """
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(chosen)
+    return _base() / f"{_prefix()}{_digest(*_sources())}"
+
+
+def stale_folders() -> list[Path]:
+    """Folders of kernels that this installation had with other sources."""
+    return [folder for folder in _base().glob(f"{_prefix()}*") if folder != kernel_folder()]
+
+
+def is_empty() -> bool:
+    """Whether no compiled kernel is there, so that the first call of each will compile it."""
+    return next(kernel_folder().rglob("*.nbi"), None) is None
+
+
+def _base() -> Path:
+    cache = PACKAGE / "__pycache__"
+    if os.access(cache if cache.is_dir() else PACKAGE, os.W_OK):
+        return cache
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gsvc_ref"
+
+
+def _prefix() -> str:
+    """Installations that share a cache folder do not remove each other's kernels."""
+    return f"kernels-{_digest(str(PACKAGE))}-"
+
+
+def _sources() -> list[str]:
+    """Path, size and time of each source."""
+    stats = [(path, path.stat()) for path in sorted(PACKAGE.rglob("*.py"))]
+    return [f"{path.relative_to(PACKAGE)} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats]
+
+
+def _digest(*parts: str) -> str:
+    return sha256("\n".join(parts).encode()).hexdigest()[:12]

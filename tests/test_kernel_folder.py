@@ -1,0 +1,41 @@
+"""Compiled kernels never outlive the sources that they came from."""
+
+import os
+import subprocess
+import sys
+
+from gsvc_ref import _kernel_folder
+
+
+def test_the_folder_changes_with_any_source(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(_kernel_folder, "PACKAGE", tmp_path)
+    source = tmp_path / "rendering" / "tasks.py"
+    source.parent.mkdir()
+    source.touch()
+    first = _kernel_folder.kernel_folder()
+    assert _kernel_folder.kernel_folder() == first
+    os.utime(source, ns=(1, 1))
+    second = _kernel_folder.kernel_folder()
+    assert second != first
+    assert second.parent == first.parent
+
+
+def test_only_folders_of_the_same_installation_are_stale(monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(_kernel_folder, "PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(_kernel_folder, "_base", lambda: tmp_path)
+    (tmp_path / "package").mkdir()
+    present = _kernel_folder.kernel_folder()
+    old = present.with_name(present.name[:-1] + ("0" if present.name[-1] != "0" else "1"))
+    other = tmp_path / "kernels-000000000000-111111111111"
+    for folder in (present, old, other):
+        folder.mkdir()
+    assert _kernel_folder.stale_folders() == [old]
+
+
+def test_numba_is_told_of_the_folder():
+    script = "import numba, gsvc_ref._jit as j; print(numba.config.CACHE_DIR == str(j.kernel_folder()))"
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
+    assert run.stdout.strip() == "True"
