@@ -7,12 +7,15 @@ from typing import Final
 
 PACKAGE: Final = Path(__file__).resolve().parent
 
+WITHOUT_KERNELS: Final = ("cli", "codec", "reconstruction", "report", "scenes", "testing")
+"""Packages that nothing compiled comes from, so that an edit there costs no compilation."""
+
 
 def kernel_folder() -> Path:
     """The folder of the kernels compiled from the present sources, which may not exist yet.
 
     Numba alone looks only at the file of the function that it loads, so after an edit of a kernel in another file, or
-    an update, it would go on running what that kernel was. Here the folder's name changes with any source.
+    an update, it would go on running what that kernel was. Here the folder's name changes with any of them.
     NUMBA_CACHE_DIR, when set, is left alone.
     """
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
@@ -43,9 +46,10 @@ def _prefix() -> str:
 
 
 def _sources() -> list[str]:
-    """Path, size and time of each source."""
-    stats = [(path, path.stat()) for path in sorted(PACKAGE.rglob("*.py"))]
-    return [f"{path.relative_to(PACKAGE)} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats]
+    """Path, size and time of each source that kernels, or constants in them, may come from."""
+    paths = sorted(path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py"))
+    stats = [(path, (PACKAGE / path).stat()) for path in paths if path.parts[0] not in WITHOUT_KERNELS]
+    return [f"{path} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats]
 
 
 def _digest(*parts: str) -> str:

@@ -21,6 +21,14 @@ def test_the_folder_changes_with_any_source(monkeypatch, tmp_path):
     assert second.parent == first.parent
 
 
+def test_packages_without_kernels_have_none():
+    package = _kernel_folder.PACKAGE
+    sources = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
+    users = {path.relative_to(package).parts[0] for path, text in sources.items() if "gsvc_ref._jit" in text}
+    assert {"rendering", "quantization"} <= users
+    assert not users & set(_kernel_folder.WITHOUT_KERNELS)
+
+
 def test_only_folders_of_the_same_installation_are_stale(monkeypatch, tmp_path):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(_kernel_folder, "PACKAGE", tmp_path / "package")

@@ -6,14 +6,14 @@ sees is, bit for bit, what a decoder will have.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, rvq, to_half_bits
-from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse
+from gsvc_ref.quantization.half import LARGEST_HALF
+from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.quantization.rvq_training import RvqState, initialize, update
 from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
@@ -21,9 +21,6 @@ from gsvc_ref.training.adan import Adan, AdanSettings
 
 Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
-
-LARGEST_HALF: Final = 65504.0
-"""Largest finite binary16."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +119,8 @@ class BlockQuantizer:
             return LsqParameters(self.kept.quantizer.scale, self.kept.quantizer.offset)
         if self.settings.cholesky_step is not None:
             scale = np.full(3, self.settings.cholesky_step, np.float32)
-            middle = np.float32(1 << (self.settings.cholesky_bits - 1))
-            return LsqParameters(scale, np.float32(0) - middle * scale)
+            middle = 1 << (self.settings.cholesky_bits - 1)
+            return with_exact_zero(LsqParameters(scale, -middle * scale), self.settings.cholesky_bits)
         return from_mse(cholesky, self.settings.cholesky_bits)
 
     def _start_rvq(self, colors: F4) -> RvqState | None:
