@@ -7,7 +7,7 @@ from typing import Final
 
 PACKAGE: Final = Path(__file__).resolve().parent
 
-WITHOUT_KERNELS: Final = ("cli", "codec", "reconstruction", "report", "scenes", "testing")
+WITHOUT_KERNELS: Final = ("cli", "codec", "report", "scenes", "testing")
 """Packages that nothing compiled comes from, so that an edit there costs no compilation."""
 
 
