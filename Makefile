@@ -33,6 +33,7 @@ format: .venv/.ready-lint            ## put the code into the house style
 
 figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 15 minutes)
 	$(BIN)/python -m benchmarks.clips
+	$(BIN)/python -m benchmarks.clips --preset paper --frames 2
 
 clean:            ## remove what the other commands made
 	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist

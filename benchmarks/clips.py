@@ -14,7 +14,10 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+SPLATS: Final = {"quick": (500, 1000, 2000), "paper": (1000,)}
+"""N of each row, by preset; the paper's takes minutes a frame."""
 
 
 def clip(name: str) -> Path:
@@ -52,16 +55,14 @@ def measure(source: Path, frames: int, *options: str) -> dict[str, float]:
     }
 
 
-def rows(quick_frames: int, paper_frames: int) -> Iterator[str]:
-    """The lines of the tables, as they are measured."""
+def rows(preset: str, frames: int) -> Iterator[str]:
+    """The lines of the table of a preset, as they are measured."""
     yield "| clip | frames | preset | N | bits/pixel | PSNR, dB | MS-SSIM | s/frame | I-frames | bytes |"
     yield "|---|---|---|---|---|---|---|---|---|---|"
-    for preset in ("quick", "paper"):  # so that no row below waits for the compiler
-        measure(clip("carphone_pristine.mp4"), 2, "--preset", preset, "--splats", "100", "--iterations", "2")
+    # So that no row waits for the compiler:
+    measure(clip("carphone_pristine.mp4"), 2, "--preset", preset, "--splats", "100", "--iterations", "2")
     for name in ("carphone_pristine.mp4", "bikes.mp4"):
-        runs = [("quick", quick_frames, splats) for splats in (500, 1000, 2000)]
-        runs.append(("paper", paper_frames, 1000))
-        for preset, frames, splats in runs:
+        for splats in SPLATS[preset]:
             m = measure(clip(name), frames, "--preset", preset, "--splats", str(splats))
             yield (
                 f"| {name} | {frames} | {preset} | {splats} | {m['bpp']:.3f} | {m['psnr']:.2f} | {m['ms_ssim']:.4f} "
@@ -70,13 +71,13 @@ def rows(quick_frames: int, paper_frames: int) -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the tables and the machine."""
+    """Print the table and the machine."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick-frames", type=int, default=100, help="frames with the preset quick (default 100)")
-    parser.add_argument("--paper-frames", type=int, default=2, help="frames with the preset paper (default 2)")
+    parser.add_argument("--preset", choices=tuple(SPLATS), default="quick")
+    parser.add_argument("--frames", type=int, default=100, help="frames of each clip, from the first (default 100)")
     arguments = parser.parse_args()
     print(f"{os.cpu_count()} CPUs, {platform.machine()}, Python {platform.python_version()}\n")
-    for row in rows(arguments.quick_frames, arguments.paper_frames):
+    for row in rows(arguments.preset, arguments.frames):
         print(row, flush=True)
 
 

@@ -7,10 +7,11 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BufferedWriter, FileIO
 from itertools import islice
 from pathlib import Path
 from types import FrameType
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,6 +256,14 @@ class FrameSource(VideoReader):
             yield np.array(frame)  # the caller may fill the same array again
 
 
+class Device(FileIO):
+    """A file that cannot go back, whatever it claims: /dev/null does, and then refuses to be cut to a length."""
+
+    def seekable(self) -> bool:
+        """Never."""
+        return False
+
+
 @contextmanager
 def _target_file(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     """The file to write to; a path stands under its own name only when the block has ended well."""
@@ -271,8 +280,8 @@ def _target_file(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
     if path.exists() and not path.is_file():  # a pipe or device has no name to take at the end
-        with path.open("wb") as file:
-            yield file
+        with BufferedWriter(Device(path, "wb")) as file:
+            yield cast(BinaryIO, file)
         return
     part = PartialFile(path)
     try:

@@ -106,9 +106,9 @@ def changed(values: F4, reference: F4, least: float) -> Active:
     """Which attributes moved enough to be seen, (n, 3) bool: position, Cholesky factor, colour.
 
     The effect of a change on the picture, as a sum of squared differences over all pixels, to second order and for one
-    splat alone: with A = pi l11 l22 (the sum of g^2) and the change (du, dv) = L^-1 dmu, it is
-    |c'|^2 A (du^2 + dv^2) / 2 for the position; |c'|^2 A (3/4 (dl11/l11)^2 + 3/4 (dl22/l22)^2 + 1/2 (dl21/l22)^2) for
-    the Cholesky factor, cross terms left out; |dc'|^2 A for the colour.
+    splat alone: with A = pi l11 l22 (the sum of g^2), the change (du, dv) = L^-1 dmu and the relative changes
+    p = dl11/l11, q = dl22/l22, s = (dl21 - l21 p)/l22, it is |c'|^2 A (du^2 + dv^2) / 2 for the position;
+    |c'|^2 A (3 p^2 + 3 q^2 + 2 p q + s^2) / 4 for the Cholesky factor; |dc'|^2 A for the colour.
     """
     difference = values - reference
     l11, l21, l22 = values[:, 2], values[:, 3], values[:, 4]
@@ -116,7 +116,9 @@ def changed(values: F4, reference: F4, least: float) -> Active:
     seen = np.square(values[:, 5:8]).sum(axis=1) * area
     du = difference[:, 0] / l11
     dv = (difference[:, 1] - l21 * du) / l22
-    shape = 0.75 * ((difference[:, 2] / l11) ** 2 + (difference[:, 4] / l22) ** 2) + 0.5 * (difference[:, 3] / l22) ** 2
+    p, q = difference[:, 2] / l11, difference[:, 4] / l22
+    s = (difference[:, 3] - l21 * p) / l22
+    shape = (3 * p * p + 3 * q * q + 2 * p * q + s * s) / 4
     color = np.square(difference[:, 5:8]).sum(axis=1) * area
     effects = np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)  # (n, 3) f4
     return np.asarray(effects >= least, np.bool_)

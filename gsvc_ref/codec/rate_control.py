@@ -108,7 +108,8 @@ def hold_quality(
             population.append(new_splats(objective, new, len(population) + new, rng), KEPT_WEIGHT)
         else:
             fraction = min(max(CAUTION * (1 - growth), SMALLEST_CHANGE), LARGEST_CHANGE)
-            population.take(most_visible(population.parameters(), max(1, round(len(population) * (1 - fraction)))))
+            fewer = len(population) - max(1, round(len(population) * fraction))
+            population.take(most_visible(population.parameters(), fewer))
         loss, made = fit(population, objective, settings, rng)
         done += made
         if surplus > 0 and loss > goal:

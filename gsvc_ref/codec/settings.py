@@ -257,8 +257,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
         known = ", ".join((*OVERRIDES, *REACHING))
         raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
     settings = replace(settings, **overrides)
-    _check_range("color_stages", stages, 1, 8)
-    _check_range("color_codewords", codewords, 1, 1024)
+    _check_range("color_stages", stages, 1, 8, whole=True)
+    _check_range("color_codewords", codewords, 1, 1024, whole=True)
     if nested.get("iterations") is not None:
         settings = with_iterations(settings, nested["iterations"])
     if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
@@ -277,7 +277,7 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
 
 def with_iterations(settings: S, iterations: int) -> S:
     """The settings with this many iterations for the fit of an I-frame, and all other fits in proportion."""
-    _check_range("iterations", iterations, 1, 10_000_000)
+    _check_range("iterations", iterations, 1, 10_000_000, whole=True)
     share = iterations / settings.intra.fit.iterations
 
     def frame(kind: FrameSettings) -> FrameSettings:
