@@ -7,17 +7,19 @@ import pytest
 from codec_cases import encoded, fast, flat, waves
 
 from gsvc_ref.codec import Settings, Stream
-from gsvc_ref.codec.fine_tuning import FrameQuantizer, changed, fine_tune, inter_quantizer, with_steps_for
-from gsvc_ref.codec.quantizer import BlockSettings
+from gsvc_ref.codec.fine_tuning import REUSE_LOSS, FrameQuantizer, changed, fine_tune, inter_quantizer, with_steps_for
+from gsvc_ref.codec.quantizer import BlockQuantizer, BlockSettings
 from gsvc_ref.codec.quantizer_choice import frame_bytes, with_best_quantizer, with_quantizer
 from gsvc_ref.codec.rate_control import loss_of_psnr
-from gsvc_ref.reconstruction import Kept, State, reconstruct
+from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
 from gsvc_ref.training.fit import NEW, Population, fit
 
 WIDTH, HEIGHT = 32, 24
+SIZE = np.array([WIDTH / 2, HEIGHT / 2], np.float32)
+NONE = np.zeros(0, np.bool_)
 PICTURES = [frame.astype(np.float32) / 255 for frame in waves(WIDTH, HEIGHT, 3)]
 
 
@@ -136,10 +138,9 @@ def test_a_quantiser_of_differences_is_kept_from_frame_to_frame():
     population, objective = second_frame(state, chosen)
     reference = state.splats.to_array()
     active = np.ones((30, 3), np.bool_)
-    size = np.array([WIDTH / 2, HEIGHT / 2], np.float32)
 
     def quantizer(values, block, kept):
-        return inter_quantizer(values, reference, active, size, block, kept, np.random.default_rng(0))
+        return inter_quantizer(values, reference, active, SIZE, block, kept, np.random.default_rng(0))
 
     values, block = population.parameters(), chosen.inter.quantizer
     fresh = quantizer(values, block, Kept())
@@ -162,16 +163,34 @@ def test_a_quantiser_of_differences_is_kept_from_frame_to_frame():
     assert learned.quantizer is not None
 
 
-def test_new_splats_use_what_is_kept_unless_the_picture_suffers():
+def test_new_splats_use_what_is_kept():
     chosen = fast(iterations=15)
-    new, objective = fitted(PICTURES[1], iterations=30)
-    for picture, reused in ((PICTURES[0], True), (np.full_like(PICTURES[0], 0.1), False)):
-        population, old_objective = fitted(picture)
-        _, state, _, _ = tuned(population, old_objective, chosen, State.initial(WIDTH, HEIGHT))
-        quantizer = FrameQuantizer(new, objective, chosen, state, np.random.default_rng(1))
-        block = quantizer.codes(new.parameters()).intra
-        assert (block.quantizer is None) == reused
-        assert (block.codebooks is None) == reused
+    population, objective = fitted()
+    _, state, _, _ = tuned(population, objective, chosen, State.initial(WIDTH, HEIGHT))
+    frame, objective = second_frame(state, chosen)
+    frame.append(state.splats.take(np.arange(3)), KEPT_WEIGHT)
+    quantizer = FrameQuantizer(frame, objective, chosen, state, np.random.default_rng(1))
+    block = quantizer.codes(frame.parameters()).intra
+    assert block.quantizer is None
+    assert block.codebooks is None
+
+
+def test_new_splats_get_a_quantiser_of_their_own_where_the_kept_one_spoils_them():
+    chosen = fast(iterations=15)
+    dark, objective = fitted(np.full_like(PICTURES[0], 0.1))
+    _, state, _, _ = tuned(dark, objective, chosen, State.initial(WIDTH, HEIGHT))
+    new, objective = fitted()
+    quantizer = FrameQuantizer(new, objective, chosen, state, np.random.default_rng(1))
+    block = quantizer.codes(new.parameters()).intra
+    assert block.quantizer is not None
+    assert block.codebooks is not None
+    kept = BlockQuantizer(new.parameters(), None, None, SIZE, chosen.intra.quantizer, quantizer.intra.rng, state.intra)
+    spoilt = replace(state, splats=Splats.empty())
+    losses = [
+        objective.loss(reconstruct(FrameCodes.predicted_frame(NONE, None, codes), spoilt).splats.to_array())
+        for codes in (block, kept.codes(new.parameters()))
+    ]
+    assert losses[1] > REUSE_LOSS * losses[0]
 
 
 def test_a_picture_that_appears_after_an_even_one_can_be_coded():
