@@ -15,10 +15,7 @@ LARGEST_ASPECT: Final = 65535
 
 def header_fields(video: VideoFormat) -> dict[str, int]:
     """The elements of the sequence header that describe the source."""
-    aspect = video.sample_aspect_ratio.limit_denominator(LARGEST_ASPECT)
-    if max(aspect.numerator, aspect.denominator) > LARGEST_ASPECT or aspect == 0:
-        aspect = Fraction(1)
-    color = video.color
+    aspect, color = _nearest_aspect(video.sample_aspect_ratio), video.color
     return {
         "width": video.width,
         "height": video.height,
@@ -34,6 +31,14 @@ def header_fields(video: VideoFormat) -> dict[str, int]:
         "video_full_range_flag": int(color.full_range),
         "chroma_sample_loc_type": color.chroma_location,
     }
+
+
+def _nearest_aspect(ratio: Fraction) -> Fraction:
+    """The nearest ratio whose terms the header can hold; square where even its largest is far away."""
+    small = min(ratio, 1 / ratio).limit_denominator(LARGEST_ASPECT)  # at most 1, so that its denominator is the larger
+    if small == 0:
+        return Fraction(1)
+    return small if ratio <= 1 else 1 / small
 
 
 def video_format(header: SequenceHeader) -> VideoFormat:

@@ -221,6 +221,7 @@ def fit(
     rates = settings.rates.columns()
     grown = settings.growth.counts(total or len(population), settings.iterations) if settings.growth else {}
     removed = settings.pruning.counts(len(population), settings.iterations) if settings.pruning else {}
+    last_change = max([*removed, *(i + 1 for i in grown)], default=0)  # no convergence before it
     convergence = settings.convergence.start() if settings.convergence else None
     done = 0
     for i in range(settings.iterations):
@@ -241,7 +242,7 @@ def fit(
             population.take(select_survivors(population.weights, removed[done]))
         if on_iteration:
             on_iteration(done, settings.iterations, loss)
-        if convergence and convergence.update(loss) and done >= max(removed, default=0):
+        if convergence and convergence.update(loss) and done >= last_change:
             break
     return objective.loss(population.parameters()), done
 

@@ -1,0 +1,113 @@
+"""The few public names: all there, loaded only when used, and the ways of the docstring work."""
+
+import subprocess
+import sys
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import gsvc_ref
+from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
+
+FORMAT = VideoFormat(20, 12, Fraction(25), 8, "444", ColorDescription(1, 1, 1, False, 0))
+FRAMES = [np.random.default_rng(t // 2).integers(0, 256, (12, 20, 3), np.uint8) for t in range(4)]
+SETTINGS = {"iterations": 2, "cholesky_bits": 8, "splats": 6}
+
+LAZY = """
+import sys
+import gsvc_ref
+assert not {"numba", "scipy", "skimage", "numpy", "gsvc_ref.codec"} & set(sys.modules), "loaded too early"
+assert set(gsvc_ref.__all__) <= set(dir(gsvc_ref))
+gsvc_ref.GsvcError, gsvc_ref.UsageError
+assert "numba" not in sys.modules
+gsvc_ref.Settings.quick()
+import gsvc_ref.rendering
+assert callable(gsvc_ref.render) and callable(gsvc_ref.render_gradients)
+print(gsvc_ref.__version__)
+"""
+
+
+def test_every_public_name_is_there():
+    assert gsvc_ref.__all__ == sorted(gsvc_ref.__all__)
+    for name in gsvc_ref.__all__:
+        assert getattr(gsvc_ref, name) is getattr(gsvc_ref, name)
+        assert getattr(gsvc_ref, name).__doc__
+        assert name in dir(gsvc_ref)
+    expected = {"encode", "decode", "Settings", "Splats", "render", "render_gradients", "open", "GsvcError"}
+    assert expected <= set(gsvc_ref.__all__)
+
+
+def test_there_is_no_other_name():
+    with pytest.raises(AttributeError, match="nonsense"):
+        gsvc_ref.nonsense  # noqa: B018
+    with pytest.raises(ImportError):
+        from gsvc_ref import nonsense  # noqa: F401
+
+
+def test_nothing_is_loaded_before_it_is_used():
+    made = subprocess.run([sys.executable, "-c", LAZY], capture_output=True, text=True, timeout=60)
+    assert made.stderr == ""
+    assert made.stdout.strip() == gsvc_ref.__version__
+
+
+def test_the_names_belong_together():
+    from gsvc_ref.codec import Settings, Stream
+    from gsvc_ref.rendering import render
+
+    assert gsvc_ref.open is Stream
+    assert gsvc_ref.Settings is Settings
+    assert gsvc_ref.render is render
+    assert issubclass(gsvc_ref.UsageError, ValueError)
+    assert not issubclass(gsvc_ref.GsvcError, ValueError)
+
+
+def test_from_file_to_file_and_back(tmp_path):
+    source, target = tmp_path / "clip.y4m", tmp_path / "clip.gsvc"
+    with open_writer(source, FORMAT) as writer:
+        for frame in FRAMES:
+            writer.write(frame)
+    report = gsvc_ref.encode(str(source), str(target), gsvc_ref.Settings.quick(**SETTINGS))
+    assert report.file_bytes == target.stat().st_size
+    assert [frame.type for frame in report.frames][::2] in (["I", "P"], ["I", "I"])
+    assert [frame.type for frame in report.frames][1::2] == ["R", "R"]
+    frames = list(gsvc_ref.decode(target))
+    with gsvc_ref.open(target) as stream:
+        assert stream.format.chroma_format == "444"
+        for decoded, frame in zip(stream.frames(1, 3), frames[1:3], strict=True):
+            splats = decoded.splats
+            assert splats.positions.shape == (6, 2)
+            assert sum(decoded.bits.values()) == 8 * decoded.size
+            picture = gsvc_ref.render(splats, 20, 12)
+            assert np.array_equal(np.rint(picture * np.float32(255)), frame)
+
+
+def test_a_missing_stream_is_a_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        gsvc_ref.open(tmp_path / "none.gsvc")
+    with pytest.raises(FileNotFoundError):
+        next(gsvc_ref.decode(tmp_path / "none.gsvc"))
+    with pytest.raises(FileNotFoundError):
+        gsvc_ref.encode(tmp_path / "none.y4m", tmp_path / "none.gsvc")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("data", [b"", b"YUV4MPEG2 W2 H2\n", b"\x89GSVC\r\n"])
+def test_what_is_no_stream_is_told(data):
+    with pytest.raises(gsvc_ref.GsvcError) as caught:
+        gsvc_ref.open(data)
+    assert caught.value.kind == "malformed"
+    assert caught.value.rule == "R-6.1-1"
+    assert "malformed" in str(caught.value)
+
+
+def test_gradients_point_downhill():
+    rng = np.random.default_rng(0)
+    target = rng.random((12, 20, 3), np.float32)
+    start = [[10, 6, 4, 0, 4, 0.5, 0.5, 0.5]]
+    splats = gsvc_ref.Splats.from_array(start)
+    residual = 2 * (gsvc_ref.render(splats, 20, 12) - target)
+    gradient = gsvc_ref.render_gradients(splats, residual)
+    lower = gsvc_ref.Splats.from_array(splats.to_array() - 1e-4 * gradient)
+    losses = [np.square(gsvc_ref.render(s, 20, 12) - target).sum() for s in (splats, lower)]
+    assert losses[1] < losses[0]

@@ -1,0 +1,139 @@
+"""Splats: three arrays that fit each other, hold numbers, and keep their bits."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering import render_sum
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing.strategies import splat_sets
+
+COLUMNS = {"positions": 2, "cholesky": 3, "colors": 3}
+
+
+def arrays(count=4) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return {name: rng.normal(0, 1, (count, columns)).astype(np.float32) for name, columns in COLUMNS.items()}
+
+
+@given(splat_sets(hard=True))
+def test_an_array_of_all_parameters_and_back_keeps_all_bits(splats):
+    packed = splats.to_array()
+    assert packed.shape == (len(splats), 8)
+    assert packed.dtype == np.float32
+    again = Splats.from_array(packed)
+    assert again == splats
+    assert again.tobytes() == splats.tobytes()
+    assert np.array_equal(packed[:, 2:5], splats.cholesky)
+
+
+@given(splat_sets(min_count=1), st.data())
+def test_take_and_append_keep_order_and_bits(splats, data):
+    cut = data.draw(st.integers(0, len(splats)))
+    numbers = np.arange(len(splats))
+    assert splats.take(numbers[:cut]).append(splats.take(numbers[cut:])) == splats
+    assert splats.take(numbers < cut) == splats.take(numbers[:cut])
+    backwards = splats.take(numbers[::-1])
+    assert np.array_equal(backwards.positions, splats.positions[::-1])
+    assert backwards.take(numbers[::-1]) == splats
+
+
+def test_the_bytes_are_positions_then_factors_then_colours():
+    parts = arrays()
+    splats = Splats(**parts)
+    numbers = np.frombuffer(splats.tobytes(), "<f4")
+    assert np.array_equal(numbers, np.concatenate([parts[name].ravel() for name in COLUMNS]))
+
+
+def test_equality_is_that_of_bits():
+    parts = arrays()
+    splats = Splats(**parts)
+    assert splats == Splats(**parts)
+    assert splats != splats.take(np.arange(3))
+    assert splats != parts
+    zero, minus = (Splats.from_array(np.full((1, 8), value, np.float32)) for value in (0.0, -0.0))
+    assert zero != minus
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(splats)
+
+
+def test_no_splats_are_splats_too():
+    empty = Splats.empty()
+    assert len(empty) == 0
+    assert empty.tobytes() == b""
+    assert empty == Splats.from_array(np.empty((0, 8)))
+    splats = Splats(**arrays())
+    assert empty.append(splats) == splats.append(empty) == splats
+    assert splats.take(np.empty(0, np.int64)) == empty
+
+
+def test_other_types_and_layouts_are_taken_as_binary32():
+    parts = arrays()
+    splats = Splats(**parts)
+    lists = Splats(**{name: part.tolist() for name, part in parts.items()})
+    turned = Splats(**{name: np.asfortranarray(part) for name, part in parts.items()})
+    assert lists == turned == splats
+    assert all(getattr(turned, name).flags.c_contiguous for name in COLUMNS)
+    assert Splats.from_array(splats.to_array().astype(">f4")) == splats
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+@pytest.mark.parametrize("shape", [(4,), (4, 4), (4, 1), (2, 2, 2), ()])
+def test_wrong_shapes_are_refused_by_name(name, shape):
+    with pytest.raises(UsageError, match=rf"Splats\.{name} has shape"):
+        Splats(**arrays() | {name: np.zeros(shape)})
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_other_counts_are_refused(name):
+    with pytest.raises(UsageError, match="counts must be equal"):
+        Splats(**arrays() | {name: np.zeros((3, COLUMNS[name]))})
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_refused_with_its_splat(name, value):
+    parts = arrays()
+    parts[name][2, 1] = value
+    with pytest.raises(UsageError, match=rf"Splats\.{name} is NaN or infinite at splat 2"):
+        Splats(**parts)
+
+
+@pytest.mark.parametrize("shape", [(8,), (3, 7), (3, 9), (1, 3, 8)])
+def test_wrong_shapes_of_a_packed_array_are_refused(shape):
+    with pytest.raises(UsageError, match=r"must be \(N, 8\)"):
+        Splats.from_array(np.zeros(shape))
+
+
+def test_arrays_that_fit_are_not_copied():
+    parts = arrays()
+    assert Splats(**parts).positions is parts["positions"]
+
+
+@given(splat_sets(width=24, height=16, max_count=8), st.sampled_from([0.5, 1.0, 3.0]), st.sampled_from([1.0, 3.0, 5.0]))
+def test_a_scaled_set_shows_the_same_picture(splats, across, down):
+    """Where a centre of the small picture lies on one of the large one, the sums agree but for the support's edge."""
+    scaled = splats.scaled(across, down)
+    assert np.array_equal(scaled.colors, splats.colors)
+    if across == 0.5:
+        assert np.array_equal(scaled.scaled(2, 1 / down).positions[:, 0], splats.positions[:, 0])
+        return
+    small = render_sum(splats, 24, 16, precision="exact")
+    large = render_sum(scaled, int(24 * across), int(16 * down), precision="exact")
+    middle = large[int(down) // 2 :: int(down), int(across) // 2 :: int(across)]
+    edge = 1 / 255 * np.abs(splats.colors).sum() + 1e-6
+    assert np.abs(middle - small).max(initial=0) <= edge
+    assert np.median(np.abs(middle - small)) < 1e-5
+
+
+def test_a_scale_of_one_keeps_all_bits():
+    splats = Splats(**arrays())
+    assert splats.scaled(1, 1) == splats
+
+
+def test_a_scale_that_leaves_binary32_is_refused():
+    far = Splats.from_array([[3e38, 0, 1, 0, 1, 1, 1, 1]])
+    with pytest.raises(UsageError, match="NaN or infinite"):
+        far.scaled(4, 1)
