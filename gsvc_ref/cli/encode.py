@@ -45,10 +45,10 @@ def add_command(commands: Any) -> None:
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     parser.add_argument(
         "--preset", choices=("quick", "paper"), default="quick",
-        help="quick (default): about a second a frame; paper: the settings of the paper, minutes a frame",
+        help="quick (default): ours, some 100 iterations a frame; paper: the settings of the paper, minutes a frame",
     )  # fmt: skip
     rate = parser.add_argument_group("rate and quality")
-    rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most of one with --psnr")
+    rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most with --psnr")
     rate.add_argument("--psnr", type=finite, metavar="DB", help="as few splats as keep each frame at this PSNR")
     rate.add_argument("--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame")
     rate.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12")
