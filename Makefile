@@ -31,7 +31,7 @@ format: .venv/.ready-lint            ## put the code into the house style
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 10 minutes)
+figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 15 minutes)
 	$(BIN)/python -m benchmarks.clips
 	$(BIN)/python -m benchmarks.clips --preset paper --frames 2
 
