@@ -148,7 +148,6 @@ class BlockQuantizer:
         """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
         difference = self._difference(values)
         indices = rvq.assign(difference[:, 5:8], self.codebooks)
-        indices[~self.active[:, 2]] = self._zero_indices()
         position, cholesky, color = (self.reference is None or bool(part.any()) for part in self.active.T)
         own_quantizer = cholesky and self.kept.quantizer is None
         own_codebooks = color and self.rvq is not None
@@ -161,11 +160,6 @@ class BlockQuantizer:
             quantizer=self.quantizer if own_quantizer else None,
             codebooks=tuple(book.astype(np.float16) for book in self.codebooks) if own_codebooks else None,
         )
-
-    def _zero_indices(self) -> NDArray[np.uint16]:
-        """The index of each stage's codeword nearest to nothing (index 0 where there is a zero codeword), (M,) u2."""
-        nearest: NDArray[np.uint16] = rvq.assign(np.zeros((1, 3), np.float32), self.codebooks)[0]
-        return nearest
 
     def _position_bits(self, positions: F4) -> NDArray[np.uint16]:
         offset = np.float32(1 if self.reference is None else 0)

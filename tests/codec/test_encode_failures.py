@@ -12,7 +12,7 @@ from codec_cases import Counting, encoded, fast, flat, video_format, waves
 from gsvc_ref.codec import decode, encode
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.metrics import psnr
-from gsvc_ref.video import VideoReader
+from gsvc_ref.video import PartialFile, VideoReader
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 5)
@@ -63,6 +63,15 @@ def test_an_interrupt_within_a_frame_drops_that_frame(tmp_path, stage):
     assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:2], fast())[1]
 
 
+@pytest.fixture
+def _ctrl_c_as_usual():
+    """Python's own handling of SIGINT, which a shell's background jobs do not have."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_ctrl_c_as_usual")
 def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
     """A chunk is written whole: Ctrl-C waits for the few microseconds that this takes."""
 
@@ -211,14 +220,14 @@ def test_a_missing_folder_is_named(tmp_path):
     assert source.taken == 0
 
 
-def test_a_folder_that_cannot_be_written_is_an_os_error(tmp_path):
-    folder = tmp_path / "closed"
-    folder.mkdir(mode=0o500)
-    if os.access(folder, os.W_OK):
-        pytest.skip("this user may write everywhere")
+def test_a_folder_that_cannot_be_written_is_an_os_error(tmp_path, monkeypatch):
+    def refuse(self):  # a closed folder would not stop root
+        raise PermissionError("closed")
+
+    monkeypatch.setattr(PartialFile, "_create", refuse)
     source = Counting(CLIP)
     with pytest.raises(PermissionError):
-        encode((source, SMALL), folder / "clip.gsvc", fast())
+        encode((source, SMALL), tmp_path / "clip.gsvc", fast())
     assert source.taken == 0
 
 
