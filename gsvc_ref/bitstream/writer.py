@@ -1,5 +1,6 @@
 """Writing streams, frame by frame."""
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,6 +23,16 @@ MOST_INDEX_BYTES_PER_ENTRY: Final = 10
 class _IndexEntry:
     frame_number: int
     offset: int
+
+
+def appends(target: BinaryIO) -> bool:
+    """Whether all that is written lands at the end of the file (``>>`` in a shell), so no header can be corrected."""
+    try:
+        import fcntl
+
+        return bool(fcntl.fcntl(target.fileno(), fcntl.F_GETFL) & os.O_APPEND)
+    except (ImportError, AttributeError, OSError):  # no such system, or no file of the system's
+        return "a" in str(getattr(target, "mode", ""))
 
 
 class StreamWriter:
@@ -65,7 +76,7 @@ class StreamWriter:
     ) -> None:
         self._target = target
         self._make_writer = make_writer
-        self._seekable = target.seekable()
+        self._seekable = target.seekable() and not appends(target)
         self._start = target.tell() if self._seekable else 0
         self._entries: list[_IndexEntry] | None = [] if index else None
         self._frame_count = 0

@@ -70,8 +70,14 @@ def encode(
         The target cannot be written; nothing is left under its name.
     """
     chosen = Settings.quick() if settings is None else settings
+    if isinstance(source, str | Path) and isinstance(target, str | Path) and _same_file(Path(source), Path(target)):
+        raise UsageError(f"{target} is the source itself; give the stream another name")
     with _opened(source) as reader, _target_file(target) as file:
         return _Encode(reader, file, chosen, progress).run()
+
+
+def _same_file(a: Path, b: Path) -> bool:
+    return a.is_file() and b.is_file() and a.samefile(b)
 
 
 class _Encode:

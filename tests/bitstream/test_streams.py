@@ -320,3 +320,15 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
 
     peak(1)
     assert peak(400) < peak(40) + 20 * 400  # the bytes of the pipe itself, 7 a frame, and of a copy
+
+
+def test_a_file_opened_to_append_holds_a_whole_stream(tmp_path):
+    path = tmp_path / "a.gsvc"
+    with path.open("ab") as file:
+        writer = StreamWriter(file, OVERVIEW_HEADER)
+        for codes in overview_frames():
+            writer.write_frame(codes)
+        writer.finish()
+    with StreamReader(path) as reader:
+        assert reader.header.frame_count == 0  # nothing behind the end of the file can be corrected
+        assert len(list(reader)) == len(overview_frames())

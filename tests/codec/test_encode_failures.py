@@ -300,3 +300,12 @@ def test_a_goal_that_was_missed_is_noted():
     report, _ = encoded(clip, fast(psnr=60.0, splats=9))
     assert any("60 dB" in note for note in report.notes)
     assert encoded(clip, fast(psnr=5.0, splats=9))[0].notes == []
+
+
+def test_the_source_is_not_replaced_by_the_stream(tmp_path):
+    path = tmp_path / "clip.y4m"
+    path.write_bytes(b"YUV4MPEG2 W4 H4 F25:1 C444\nFRAME\n" + bytes(48))
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match="is the source itself"):
+        encode(path, tmp_path / "." / "clip.y4m", fast())
+    assert path.read_bytes() == before
