@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import types
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -37,6 +38,24 @@ def kernel(
         return cast(Callable[P, R], numba.njit(**options)(function))
 
     return decorate
+
+
+def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P, R]:
+    """The twin of an inlined kernel that rounds every operation: the same text, compiled without contraction.
+
+    Parameters
+    ----------
+    contracted
+        A function decorated with ``kernel(contract=True, inline=True)``.
+    names
+        What global names of its module mean in the twin, where it calls kernels that have twins themselves.
+    """
+    plain = cast(types.FunctionType, getattr(contracted, "py_func", contracted))
+    name = f"{plain.__name__}_strict"
+    twin = types.FunctionType(plain.__code__, {**plain.__globals__, **names}, name)
+    twin.__qualname__ = name  # Numba's cache knows functions by it
+    twin.__module__ = plain.__module__
+    return kernel(inline=True)(cast(Callable[P, R], twin))
 
 
 def use_kernel_folder() -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
 from gsvc_ref.codec.formats import video_format
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.rendering import Renderer, render, to_frame
-from gsvc_ref.rendering.renderer import Precision
+from gsvc_ref.rendering import Precision, SequenceRenderer
 from gsvc_ref.video import VideoFormat
 
 Frame = NDArray[np.unsignedinteger[Any]]
@@ -113,7 +112,7 @@ def _decode(
 ) -> Iterator[Frame]:
     header = stream.header
     width, height = scaled_size(header, scale)
-    renderer = Renderer(width, height, threads=threads)
+    renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None
     for decoded in stream.frames(start, stop):
         if last is None or decoded.type != "R":
@@ -121,11 +120,8 @@ def _decode(
                 splats = decoded.splats.scaled(width / header.width, height / header.height)
             except UsageError as error:
                 raise GsvcError("unsupported", f"frame {decoded.number} at scale {scale}: {error}") from None
-            if precision == "fast":
-                last = renderer.frame(splats, header.bit_depth)
-            else:
-                last = to_frame(render(splats, width, height, precision=precision), header.bit_depth)
-        yield last.copy()  # an R-frame shows it again, whatever the caller does to this one
+            last = renderer.next_frame(splats, header.bit_depth, decoded.codes.origins)
+        yield last.copy()  # the renderer changes it, and an R-frame shows it again
 
 
 def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:

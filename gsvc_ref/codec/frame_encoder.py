@@ -86,7 +86,7 @@ class FrameEncoder:
         self.state = State.initial(width, height)
         self.picture: F4 | None = None  # the source frame before, (H, W, 3)
         self.is_first = True
-        self.renderer = Renderer(width, height, threads=settings.threads)
+        self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
 
@@ -108,7 +108,7 @@ class _FrameWork:
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
-        self.objective = Objective(self.picture, self.settings.threads)
+        self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
         self.seconds: dict[str, float] = {}
         self.iterations = 0
 

@@ -6,6 +6,8 @@ from typing import Any, Final, Literal, Self, TypeVar
 from gsvc_ref.codec.quantizer import BlockSettings, with_codewords
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.rendering import Precision
+from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training.adan import AdanSettings
 from gsvc_ref.training.fit import FitSettings, Growth, Rates
 from gsvc_ref.training.keyframes import GUARD_RATIO
@@ -133,6 +135,8 @@ class Settings:
         Seed of all randomness.
     threads
         Threads of the kernels; None: all. The bytes do not depend on it.
+    precision
+        Of the renderer: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
     lane_count, entropy_precision, index, checksums
         Of the stream: rANS lanes, bits of its frequencies, an index for seeking, a checksum of each frame's parameters.
     """
@@ -149,6 +153,7 @@ class Settings:
     frames: tuple[int, int | None] = (0, None)
     seed: int = 0
     threads: int | None = None
+    precision: Precision = "fast"
     lane_count: int = 1
     entropy_precision: int = 14
     index: bool = True
@@ -158,6 +163,7 @@ class Settings:
         _check_range("splats", self.splats, 1, 1 << 22, whole=True)
         _check_range("psnr", self.psnr, 1, 100)
         _check_range("threads", self.threads, 1, 1024, whole=True)
+        check_precision(self.precision, ("fast", "deterministic"))
         _check_range("seed", self.seed, 0, 2**63 - 1, whole=True)
         _check_range("lane_count", self.lane_count, 1, 64, whole=True)
         _check_range("entropy_precision", self.entropy_precision, 12, 16, whole=True)
@@ -239,8 +245,8 @@ class Settings:
 S = TypeVar("S", bound=Settings)
 
 OVERRIDES: Final = (
-    "splats", "psnr", "key_frames", "low_latency", "repeat_frames", "frames", "seed", "threads", "lane_count",
-    "entropy_precision", "index", "checksums", "intra", "inter", "detection",
+    "splats", "psnr", "key_frames", "low_latency", "repeat_frames", "frames", "seed", "threads", "precision",
+    "lane_count", "entropy_precision", "index", "checksums", "intra", "inter", "detection",
 )  # fmt: skip
 """Settings that an override replaces as they are."""
 

@@ -199,6 +199,13 @@ class FrameCodes:
         return 0 if self.survivors is None else int(np.count_nonzero(self.survivors))
 
     @property
+    def origins(self) -> NDArray[np.int64] | None:
+        """For each splat of a P-frame the index of the one before that it continues, or -1, (N,) i8; else None."""
+        if self.survivors is None:
+            return None
+        return np.concatenate([np.flatnonzero(self.survivors), np.full(self.intra_count, -1)])
+
+    @property
     def intra_count(self) -> int:
         """`splat_count` of an I-frame, `new_splat_count` of a P-frame."""
         return (self.intra.count or 0) if self.intra is not None else 0

@@ -9,13 +9,25 @@ from gsvc_ref.rendering.bounds import exact_gradients_with_bound, render_exact_w
 from gsvc_ref.rendering.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.pictures import to_frame
-from gsvc_ref.rendering.renderer import Renderer, covered_pixels, render, render_frame, render_gradients, render_sum
+from gsvc_ref.rendering.precision import PRECISIONS, Precision
+from gsvc_ref.rendering.renderer import (
+    Renderer,
+    SequenceRenderer,
+    covered_pixels,
+    render,
+    render_frame,
+    render_gradients,
+    render_sum,
+)
 
 __all__ = [
+    "PRECISIONS",
     "SMALLEST_FACTOR",
     "SUPPORT_SIGMA",
     "Objective",
+    "Precision",
     "Renderer",
+    "SequenceRenderer",
     "covered_pixels",
     "exact_gradients_with_bound",
     "render",

@@ -3,12 +3,15 @@
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering.precision import Precision, check_precision
 from gsvc_ref.rendering.strip_pictures import read_strip
-from gsvc_ref.rendering.strips import F4, ROW, SLOT, aligned, strip_count
+from gsvc_ref.rendering.strips import BLACK, F4, ROW, SLOT, aligned, strip_count
 from gsvc_ref.rendering.tasks import (
+    base_task,
+    base_tasks,
     objective_task,
     objective_tasks,
     picture_task,
@@ -16,6 +19,7 @@ from gsvc_ref.rendering.tasks import (
     splat_task,
     splat_tasks,
 )
+from gsvc_ref.rendering.tiles import Tiles
 from gsvc_ref.rendering.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
@@ -43,14 +47,17 @@ class Objective:
         (H, W, 3), R'G'B' with 1.0 = full scale.
     threads
         Threads to use, None for one per CPU. The results have the same bits for any number.
+    precision
+        ``fast`` or ``deterministic``.
 
     Raises
     ------
     UsageError
-        The target has another shape or a value that is not finite, or `threads` is less than 1.
+        The target has another shape or a value that is not finite, or an option is outside its limits.
     """
 
-    def __init__(self, target: ArrayLike, threads: int | None = None) -> None:
+    def __init__(self, target: ArrayLike, threads: int | None = None, *, precision: Precision = "fast") -> None:
+        check_precision(precision, ("fast", "deterministic"))
         picture = np.ascontiguousarray(target, np.float32)  # (H, W, 3) f4
         if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
             raise UsageError(f"the target has shape {picture.shape}; it must be (H, W, 3) with at least one pixel")
@@ -63,7 +70,11 @@ class Objective:
         self._picture = picture
         self._pixels = self.height * self.width
         self._losses = np.zeros(len(self._target))  # (strips,) f8
-        self._workspace = Workspace(self.width, self.height, threads)
+        self._workspace = Workspace(self.width, self.height, threads, strict=precision == "deterministic")
+        self._tiles = Tiles.all_of(len(self._target), self.height, self.height)
+        self._base = BLACK  # the strips of the frozen splats
+        self._moving: NDArray[np.int64] | None = None  # the indices of the others; None: all
+        self._count = 0  # splats in all where some are frozen
 
     def evaluate(self, parameters: ArrayLike) -> tuple[float, F4]:
         """The loss and its gradient.
@@ -89,7 +100,38 @@ class Objective:
         work = self._workspace
         gradient = np.empty((len(work.parameters), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
         work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 2 / self._pixels, gradient)
-        return loss, gradient
+        if self._moving is None:
+            return loss, gradient
+        of_all = np.zeros((self._count, PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+        of_all[self._moving] = gradient
+        return loss, of_all
+
+    def freeze(self, parameters: ArrayLike, frozen: ArrayLike) -> None:
+        """Hold splats fixed from now on: they are rendered once, and their rows of the gradient are zero.
+
+        The sum of a pixel then begins with the frozen splats in index order and goes on with the others.
+
+        Parameters
+        ----------
+        parameters
+            (N, 8) f4, as for `evaluate`, which from now on wants N splats and ignores what it is told of frozen ones.
+        frozen
+            (N,) bool; all False thaws them.
+
+        Raises
+        ------
+        UsageError
+            A shape does not fit, or a parameter is not finite.
+        """
+        packed, still = _checked(parameters), np.asarray(frozen)
+        if still.dtype != np.bool_ or still.shape != (len(packed),):
+            raise UsageError(f"frozen is {still.dtype} of shape {still.shape}; it must be bool of shape (N,)")
+        self._base, self._moving, self._count = BLACK, None, len(packed)
+        if still.any():
+            self._workspace.load(packed[still])
+            self._base = aligned(self._target.shape)
+            self._workspace.over_strips(base_task, base_tasks, self._base)
+            self._moving = np.flatnonzero(~still)
 
     def loss(self, parameters: ArrayLike) -> float:
         """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""
@@ -99,7 +141,9 @@ class Objective:
         """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
         work = self._workspace
         picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
-        work.over_strips(picture_task, picture_tasks, picture.reshape(self.height, -1), True)
+        work.over_strips(
+            picture_task, picture_tasks, self._tiles, self._base, picture.reshape(self.height, -1), True
+        )  # fmt: skip
         return picture
 
     def residual(self) -> F4:
@@ -107,13 +151,25 @@ class Objective:
         return self.picture() - self._picture
 
     def _run(self, parameters: ArrayLike, *, with_gradient: bool) -> float:
-        packed = np.asarray(parameters, np.float32)
-        if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
-            raise UsageError(f"the parameters have shape {packed.shape}; they must be (N, {PARAMETERS_PER_SPLAT})")
+        packed = _checked(parameters)
+        if self._moving is not None:
+            if len(packed) != self._count:
+                raise UsageError(
+                    f"there are {len(packed)} splats; some of {self._count} are frozen, so give all of those"
+                )
+            packed = packed[self._moving]
         work = self._workspace
         work.load(packed)
         slots = work.slots if with_gradient else _NO_SLOTS
         work.over_strips(
-            objective_task, objective_tasks, slots, self._target, self.width, self._losses, with_gradient
+            objective_task, objective_tasks, slots, self._target, self._base, self.width, self._losses, with_gradient
         )  # fmt: skip
         return float(math.fsum(self._losses) / self._pixels)
+
+
+def _checked(parameters: ArrayLike) -> F4:
+    """The parameters as (N, 8) f4."""
+    packed = np.asarray(parameters, np.float32)
+    if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
+        raise UsageError(f"the parameters have shape {packed.shape}; they must be (N, {PARAMETERS_PER_SPLAT})")
+    return packed

@@ -16,12 +16,43 @@ ONE: Final = np.float32(1)
 
 
 @kernel(inline=True)
+def clamped(value: np.float32) -> np.float32:
+    """`value` within [0, 1]; what is not a number becomes 0."""
+    value = value if value > ZERO else ZERO
+    return value if value < ONE else ONE
+
+
+@kernel(inline=True)
+def rounded(value: np.float32, peak: np.float32) -> np.int32:
+    """Clamp, times peak, round half to even (R-9.1-1)."""
+    return np.int32(np.rint(clamped(value) * peak))
+
+
+@kernel(inline=True)
 def _interleave(lanes: Any, pixels: Any, width: int) -> None:
-    """One row of a strip to pixels, converting to the type of the picture."""
+    """One row of a strip to pixels."""
     for k in range(width):
         pixels[3 * k] = lanes[k]
         pixels[3 * k + 1] = lanes[STRIP_WIDTH + k]
         pixels[3 * k + 2] = lanes[2 * STRIP_WIDTH + k]
+
+
+@kernel(inline=True)
+def _interleave_clamped(lanes: Any, pixels: Any, width: int) -> None:
+    """One row of a strip to pixels within [0, 1]."""
+    for k in range(width):
+        pixels[3 * k] = clamped(lanes[k])
+        pixels[3 * k + 1] = clamped(lanes[STRIP_WIDTH + k])
+        pixels[3 * k + 2] = clamped(lanes[2 * STRIP_WIDTH + k])
+
+
+@kernel(inline=True)
+def _interleave_rounded(lanes: Any, pixels: Any, width: int, peak: np.float32) -> None:
+    """One row of a strip to integer pixels; with the rounding in a loop of its own it takes twice as long."""
+    for k in range(width):
+        pixels[3 * k] = rounded(lanes[k], peak)
+        pixels[3 * k + 1] = rounded(lanes[STRIP_WIDTH + k], peak)
+        pixels[3 * k + 2] = rounded(lanes[2 * STRIP_WIDTH + k], peak)
 
 
 @kernel(inline=True)
@@ -34,34 +65,33 @@ def _deinterleave(pixels: Any, lanes: Any, width: int) -> None:
 
 
 @kernel()
-def write_picture(strip: F4, s: int, picture: F4, clamp: bool) -> None:
-    """Write strip s into the picture (H, 3 W) f4; `clamp` limits the values, and the strip's own, to [0, 1]."""
+def write_picture(strip: F4, s: int, top: int, end: int, picture: F4, clamp: bool) -> None:
+    """Write the rows top to end - 1 of strip s into the picture (H, 3 W) f4, limited to [0, 1] if `clamp` is set."""
     first = CHANNELS * STRIP_WIDTH * s
-    end = min(first + ROW, picture.shape[1])
-    for y in range(picture.shape[0]):
-        row = strip[y * ROW : (y + 1) * ROW]
-        if clamp:
-            for k in range(ROW):
-                row[k] = min(max(row[k], ZERO), ONE)
-        if end - first == ROW:
-            _interleave(row, picture[y, first:end], STRIP_WIDTH)
+    last = min(first + ROW, picture.shape[1])
+    for y in range(top, end):
+        row, pixels = strip[y * ROW : (y + 1) * ROW], picture[y, first:last]
+        if clamp and last - first == ROW:
+            _interleave_clamped(row, pixels, STRIP_WIDTH)
+        elif clamp:
+            _interleave_clamped(row, pixels, (last - first) // CHANNELS)
+        elif last - first == ROW:
+            _interleave(row, pixels, STRIP_WIDTH)
         else:
-            _interleave(row, picture[y, first:end], (end - first) // CHANNELS)
+            _interleave(row, pixels, (last - first) // CHANNELS)
 
 
 @kernel()
-def write_frame(strip: F4, s: int, frame: Any, peak: np.float32) -> None:
-    """Write strip s into the frame (H, 3 W) u1 or u2: clamp, times peak, round half to even; it spoils the strip."""
+def write_frame(strip: F4, s: int, top: int, end: int, frame: Any, peak: np.float32) -> None:
+    """Write the rows top to end - 1 of strip s into the frame (H, 3 W) u1 or u2, see `rounded`."""
     first = CHANNELS * STRIP_WIDTH * s
-    end = min(first + ROW, frame.shape[1])
-    for y in range(frame.shape[0]):
-        row = strip[y * ROW : (y + 1) * ROW]
-        for k in range(ROW):
-            row[k] = np.rint(min(max(row[k], ZERO), ONE) * peak)
-        if end - first == ROW:
-            _interleave(row, frame[y, first:end], STRIP_WIDTH)
+    last = min(first + ROW, frame.shape[1])
+    for y in range(top, end):
+        row, pixels = strip[y * ROW : (y + 1) * ROW], frame[y, first:last]
+        if last - first == ROW:
+            _interleave_rounded(row, pixels, STRIP_WIDTH, peak)
         else:
-            _interleave(row, frame[y, first:end], (end - first) // CHANNELS)
+            _interleave_rounded(row, pixels, (last - first) // CHANNELS, peak)
 
 
 @kernel()
@@ -97,9 +127,9 @@ def subtract_target(strip: F4, target: F4, height: int, lanes: int, squares: F8)
         e = strip[y * ROW : (y + 1) * ROW]
         t = target[y * ROW : (y + 1) * ROW]
         for k in range(STRIP_WIDTH):
-            red = min(max(e[k], ZERO), ONE) - t[k]
-            green = min(max(e[STRIP_WIDTH + k], ZERO), ONE) - t[STRIP_WIDTH + k]
-            blue = min(max(e[2 * STRIP_WIDTH + k], ZERO), ONE) - t[2 * STRIP_WIDTH + k]
+            red = clamped(e[k]) - t[k]
+            green = clamped(e[STRIP_WIDTH + k]) - t[STRIP_WIDTH + k]
+            blue = clamped(e[2 * STRIP_WIDTH + k]) - t[2 * STRIP_WIDTH + k]
             e[k] = red
             e[STRIP_WIDTH + k] = green
             e[2 * STRIP_WIDTH + k] = blue

@@ -2,15 +2,16 @@
 
 The definition is `definition.py`; here u1 and u2 are called u and v. All loops over `STRIP_WIDTH` have constant bounds
 and constant offsets into one flat buffer, which is what makes LLVM turn them into vector code; a test looks at the
-result. Per strip the splats come in the order of `lists`, so that each sum has one fixed order whoever owns the strip.
+result. Per strip the splats come in index order, so that each sum has one fixed order whoever owns the strip. The
+loops exist twice: with contraction, and `_strict` with every operation rounded as it is written (spec.md section 9.3).
 """
 
 from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.exponential import exp_minus_half
+from gsvc_ref._jit import kernel, without_contraction
+from gsvc_ref.rendering.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.lists import Selection, row_range
 from gsvc_ref.rendering.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH, SUPPORT_SQUARED
 
@@ -48,6 +49,9 @@ def add_rows(strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
             strip[row * ROW + 2 * STRIP_WIDTH + k] += g * blue
 
 
+add_rows_strict = without_contraction(add_rows, exp_minus_half=exp_minus_half_strict)
+
+
 @kernel(contract=True, inline=True)
 def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: Any) -> None:
     """The transpose of `add_rows`: add, per lane, what ROWS rows of dL/dC contribute to one splat's moments.
@@ -65,7 +69,9 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
     for k in range(STRIP_WIDTH):
         u = ((x + LANES[k]) - mu_x) * inverse_l11
         shear = (l * u) * f
-        m_q, m_qv, m_qvv, m_red, m_green, m_blue = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        m_q, m_qv, m_qvv = moments[k], moments[STRIP_WIDTH + k], moments[2 * STRIP_WIDTH + k]
+        m_red, m_green = moments[3 * STRIP_WIDTH + k], moments[4 * STRIP_WIDTH + k]
+        m_blue = moments[5 * STRIP_WIDTH + k]
         for row in range(ROWS):
             v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
             s = u * u + v * v
@@ -82,12 +88,15 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
             m_red += g * e_red
             m_green += g * e_green
             m_blue += g * e_blue
-        moments[k] += m_q
-        moments[STRIP_WIDTH + k] += m_qv
-        moments[2 * STRIP_WIDTH + k] += m_qvv
-        moments[3 * STRIP_WIDTH + k] += m_red
-        moments[4 * STRIP_WIDTH + k] += m_green
-        moments[5 * STRIP_WIDTH + k] += m_blue
+        moments[k] = m_q
+        moments[STRIP_WIDTH + k] = m_qv
+        moments[2 * STRIP_WIDTH + k] = m_qvv
+        moments[3 * STRIP_WIDTH + k] = m_red
+        moments[4 * STRIP_WIDTH + k] = m_green
+        moments[5 * STRIP_WIDTH + k] = m_blue
+
+
+grad_add_rows_strict = without_contraction(grad_add_rows, exp_minus_half=exp_minus_half_strict)
 
 
 @kernel(inline=True)
@@ -96,7 +105,7 @@ def fold8(m: F4) -> Any:
     return ((m[0] + m[4]) + (m[2] + m[6])) + ((m[1] + m[5]) + (m[3] + m[7]))
 
 
-@kernel(contract=True)
+@kernel(contract=True, inline=True)
 def fold_moments(moments: F4, x: np.float32, record: Any, slot: F4) -> None:
     """Sum the lanes of one entry's moments in a fixed tree: slot (SLOT,) f4 = sums of q (u, v, u^2, u v, v^2), g e.
 
@@ -129,30 +138,48 @@ def fold_moments(moments: F4, x: np.float32, record: Any, slot: F4) -> None:
     slot[7] = fold8(moments[80:88])
 
 
-@kernel()
-def add_strip(strip: F4, s: int, selection: Selection, count: int) -> None:
-    """Render strip s: zero the buffer ((height + SPARE_ROWS) * ROW,) f4 and add the selected entries in order."""
-    strip[:] = ZERO
-    x = np.float32(s * STRIP_WIDTH) + HALF
-    for i in range(count):
-        for y in range(selection.rows[i, 0], selection.rows[i, 1], ROWS):
-            rows = strip[y * ROW : (y + ROWS) * ROW]
-            add_rows(rows, x, np.float32(y) + HALF, selection.records[i])
+fold_moments_strict = without_contraction(fold_moments)
 
 
 @kernel()
-def grad_add_strip(strip: F4, s: int, selection: Selection, count: int, slots: F4, moments: F4) -> None:
-    """Gather dL/dC of strip s, zero in the spare rows, into the slots (entries, SLOT) f4 of the strip's entries.
+def add_tile(strip: F4, s: int, top: int, end: int, selection: Selection, count: int, strict: bool) -> None:
+    """Add the selected entries in order to the rows top to end - 1 of strip s.
 
-    `moments` is (MOMENTS * STRIP_WIDTH,) f4 scratch.
+    `strip` is ((height + SPARE_ROWS) * ROW,) f4; up to SPARE_ROWS rows below `end` are spoiled.
     """
     x = np.float32(s * STRIP_WIDTH) + HALF
     for i in range(count):
+        record = selection.records[i]
+        for y in range(max(selection.rows[i, 0], top), min(selection.rows[i, 1], end), ROWS):
+            rows = strip[y * ROW : (y + ROWS) * ROW]
+            if strict:
+                add_rows_strict(rows, x, np.float32(y) + HALF, record)
+            else:
+                add_rows(rows, x, np.float32(y) + HALF, record)
+
+
+@kernel()
+def grad_add_strip(strip: F4, s: int, selection: Selection, count: int, slots: F4, moments: F4, strict: bool) -> None:
+    """Gather dL/dC of strip s, zero in the spare rows, into the slots (entries, SLOT) f4 of the strip's entries.
+
+    `moments` is (MOMENTS * STRIP_WIDTH,) f4 scratch. Per lane a moment is summed down the rows, one after the other:
+    rows that hold no covered pixel add zero, so that the bits do not depend on how rows are grouped.
+    """
+    x = np.float32(s * STRIP_WIDTH) + HALF
+    for i in range(count):
+        record = selection.records[i]
+        slot = slots[selection.rows[i, 2]]
         moments[:] = ZERO
         for y in range(selection.rows[i, 0], selection.rows[i, 1], ROWS):
             rows = strip[y * ROW : (y + ROWS) * ROW]
-            grad_add_rows(moments, rows, x, np.float32(y) + HALF, selection.records[i])
-        fold_moments(moments, x, selection.records[i], slots[selection.rows[i, 2]])
+            if strict:
+                grad_add_rows_strict(moments, rows, x, np.float32(y) + HALF, record)
+            else:
+                grad_add_rows(moments, rows, x, np.float32(y) + HALF, record)
+        if strict:
+            fold_moments_strict(moments, x, record, slot)
+        else:
+            fold_moments(moments, x, record, slot)
 
 
 @kernel()
@@ -190,18 +217,16 @@ def grad_splat(slots: F4, splat: F4, scale: float, sums: F8, gradient: F4) -> No
     gradient[7] = scale * sums[7]
 
 
-@kernel(contract=True)
+@kernel()
 def count_strip(s: int, width: int, height: int, record: Any) -> int:
-    """How many pixels of strip s one splat covers, by the decision of `add_rows`."""
+    """How many pixels of strip s one splat covers, by the decision of `add_rows_strict`."""
     mu_x, mu_y, inverse_l11, l, f, inverse_l22 = record[0], record[1], record[2], record[3], record[4], record[5]
     x = np.float32(s * STRIP_WIDTH) + HALF
     first, end = row_range(record, s, height)
-    end = min(first + -(-(end - first) // ROWS) * ROWS, height)
     pixels = 0
     for y in range(first, end):
         for k in range(min(STRIP_WIDTH, width - s * STRIP_WIDTH)):
             u = ((x + LANES[k]) - mu_x) * inverse_l11
-            shear = (l * u) * f
-            v = ((np.float32(y) + HALF) - mu_y) * inverse_l22 - shear
+            v = ((np.float32(y) + HALF) - mu_y) * inverse_l22 - (l * u) * f
             pixels += u * u + v * v <= SUPPORT_SQUARED
     return pixels

@@ -29,9 +29,6 @@ eight on LLVM gives up and emits scalar code, ten times slower."""
 SPARE_ROWS: Final = ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
-BUCKET: Final = 8
-"""Rows of mu_y that share a place in the splat order (see `lists.order_by_row`)."""
-
 RECORD: Final = 16
 """Floats of a record in `lists.Lists`: 64 bytes, of which twelve numbers are used."""
 
@@ -58,3 +55,7 @@ def aligned(shape: tuple[int, ...]) -> F4:
     raw = np.zeros(size + 16, np.float32)
     start = -(raw.ctypes.data // 4) % 16
     return raw[start : start + size].reshape(shape)
+
+
+BLACK: Final = aligned((0, 0))
+"""No strips: what a sum begins with where it begins with zero."""

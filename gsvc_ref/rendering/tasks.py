@@ -2,86 +2,180 @@
 
 A strip's sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that
 all results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else.
-Task t works on the strips t, t + tasks, t + 2 tasks and so on, since neighbours have about the same work, and has
-row t of the `buffers`, (tasks, floats of a strip) f4, to itself.
+Tasks take groups of strips in turn, see `nth_strip`, since neighbours have about the same work; task t has row t of the
+`buffers`, (tasks, floats of a strip) f4, to itself. `strict` chooses the kernels without contraction.
 """
 
-from typing import Any
+from typing import Any, Final
 
 import numba
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.lists import Lists, Selection, select_strip
+from gsvc_ref.rendering.lists import Lists, Selection, prepare, select_strip
 from gsvc_ref.rendering.strip_pictures import read_strip, subtract_target, write_frame, write_picture
-from gsvc_ref.rendering.strip_sums import MOMENTS, add_strip, count_strip, grad_add_strip, grad_splat
-from gsvc_ref.rendering.strips import F4, F8, I8, RECORD, ROW, SLOT, STRIP_WIDTH
+from gsvc_ref.rendering.strip_sums import MOMENTS, add_tile, count_strip, grad_add_strip, grad_splat
+from gsvc_ref.rendering.strips import F4, F8, I8, RECORD, ROW, SLOT, SPARE_ROWS, STRIP_WIDTH
+from gsvc_ref.rendering.tiles import Tiles, any_stale
+
+STRIPS_TOGETHER: Final = 4
+"""Neighbouring strips that one task works on: in a row of 8-bit pixels they are three cache lines, so that two threads
+seldom write to the same one."""
+
+
+@kernel(parallel=True)
+def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Lists, bad: I8) -> None:
+    """`prepare` for `tasks` runs of splats; `bad` is (tasks,) i8, what each returned."""
+    count = parameters.shape[0]
+    for task in numba.prange(tasks):
+        bad[task] = prepare(count * task // tasks, count * (task + 1) // tasks, parameters, width, height, lists)
+
+
+@kernel(inline=True)
+def nth_strip(i: int, task: int, tasks: int) -> int:
+    """The i-th strip of a task, which has every tasks-th group of STRIPS_TOGETHER; it may lie beyond the last."""
+    return (i // STRIPS_TOGETHER * tasks + task) * STRIPS_TOGETHER + i % STRIPS_TOGETHER
 
 
 @kernel()
-def room_for_selection(first: int, step: int, lists: Lists) -> Selection:
-    """Memory for the selection of any of the strips first, first + step and so on."""
+def room_for_selection(task: int, tasks: int, lists: Lists) -> Selection:
+    """Memory for the selection of any strip of a task."""
     largest = np.int64(0)
-    for s in range(first, lists.positions.size, step):
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
         largest = max(largest, lists.offsets[s + 1] - lists.offsets[s])
     return Selection(np.empty((largest, 3), np.int32), np.empty((largest, RECORD), np.float32))
 
 
 @kernel()
-def picture_task(first: int, step: int, strip: F4, lists: Lists, picture: F4, clamp: bool) -> None:
-    """Render every step-th strip from the first into the picture (H, 3 W) f4."""
-    selection = room_for_selection(first, step, lists)
-    for s in range(first, lists.positions.size, step):
-        count = select_strip(s, picture.shape[0], lists, selection)
-        add_strip(strip, s, selection, count)
-        write_picture(strip, s, picture, clamp)
+def render_tile(
+    strip: F4, s: int, top: int, end: int, base: F4, selection: Selection, count: int, strict: bool
+) -> None:
+    """Render the rows top to end - 1 of strip s, beginning with those of `base` (strips, H * ROW) f4.
+
+    A base without strips is black. The rows below are spoiled as far as `add_tile` says.
+    """
+    if base.shape[0]:
+        strip[top * ROW : end * ROW] = base[s, top * ROW : end * ROW]
+    else:
+        strip[top * ROW : end * ROW] = np.float32(0)
+    strip[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
+    add_tile(strip, s, top, end, selection, count, strict)
+
+
+@kernel()
+def picture_task(
+    task: int, tasks: int, strip: F4, lists: Lists, strict: bool, tiles: Tiles, base: F4, picture: F4, clamp: bool
+) -> None:
+    """Render the stale tiles of the task's strips into the picture (H, 3 W) f4."""
+    height = picture.shape[0]
+    selection = room_for_selection(task, tasks, lists)
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
+        if any_stale(tiles, s):
+            count = select_strip(s, height, lists, selection)
+            for tile in range(tiles.stale.shape[1]):
+                if tiles.stale[s, tile]:
+                    top, end = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
+                    render_tile(strip, s, top, end, base, selection, count, strict)
+                    write_picture(strip, s, top, end, picture, clamp)
 
 
 @kernel(parallel=True)
-def picture_tasks(buffers: F4, lists: Lists, picture: F4, clamp: bool) -> None:
+def picture_tasks(buffers: F4, lists: Lists, strict: bool, tiles: Tiles, base: F4, picture: F4, clamp: bool) -> None:
     """`picture_task` for all strips."""
     for task in numba.prange(buffers.shape[0]):
-        picture_task(task, buffers.shape[0], buffers[task], lists, picture, clamp)
+        picture_task(task, buffers.shape[0], buffers[task], lists, strict, tiles, base, picture, clamp)
 
 
 @kernel()
-def frame_task(first: int, step: int, strip: F4, lists: Lists, frame: Any, peak: np.float32) -> None:
-    """Render every step-th strip from the first into the frame (H, 3 W) u1 or u2."""
-    selection = room_for_selection(first, step, lists)
-    for s in range(first, lists.positions.size, step):
-        count = select_strip(s, frame.shape[0], lists, selection)
-        add_strip(strip, s, selection, count)
-        write_frame(strip, s, frame, peak)
+def frame_task(
+    task: int, tasks: int, strip: F4, lists: Lists, strict: bool, tiles: Tiles, frame: Any, peak: np.float32
+) -> None:
+    """Render the stale tiles of the task's strips into the frame (H, 3 W) u1 or u2."""
+    height = frame.shape[0]
+    black = np.empty((0, 0), np.float32)
+    selection = room_for_selection(task, tasks, lists)
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
+        if any_stale(tiles, s):
+            count = select_strip(s, height, lists, selection)
+            for tile in range(tiles.stale.shape[1]):
+                if tiles.stale[s, tile]:
+                    top, end = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
+                    render_tile(strip, s, top, end, black, selection, count, strict)
+                    write_frame(strip, s, top, end, frame, peak)
 
 
 @kernel(parallel=True)
-def frame_tasks(buffers: F4, lists: Lists, frame: Any, peak: np.float32) -> None:
+def frame_tasks(buffers: F4, lists: Lists, strict: bool, tiles: Tiles, frame: Any, peak: np.float32) -> None:
     """`frame_task` for all strips."""
     for task in numba.prange(buffers.shape[0]):
-        frame_task(task, buffers.shape[0], buffers[task], lists, frame, peak)
+        frame_task(task, buffers.shape[0], buffers[task], lists, strict, tiles, frame, peak)
 
 
 @kernel()
-def grad_picture_task(first: int, step: int, strip: F4, lists: Lists, slots: F4, residual: F4) -> None:
+def grad_picture_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bool, slots: F4, residual: F4) -> None:
     """The transpose of `picture_task`: gather dL/dC (H, 3 W) f4 of the strips into the slots of their entries."""
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
-    selection = room_for_selection(first, step, lists)
-    for s in range(first, lists.positions.size, step):
+    selection = room_for_selection(task, tasks, lists)
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
         count = select_strip(s, residual.shape[0], lists, selection)
         read_strip(residual, s, strip)
-        grad_add_strip(strip, s, selection, count, slots, moments)
+        grad_add_strip(strip, s, selection, count, slots, moments, strict)
 
 
 @kernel(parallel=True)
-def grad_picture_tasks(buffers: F4, lists: Lists, slots: F4, residual: F4) -> None:
+def grad_picture_tasks(buffers: F4, lists: Lists, strict: bool, slots: F4, residual: F4) -> None:
     """`grad_picture_task` for all strips."""
     for task in numba.prange(buffers.shape[0]):
-        grad_picture_task(task, buffers.shape[0], buffers[task], lists, slots, residual)
+        grad_picture_task(task, buffers.shape[0], buffers[task], lists, strict, slots, residual)
+
+
+@kernel()
+def base_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bool, base: F4) -> None:
+    """Render the task's strips into the base (strips, H * ROW) f4, in the layout of strips."""
+    height = base.shape[1] // ROW
+    black = np.empty((0, 0), np.float32)
+    selection = room_for_selection(task, tasks, lists)
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
+        count = select_strip(s, height, lists, selection)
+        render_tile(strip, s, 0, height, black, selection, count, strict)
+        base[s] = strip[: height * ROW]
+
+
+@kernel(parallel=True)
+def base_tasks(buffers: F4, lists: Lists, strict: bool, base: F4) -> None:
+    """`base_task` for all strips."""
+    for task in numba.prange(buffers.shape[0]):
+        base_task(task, buffers.shape[0], buffers[task], lists, strict, base)
 
 
 @kernel()
 def objective_task(
-    first: int, step: int, strip: F4, lists: Lists, slots: F4, target: F4, width: int, losses: F8, with_gradient: bool
+    task: int,
+    tasks: int,
+    strip: F4,
+    lists: Lists,
+    strict: bool,
+    slots: F4,
+    target: F4,
+    base: F4,
+    width: int,
+    losses: F8,
+    with_gradient: bool,
 ) -> None:
     """Forward, residual and, if asked, backward of strip after strip, each while it is in the second-level cache.
 
@@ -90,38 +184,49 @@ def objective_task(
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
     squares = np.empty(STRIP_WIDTH, np.float64)
     height = target.shape[1] // ROW
-    selection = room_for_selection(first, step, lists)
-    for s in range(first, lists.positions.size, step):
+    selection = room_for_selection(task, tasks, lists)
+    for i in range(lists.positions.size):
+        s = nth_strip(i, task, tasks)
+        if s >= lists.positions.size:
+            break
         count = select_strip(s, height, lists, selection)
-        add_strip(strip, s, selection, count)
+        render_tile(strip, s, 0, height, base, selection, count, strict)
         losses[s] = subtract_target(strip, target[s], height, min(STRIP_WIDTH, width - s * STRIP_WIDTH), squares)
         if with_gradient:
-            grad_add_strip(strip, s, selection, count, slots, moments)
+            grad_add_strip(strip, s, selection, count, slots, moments, strict)
 
 
 @kernel(parallel=True)
 def objective_tasks(
-    buffers: F4, lists: Lists, slots: F4, target: F4, width: int, losses: F8, with_gradient: bool
+    buffers: F4,
+    lists: Lists,
+    strict: bool,
+    slots: F4,
+    target: F4,
+    base: F4,
+    width: int,
+    losses: F8,
+    with_gradient: bool,
 ) -> None:
     """`objective_task` for all strips."""
-    for task in numba.prange(buffers.shape[0]):
+    tasks = buffers.shape[0]
+    for task in numba.prange(tasks):
         objective_task(
-            task, buffers.shape[0], buffers[task], lists, slots, target, width, losses, with_gradient
+            task, tasks, buffers[task], lists, strict, slots, target, base, width, losses, with_gradient
         )  # fmt: skip
 
 
 @kernel()
 def splat_task(first: int, end: int, lists: Lists, slots: F4, parameters: F4, scale: float, gradients: F4) -> None:
-    """The gradients (N, 8) f4 of the splats at places first to end - 1 from their slots, times `scale`."""
+    """The gradients (N, 8) f4 of the splats first to end - 1 from their slots, times `scale`."""
     sums = np.empty(SLOT, np.float64)
-    for place in range(first, end):
-        n = lists.order[place]
-        grad_splat(slots[lists.base[place] : lists.base[place + 1]], parameters[n], scale, sums, gradients[n])
+    for n in range(first, end):
+        grad_splat(slots[lists.base[n] : lists.base[n + 1]], parameters[n], scale, sums, gradients[n])
 
 
 @kernel(parallel=True)
 def splat_tasks(tasks: int, lists: Lists, slots: F4, parameters: F4, scale: float, gradients: F4) -> None:
-    """`splat_task` for `tasks` runs of places."""
+    """`splat_task` for `tasks` runs of splats."""
     count = parameters.shape[0]
     for task in numba.prange(tasks):
         splat_task(count * task // tasks, count * (task + 1) // tasks, lists, slots, parameters, scale, gradients)
@@ -129,16 +234,16 @@ def splat_tasks(tasks: int, lists: Lists, slots: F4, parameters: F4, scale: floa
 
 @kernel()
 def count_task(first: int, end: int, lists: Lists, width: int, height: int, counts: I8) -> None:
-    """The covered pixels (N,) i8 of the splats at places first to end - 1."""
-    for place in range(first, end):
+    """The covered pixels (N,) i8 of the splats first to end - 1."""
+    for n in range(first, end):
         pixels = np.int64(0)
-        for s in range(lists.strips[place, 0], lists.strips[place, 1]):
-            pixels += count_strip(s, width, height, lists.records[place])
-        counts[lists.order[place]] = pixels
+        for s in range(lists.strips[n, 0], lists.strips[n, 1]):
+            pixels += count_strip(s, width, height, lists.records[n])
+        counts[n] = pixels
 
 
 @kernel(parallel=True)
 def count_tasks(tasks: int, lists: Lists, width: int, height: int, counts: I8) -> None:
-    """`count_task` for `tasks` runs of places."""
+    """`count_task` for `tasks` runs of splats."""
     for task in numba.prange(tasks):
         count_task(counts.size * task // tasks, counts.size * (task + 1) // tasks, lists, width, height, counts)

@@ -10,8 +10,10 @@ import numba
 import numpy as np
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.lists import Lists, list_entries, order_by_row, prepare
-from gsvc_ref.rendering.strips import BUCKET, F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
+from gsvc_ref.rendering.lists import Lists, count_entries, fill_entries, prepare
+from gsvc_ref.rendering.strips import F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
+from gsvc_ref.rendering.tasks import prepare_tasks
+from gsvc_ref.rendering.tiles import Prepared
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 # GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that
@@ -63,6 +65,15 @@ def parallel_region(threads: int) -> Iterator[None]:
 class Workspace:
     """The lists and the buffers of every thread for one frame size; made once, then filled for set after set of splats.
 
+    Parameters
+    ----------
+    width, height
+        Of the frame in pixels.
+    threads
+        None for one per CPU.
+    strict
+        Whether strips are summed by the kernels without contraction.
+
     Attributes
     ----------
     parameters
@@ -73,14 +84,12 @@ class Workspace:
         (threads, floats) f4, room for one strip each.
     """
 
-    def __init__(self, width: int, height: int, threads: int | None = None) -> None:
+    def __init__(self, width: int, height: int, threads: int | None = None, *, strict: bool = False) -> None:
         count = strip_count(width)
-        self.width = width
-        self.height = height
+        self.width, self.height, self.strict = width, height, strict
         self.threads = min(thread_count(threads), count)
         # Padded to whole cache lines, so that every thread's buffer starts on one.
         self.buffers = aligned((self.threads, -(-(height + SPARE_ROWS) * ROW // 16) * 16))
-        self._buckets = np.zeros(-(-height // BUCKET) + 1, np.int64)
         self._slots = aligned((0, SLOT))
         self._resize(0, np.zeros((0, 2), np.int32), np.zeros(count + 1, np.int64), np.zeros(count, np.int64))
         self.load(self.parameters)
@@ -89,7 +98,6 @@ class Workspace:
         """Make room for exactly this number of splats: most calls come with the number of the call before."""
         self.parameters = np.zeros((splats, PARAMETERS_PER_SPLAT), np.float32)
         self.lists = Lists(
-            order=np.zeros(splats, np.int32),
             records=aligned((splats, RECORD)),
             strips=np.zeros((splats, 2), np.int32),
             base=np.zeros(splats + 1, np.int64),
@@ -109,14 +117,28 @@ class Workspace:
         if len(parameters) != len(self.parameters):
             self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
         np.copyto(self.parameters, parameters)
-        bad = order_by_row(self.parameters, self.height, self.lists.order, self._buckets)
-        if bad >= 0:
-            raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
-        prepare(self.parameters, self.width, self.height, self.lists)
+        self._prepare()
+        count_entries(self.lists)
         total = int(self.lists.base[-1])
         if total > len(self.lists.entries):
             self.lists = self.lists._replace(entries=np.zeros((total + total // 4, 2), np.int32))
-        list_entries(self.lists)
+        fill_entries(self.lists)
+
+    def _prepare(self) -> None:
+        count, threads = len(self.parameters), self._threads_for_splats()
+        if threads <= 1:
+            bad = prepare(0, count, self.parameters, self.width, self.height, self.lists)
+        else:
+            found = np.empty(threads, np.int64)
+            with parallel_region(threads):
+                prepare_tasks(threads, self.parameters, self.width, self.height, self.lists, found)
+            bad = int(found[np.argmax(found >= 0)])
+        if bad >= 0:
+            raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
+
+    def prepared(self) -> Prepared:
+        """A copy of what was loaded last."""
+        return Prepared(self.parameters.copy(), self.lists.records.copy(), self.lists.strips.copy())
 
     @property
     def slots(self) -> F4:
@@ -129,17 +151,19 @@ class Workspace:
     def over_strips(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all strips, on as many threads as this workspace has."""
         if self.threads == 1:
-            task(0, 1, self.buffers[0], self.lists, *arguments)
+            task(0, 1, self.buffers[0], self.lists, self.strict, *arguments)
         else:
             with parallel_region(self.threads):
-                tasks(self.buffers, self.lists, *arguments)
+                tasks(self.buffers, self.lists, self.strict, *arguments)
 
     def over_splats(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all splats."""
-        count = len(self.parameters)
-        threads = min(self.threads, count // SPLATS_PER_THREAD)
+        threads = self._threads_for_splats()
         if threads <= 1:
-            task(0, count, self.lists, *arguments)
+            task(0, len(self.parameters), self.lists, *arguments)
         else:
             with parallel_region(threads):
                 tasks(threads, self.lists, *arguments)
+
+    def _threads_for_splats(self) -> int:
+        return min(self.threads, len(self.parameters) // SPLATS_PER_THREAD)

@@ -163,7 +163,7 @@ def test_calls_from_several_threads_do_not_disturb_each_other():
         ({"width": 0}, "each side must be 1 to 65536"),
         ({"height": -3}, "each side must be 1 to 65536"),
         ({"width": 65537}, "each side must be 1 to 65536"),
-        ({"precision": "half"}, "must be 'fast' or 'exact'"),
+        ({"precision": "half"}, "must be one of fast, deterministic, exact"),
         ({"threads": 0}, "at least 1"),
     ],
 )

@@ -14,8 +14,8 @@ from gsvc_ref.rendering.bounds import EPS
 from gsvc_ref.rendering.definition import footprint
 from gsvc_ref.rendering.exponential import exp_minus_half
 from gsvc_ref.rendering.lists import row_range, select_strip
-from gsvc_ref.rendering.strip_sums import add_strip, grad_add_strip
-from gsvc_ref.rendering.strips import BUCKET, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
+from gsvc_ref.rendering.strip_sums import add_tile, grad_add_strip
+from gsvc_ref.rendering.strips import BLACK, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
 from gsvc_ref.rendering.tasks import objective_task, room_for_selection
 from gsvc_ref.rendering.workspace import Workspace
 
@@ -41,15 +41,15 @@ def test_the_exponential_is_within_its_error():
 def test_the_lists_hold_every_covered_pixel(splats):
     """Each pixel that the definition covers lies in the rows of an entry of its strip."""
     lists = loaded(splats).lists
-    for place, n in enumerate(lists.order):
-        pixels = footprint(splats.to_array()[n].astype(np.float64), WIDTH, HEIGHT)
+    for n, splat in enumerate(splats.to_array()):
+        pixels = footprint(splat.astype(np.float64), WIDTH, HEIGHT)
         if pixels is None:
             continue
         rows, columns = np.nonzero(pixels.covered & (pixels.sigma < 5.541))
         for row, column in zip(rows + pixels.rows.start, columns + pixels.columns.start, strict=True):
             s = column // STRIP_WIDTH
-            assert place in lists.entries[lists.offsets[s] : lists.offsets[s + 1], 0]
-            first, end = row_range(lists.records[place], s, HEIGHT)
+            assert n in lists.entries[lists.offsets[s] : lists.offsets[s + 1], 0]
+            first, end = row_range(lists.records[n], s, HEIGHT)
             assert first <= row < end
 
 
@@ -57,9 +57,6 @@ def test_the_lists_hold_every_covered_pixel(splats):
 @given(splat_sets(st.one_of(ordinary, extreme), largest=12))
 def test_the_lists_are_consistent(splats):
     lists = loaded(splats).lists
-    assert sorted(lists.order) == list(range(len(splats)))
-    buckets = (np.clip(splats.positions[:, 1], 0, HEIGHT - 1) // BUCKET).astype(int)
-    assert list(lists.order) == sorted(range(len(splats)), key=lambda n: (buckets[n], n))
     assert lists.offsets[-1] == lists.base[-1]
     for s in range(strip_count(WIDTH)):
         own = lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
@@ -76,8 +73,9 @@ def test_a_splat_that_misses_all_centres_has_no_entries():
 @pytest.mark.skipif(
     not binding.get_host_cpu_features().get("avx2", False), reason="packed instructions are looked for by AVX2's names"
 )
-@pytest.mark.parametrize("kernel", [add_strip, grad_add_strip, objective_task])
-def test_the_inner_loops_are_packed(kernel):
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("kernel", [add_tile, grad_add_strip, objective_task])
+def test_the_inner_loops_are_packed(kernel, strict):
     """Past some size of the loop body LLVM falls back to scalar code, ten times slower, without a word.
 
     A row takes a dozen packed multiplications of each kind; scalar fallbacks for overlapping arrays may stand beside.
@@ -88,9 +86,9 @@ def test_the_inner_loops_are_packed(kernel):
     count = select_strip(0, 20, work.lists, selection)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     arguments = {
-        add_strip: (strip, 0, selection, count),
-        grad_add_strip: (strip, 0, selection, count, work.slots, moments),
-        objective_task: (0, 1, strip, work.lists, work.slots, target, 40, losses, True),
+        add_tile: (strip, 0, 0, 20, selection, count, strict),
+        grad_add_strip: (strip, 0, selection, count, work.slots, moments, strict),
+        objective_task: (0, 1, strip, work.lists, strict, work.slots, target, BLACK, 40, losses, True),
     }[kernel]
     # A compilation of its own, since code that comes from the cache cannot be looked at.
     fresh = numba.jit(**kernel.targetoptions)(kernel.py_func)

@@ -1,0 +1,140 @@
+"""The precision ``deterministic`` in its plainest form: every binary32 operation and its place in the order.
+
+NumPy rounds each operation on its own, to nearest with ties to even, keeps subnormal numbers and fuses nothing: this is
+spec.md section 9.3. The kernels of `strip_sums` give the same bits.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.rendering.definition import SMALLEST_FACTOR
+from gsvc_ref.rendering.exponential import C0, C1, C2, C3, C4, C5
+from gsvc_ref.rendering.strips import STRIP_WIDTH, SUPPORT_SQUARED
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+
+F4 = NDArray[np.float32]
+
+ONE: Final = np.float32(1)
+TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
+"""How eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
+
+
+def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
+    """u1 and u2 and s = u1^2 + u2^2 of one splat (8,) f4 over the frame, each (H, W) f4: spec.md (9-3)."""
+    x, y, l11, l21, l22 = splat[:5]
+    r1, r2 = ONE / l11, ONE / l22
+    l, f = (l21, r2) if l22 <= 1 else (l21 / l22, ONE)
+    u1 = (np.arange(width, dtype=np.float32) + np.float32(0.5) - x) * r1  # (W,) f4
+    shear = (l * u1) * f  # (W,) f4
+    row = (np.arange(height, dtype=np.float32) + np.float32(0.5) - y) * r2  # (H,) f4
+    u2 = row[:, None] - shear
+    u1 = np.broadcast_to(u1, u2.shape)
+    return u1, u2, u1 * u1 + u2 * u2
+
+
+def weight(s: F4) -> F4:
+    """g(s) ~ exp(-s/2) where s <= 2 ln 255, else 0: spec.md (9-4)."""
+    covered = s <= SUPPORT_SQUARED
+    s = np.where(covered, s, np.float32(0))
+    t = s * s
+    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
+    p = p * p
+    p = p * p
+    return np.where(covered, p * p, np.float32(0))
+
+
+def _drawn(splats: Splats) -> Iterator[tuple[int, F4]]:
+    """The index and parameters (8,) f4 of every splat that is not degenerate, in index order."""
+    for n, splat in enumerate(splats.to_array()):
+        if splat[2] >= SMALLEST_FACTOR and splat[4] >= SMALLEST_FACTOR:
+            yield n, splat
+
+
+def sum_plain(splats: Splats, width: int, height: int) -> F4:
+    """The sum C of spec.md (9-5), (H, W, 3) f4, not clamped."""
+    C = np.zeros((height, width, 3), np.float32)  # (H, W, 3) f4
+    with np.errstate(over="ignore", invalid="ignore"):  # far from a splat, where it covers nothing
+        for _, splat in _drawn(splats):
+            g = weight(whitened(splat, width, height)[2])
+            C = np.where(g[..., None] > 0, C + g[..., None] * splat[5:], C)
+    return C
+
+
+def gradients_plain(splats: Splats, residual: F4) -> F4:
+    """The gradient of sum(residual * C), (N, 8) f4, coverage held fixed; see `definition.Footprint.gradient`.
+
+    With e = dL/dC and q = g ((e_red red + e_green green) + e_blue blue), a splat has the sums of q, q u2 and (q u2) u2
+    and of g e. Column i of the frame is lane i mod 16 of strip i div 16. In each strip
+
+    - a lane adds its rows one after the other, from the top, in binary32;
+    - lanes k and k + 8 are added, with their u1: q u1 + q' u1', (q u1) u1 + (q' u1') u1', (q u2) u1 + (q' u2') u1';
+    - then the eight as `TREE` says.
+
+    The sums of the strips are added from the left in binary64, and the gradient is made of them in binary64 and rounded
+    once (`strip_sums.grad_splat`).
+
+    Parameters
+    ----------
+    residual
+        (H, W, 3) f4, dL/dC.
+    """
+    height, width = residual.shape[:2]
+    strips = -(-width // STRIP_WIDTH)
+    padded = np.zeros((height, strips * STRIP_WIDTH, 3), np.float32)
+    padded[:, :width] = residual
+    gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+    with np.errstate(over="ignore", invalid="ignore"):
+        for n, splat in _drawn(splats):
+            sums = np.zeros(8)  # (8,) f8: q u1, q u2, q u1^2, q u1 u2, q u2^2, g e
+            u1, u2, s = whitened(splat, strips * STRIP_WIDTH, height)
+            g = weight(s)
+            for strip in range(strips):
+                at = slice(strip * STRIP_WIDTH, (strip + 1) * STRIP_WIDTH)
+                sums += _strip_sums(u1[0, at], u2[:, at], g[:, at], padded[:, at], splat[5:])
+            gradients[n] = _from_sums(sums, splat.astype(np.float64))
+    return gradients
+
+
+def _strip_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
+    """The eight sums of one strip: `u1` (16,), `u2` and `g` (H, 16), `e` (H, 16, 3)."""
+    u2 = np.where(g > 0, u2, np.float32(0))
+    q = g * (e[..., 0] * color[0] + e[..., 1] * color[1] + e[..., 2] * color[2])
+    r = q * u2
+    lanes = np.stack([q, r, r * u2, *(g * e[..., k] for k in range(3))])  # (6, H, 16) f4
+    totals = np.zeros((6, STRIP_WIDTH), np.float32)
+    for row in range(lanes.shape[1]):
+        totals = totals + lanes[:, row]
+    q, r = totals[0], totals[1]
+    u1 = np.where((q != 0) | (r != 0), u1, np.float32(0))
+    eights = [_halves(q * u1), _halves(r), _halves(q * u1 * u1), _halves(r * u1), *map(_halves, totals[2:])]
+    return np.array([_tree(lane) for lane in eights], np.float64)
+
+
+def _halves(lanes: F4) -> F4:
+    return lanes[:8] + lanes[8:]
+
+
+def _tree(eight: F4) -> np.float32:
+    a, b, c, d = (eight[i] + eight[j] for i, j in TREE)
+    return np.float32((a + b) + (c + d))
+
+
+def _from_sums(sums: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
+    """One splat's gradient (8,) f4, see `strip_sums.grad_splat`."""
+    l11, l21, l22 = splat[2:5]
+    i11, i22 = 1 / l11, 1 / l22
+    shear = l21 * i11 * i22
+    return np.array(
+        [
+            sums[0] * i11 - sums[1] * shear,
+            sums[1] * i22,
+            sums[2] * i11 - sums[3] * shear,
+            sums[3] * i22,
+            sums[4] * i22,
+            *sums[5:],
+        ],
+        np.float32,
+    )

@@ -1,0 +1,95 @@
+"""Tiles: pieces of a strip, of a number of rows each, that can be rendered on their own.
+
+A pixel's sum has the same terms in the same order whatever tile it is rendered in, so that the size of the tiles and
+the choice of what is rendered again change no bit.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.rendering.lists import row_range
+from gsvc_ref.rendering.strips import F4, I4, I8
+
+
+class Tiles(NamedTuple):
+    """Which tiles of a frame are to be rendered.
+
+    Attributes
+    ----------
+    rows
+        Rows of a tile; the last of a strip may have fewer.
+    stale
+        (strips, tiles of a strip) bool.
+    """
+
+    rows: int
+    stale: NDArray[np.bool_]
+
+    @classmethod
+    def all_of(cls, strips: int, height: int, rows: int) -> "Tiles":
+        """All tiles of a frame."""
+        return cls(rows, np.ones((strips, -(-height // rows)), np.bool_))
+
+
+@kernel(inline=True)
+def any_stale(tiles: Tiles, s: int) -> bool:
+    """Whether a tile of strip s is to be rendered."""
+    found = False
+    for tile in range(tiles.stale.shape[1]):
+        found |= tiles.stale[s, tile]
+    return found
+
+
+class Prepared(NamedTuple):
+    """A set of splats as `lists.prepare` leaves it: `parameters` (N, 8) f4, and `records` and `strips` of `Lists`."""
+
+    parameters: F4
+    records: F4
+    strips: I4
+
+
+@kernel()
+def mark(splats: Prepared, n: int, height: int, tiles: Tiles) -> None:
+    """Mark the tiles that splat n may cover."""
+    for s in range(splats.strips[n, 0], splats.strips[n, 1]):
+        first, end = row_range(splats.records[n], s, height)
+        if first < end:
+            for tile in range(first // tiles.rows, (end - 1) // tiles.rows + 1):
+                tiles.stale[s, tile] = True
+
+
+@kernel()
+def mark_changed(before: Prepared, after: Prepared, origins: I8, height: int, tiles: Tiles) -> bool:
+    """Mark the tiles in which two pictures may differ; False, with nothing to rely on, if all must be rendered.
+
+    A tile is the same in both if the splats that may cover it are the same in the same order.
+
+    Parameters
+    ----------
+    origins
+        (N,) i8: for every splat after, the splat before that it continues, or -1; ascending where not -1.
+    tiles
+        None of them stale; changed.
+    """
+    unseen = 0
+    for n in range(origins.size):
+        o = origins[n]
+        if o >= 0:
+            if o < unseen or o >= before.parameters.shape[0]:
+                return False  # another order is another sum
+            for gone in range(unseen, o):
+                mark(before, gone, height, tiles)
+            unseen = o + 1
+            same = True
+            for column in range(8):
+                same &= before.parameters[o, column] == after.parameters[n, column]
+            if same:
+                continue
+            mark(before, o, height, tiles)
+        mark(after, n, height, tiles)
+    for gone in range(unseen, before.parameters.shape[0]):
+        mark(before, gone, height, tiles)
+    return True

@@ -1,0 +1,195 @@
+"""The precision ``deterministic``: the bits of its plain form for any threads, tiles and CPU, with and without JIT."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, single, splat_sets
+
+from gsvc_ref.rendering import (
+    Objective,
+    Renderer,
+    covered_pixels,
+    render_exact_with_bound,
+    render_frame,
+    render_gradients,
+    render_sum,
+    to_frame,
+)  # fmt: skip
+from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, weight, whitened
+from gsvc_ref.rendering.exponential import C0, C1, C2, C3, C4, C5, exp_minus_half, exp_minus_half_strict
+from gsvc_ref.rendering.strips import SUPPORT_SQUARED
+from gsvc_ref.splats import Splats
+
+pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
+
+RESIDUAL = np.random.default_rng(5).normal(0, 1, (HEIGHT, WIDTH, 3)).astype(np.float32)
+ANY = st.one_of(ordinary, extreme)
+
+
+def rendered(splats, width=WIDTH, height=HEIGHT, **options):
+    return Renderer(width, height, precision="deterministic", **options).picture(splats, clamp=False)
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(splat_sets(ANY), st.integers(1, 3), st.sampled_from([None, 1, 8, 9, 16, 31, 64]))
+def test_the_sum_is_that_of_the_plain_form(splats, threads, tile_rows):
+    expected = sum_plain(splats, WIDTH, HEIGHT)
+    assert rendered(splats, threads=threads, tile_rows=tile_rows).tobytes() == expected.tobytes()
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(splat_sets(ANY, largest=3), st.integers(1, 3))
+def test_the_gradients_are_those_of_the_plain_form(splats, threads):
+    with np.errstate(all="ignore"):
+        expected = gradients_plain(splats, RESIDUAL)
+    actual = render_gradients(splats, RESIDUAL, precision="deterministic", threads=threads)
+    assert np.array_equal(actual, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_named_cases_equal_the_plain_form(name):
+    assert rendered(NAMED[name]).tobytes() == sum_plain(NAMED[name], WIDTH, HEIGHT).tobytes()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 23), (23, 1), (15, 2), (16, 3), (17, 5), (33, 31), (65, 70)])
+@pytest.mark.parametrize("count", [0, 1, 40])
+def test_any_size_and_number(size, count):
+    splats = population(40, *size).take(np.arange(count))
+    assert rendered(splats, *size, tile_rows=8).tobytes() == sum_plain(splats, *size).tobytes()
+    C, bound = render_exact_with_bound(splats, *size)
+    assert np.all(abs(rendered(splats, *size) - C) <= bound)
+
+
+def test_thousands_of_splats_on_one_pixel():
+    """The order of a sum shows most where terms cancel."""
+    rng = np.random.default_rng(3)
+    count = 2000 if JIT else 20
+    place = np.array([10.4, 9.7, 3.0, 1.0, 2.0])
+    packed = np.concatenate([np.tile(place, (count, 1)), rng.normal(0, 100, (count, 3))], axis=1)
+    splats = Splats.from_array(packed.astype(np.float32))
+    expected = sum_plain(splats, 20, 20)
+    assert rendered(splats, 20, 20, tile_rows=8).tobytes() == expected.tobytes()
+    backwards = splats.take(np.arange(count)[::-1].copy())
+    assert rendered(backwards, 20, 20).tobytes() != expected.tobytes()
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(splat_sets(ANY))
+def test_it_is_within_the_bound_of_the_definition(splats):
+    C, bound = render_exact_with_bound(splats, WIDTH, HEIGHT)
+    with np.errstate(invalid="ignore"):
+        outside = abs(rendered(splats) - C) > bound
+    assert not outside.any()
+
+
+def test_frames_and_counts_follow_the_sum():
+    splats = population(30, WIDTH, HEIGHT)
+    C = sum_plain(splats, WIDTH, HEIGHT)
+    for bit_depth in (8, 10, 16):
+        frame = render_frame(splats, WIDTH, HEIGHT, bit_depth, precision="deterministic")
+        assert np.array_equal(frame, to_frame(C, bit_depth))
+    counts = [np.count_nonzero(weight(whitened(splat, WIDTH, HEIGHT)[2])) for splat in splats.to_array()]
+    assert covered_pixels(splats, WIDTH, HEIGHT, precision="deterministic").tolist() == counts
+
+
+def test_a_sum_that_is_no_number_is_black():
+    """Infinity minus infinity: a binary32 sum can leave its range only with colours that no stream holds."""
+    huge = [single(5.5, 5.5, 3.0, 0.0, 3.0, (3e38, 3e38, 0.0))] * 2
+    splats = huge[0].append(huge[1]).append(single(5.5, 5.5, 3.0, 0.0, 3.0, (-3e38, 0.0, 0.0)))
+    splats = splats.append(splats.take(np.array([2])))
+    with np.errstate(over="ignore", invalid="ignore"):
+        C = rendered(splats, 11, 11)
+    assert C[5, 5, 0] == np.inf or np.isnan(C[5, 5, 0])
+    frame = render_frame(splats, 11, 11, 8, precision="deterministic")
+    assert frame[5, 5].tolist() == [0 if np.isnan(C[5, 5, 0]) else 255, 255, 0]
+
+
+def test_the_polynomial_is_evaluated_as_written():
+    s = np.concatenate([np.linspace(0, SUPPORT_SQUARED, 5001), np.geomspace(2.0**-140, 1, 301)]).astype(np.float32)
+    t = s * s
+    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
+    p = p * p
+    p = p * p
+    expected = p * p
+    assert np.array_equal(weight(s)[s <= SUPPORT_SQUARED], expected[s <= SUPPORT_SQUARED])
+    assert [exp_minus_half_strict(value) for value in s] == expected.tolist()
+    if JIT:  # the twin is another function, or this test would compare it with itself
+        assert exp_minus_half_strict.py_func is not exp_minus_half.py_func
+
+
+def test_the_objective_adds_in_a_stated_order():
+    """Loss and gradient from the plain sum alone."""
+    target = np.random.default_rng(1).random((HEIGHT, WIDTH, 3), np.float32)
+    splats = population(12, WIDTH, HEIGHT)
+    e = np.clip(sum_plain(splats, WIDTH, HEIGHT), 0, 1) - target
+    loss, gradient = Objective(target, precision="deterministic").evaluate(splats.to_array())
+    assert loss == pytest.approx(np.sum(e.astype(np.float64) ** 2) / (WIDTH * HEIGHT), rel=1e-6)
+    scaled = gradients_plain(splats, e).astype(np.float64) * (2 / (WIDTH * HEIGHT))
+    np.testing.assert_allclose(gradient, scaled, rtol=1e-6)  # scaled before it is rounded once, not after
+
+
+# What a process prints of itself: hashes of sums, gradients, loss and frames.
+PROGRAM = """
+import hashlib, json, sys
+import numpy as np
+sys.path.insert(0, {folder!r})
+from render_cases import population
+from gsvc_ref.rendering import Objective, Renderer, render_gradients
+splats = population({count}, 45, 37)
+rng = np.random.default_rng(2)
+e, target = rng.normal(0, 1, (37, 45, 3)).astype(np.float32), rng.random((37, 45, 3), np.float32)
+loss, gradient = Objective(target, {threads}, precision="deterministic").evaluate(splats.to_array())
+arrays = [
+    Renderer(45, 37, precision="deterministic", threads={threads}, tile_rows={tile_rows}).picture(splats, clamp=False),
+    Renderer(45, 37, precision="deterministic", threads={threads}).frame(splats, 10),
+    render_gradients(splats, e, precision="deterministic", threads={threads}), np.float64(loss), gradient,
+]
+print(json.dumps([hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays]))
+"""
+
+GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
+
+
+def hashes(folder, environment, threads, tile_rows):
+    """What another process computes."""
+    here = os.path.dirname(__file__)
+    program = PROGRAM.format(folder=here, count=25, threads=threads, tile_rows=tile_rows)
+    result = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder), **environment},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return json.loads(result.stdout)
+
+
+@pytest.mark.skipif(not JIT, reason="the processes that it starts are compared with and without the JIT")
+@pytest.mark.parametrize(
+    ("environment", "threads", "tile_rows"),
+    [({"NUMBA_DISABLE_JIT": "1"}, 1, 16), (GENERIC, 1, 64), (GENERIC, 2, 8)],
+    ids=["interpreted", "generic CPU", "generic CPU, two threads"],
+)
+def test_bits_do_not_depend_on_cpu_and_compiler(environment, threads, tile_rows, tmp_path_factory):
+    folder = tmp_path_factory.getbasetemp() / f"kernels-{environment.get('NUMBA_CPU_NAME', 'none')}"
+    splats = population(25, WIDTH, HEIGHT)
+    rng = np.random.default_rng(2)
+    e, target = rng.normal(0, 1, (37, 45, 3)).astype(np.float32), rng.random((37, 45, 3), np.float32)
+    loss, gradient = Objective(target, precision="deterministic").evaluate(splats.to_array())
+    frame = render_frame(splats, WIDTH, HEIGHT, 10, precision="deterministic")
+    gradients = render_gradients(splats, e, precision="deterministic")
+    here = [sum_plain(splats, WIDTH, HEIGHT), frame, gradients, np.float64(loss), gradient]
+    assert hashes(folder, environment, threads, tile_rows) == [hashlib.sha256(a.tobytes()).hexdigest() for a in here]
+
+
+def test_render_sum_and_render_agree():
+    splats = population(10, WIDTH, HEIGHT)
+    C = render_sum(splats, WIDTH, HEIGHT, precision="deterministic")
+    assert C.dtype == np.float32
+    clamped = Renderer(WIDTH, HEIGHT, precision="deterministic").picture(splats)
+    assert np.array_equal(np.clip(C, 0, 1), clamped)
