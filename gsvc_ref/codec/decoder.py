@@ -85,7 +85,7 @@ def decode(
     start, stop
         Half-open range of frames; decoding begins at the nearest I-frame at or before `start`.
     scale
-        Render at this many times the coded size (spec.md section 9.3).
+        Render at this many times the coded size (spec.md section 9.4).
     precision, threads
         As for `gsvc_ref.render`.
 

@@ -1,7 +1,7 @@
 """The precision ``deterministic`` in its plainest form: every binary32 operation and its place in the order.
 
 NumPy rounds each operation on its own, to nearest with ties to even, keeps subnormal numbers and fuses nothing: this is
-spec.md section 9.3. The kernels of `strip_sums` give the same bits.
+spec.md section 9.3 (R-9.3-1). The kernels of `strip_sums` give the same bits.
 """
 
 from collections.abc import Iterator

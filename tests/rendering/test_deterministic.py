@@ -3,8 +3,11 @@
 import hashlib
 import json
 import os
+import re
+import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,7 +163,7 @@ GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NPY_DISABLE_C
 def hashes(folder, environment, threads, tile_rows):
     """What another process computes."""
     here = os.path.dirname(__file__)
-    program = PROGRAM.format(folder=here, count=25, threads=threads, tile_rows=tile_rows)
+    program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, tile_rows=tile_rows)
     result = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder), **environment},
@@ -193,3 +196,14 @@ def test_render_sum_and_render_agree():
     assert C.dtype == np.float32
     clamped = Renderer(WIDTH, HEIGHT, precision="deterministic").picture(splats)
     assert np.array_equal(np.clip(C, 0, 1), clamped)
+
+
+def test_the_constants_are_those_of_the_specification():
+    """The table of section 9.3, by value and by bits."""
+    text = (Path(__file__).parents[2] / "spec.md").read_text(encoding="utf-8")
+    table = re.findall(r"^\| (S|c\d) \| `([^`]+)` \| `([0-9a-f]{8})` \|$", text, re.MULTILINE)
+    values = {"S": SUPPORT_SQUARED, "c1": C1, "c2": C2, "c3": C3, "c4": C4, "c5": C5}
+    assert [name for name, _, _ in table] == list(values)
+    for name, value, bits in table:
+        assert float.fromhex(value) == values[name]
+        assert struct.pack(">f", values[name]).hex() == bits
