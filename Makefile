@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format figures clean
+.PHONY: help demo test lint format figures bench clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -35,6 +35,9 @@ figures: .venv/.ready-all,clips            ## measure the tables of README.md (a
 	$(BIN)/python -m benchmarks.clips
 	$(BIN)/python -m benchmarks.clips --preset paper --frames 2
 
+bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold start (about 8 minutes; LIMIT=FOLDER: the C++ limit too)
+	$(BIN)/python -m benchmarks $(if $(LIMIT),--limit $(LIMIT))
+
 clean:            ## remove what the other commands made
-	rm -rf .venv demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	rm -rf .venv demo benchmarks/cache .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
     from gsvc_ref.rendering import render as render
+    from gsvc_ref.rendering import render_exact_with_bound as render_exact_with_bound
     from gsvc_ref.rendering import render_gradients as render_gradients
     from gsvc_ref.splats import Splats as Splats
 
@@ -39,6 +40,7 @@ _HOMES: Final = {
     "encode": ("gsvc_ref.codec", "encode"),
     "open": ("gsvc_ref.codec", "Stream"),
     "render": ("gsvc_ref.rendering", "render"),
+    "render_exact_with_bound": ("gsvc_ref.rendering", "render_exact_with_bound"),
     "render_gradients": ("gsvc_ref.rendering", "render_gradients"),
 }
 """Where each public name lives. They are loaded on first use, so that `gsvc --help` does not wait for the compiler."""
@@ -52,6 +54,7 @@ __all__ = [
     "encode",
     "open",
     "render",
+    "render_exact_with_bound",
     "render_gradients",
 ]
 

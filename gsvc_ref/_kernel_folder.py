@@ -7,7 +7,7 @@ from typing import Final
 
 PACKAGE: Final = Path(__file__).resolve().parent
 
-WITHOUT_KERNELS: Final = ("cli", "codec", "report", "scenes", "testing")
+WITHOUT_KERNELS: Final = ("cli", "report", "scenes", "testing")
 """Packages that nothing compiled comes from, so that an edit there costs no compilation."""
 
 
@@ -26,11 +26,6 @@ def kernel_folder() -> Path:
 def stale_folders() -> list[Path]:
     """Folders of kernels that this installation had with other sources."""
     return [folder for folder in _base().glob(f"{_prefix()}*") if folder != kernel_folder()]
-
-
-def is_empty() -> bool:
-    """Whether no compiled kernel is there, so that the first call of each will compile it."""
-    return next(kernel_folder().rglob("*.nbi"), None) is None
 
 
 def _base() -> Path:

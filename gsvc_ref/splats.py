@@ -85,7 +85,8 @@ class Splats:
 
     def take(self, indices: NDArray[Any]) -> "Splats":
         """The splats that an index or boolean array selects, in its order."""
-        return Splats(self.positions[indices], self.cholesky[indices], self.colors[indices])
+        rows = np.flatnonzero(indices) if indices.dtype == np.bool_ else indices  # `take` copies rows, [] elements
+        return Splats(*(part.take(rows, axis=0) for part in (self.positions, self.cholesky, self.colors)))
 
     def append(self, other: "Splats") -> "Splats":
         """These splats, then the other ones."""

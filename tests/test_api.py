@@ -23,7 +23,7 @@ gsvc_ref.GsvcError, gsvc_ref.UsageError
 assert "numba" not in sys.modules
 gsvc_ref.Settings.quick()
 import gsvc_ref.rendering
-assert callable(gsvc_ref.render) and callable(gsvc_ref.render_gradients)
+assert callable(gsvc_ref.render) and callable(gsvc_ref.render_exact_with_bound)
 print(gsvc_ref.__version__)
 """
 

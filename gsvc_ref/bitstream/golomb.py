@@ -3,6 +3,7 @@
 The code of v is the binary form of v + 2^k, with z zeros before it when that form has z + k + 1 bits.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,17 @@ def golomb_sizes(values: I8, order: ArrayLike) -> I8:
     _, z_k_1 = np.frexp((values + (1 << k)).astype(np.float64))  # the exponent of an exact integer is its bit length
     sizes: I8 = 2 * z_k_1.astype(np.int64) - 1 - k
     return sizes
+
+
+@kernel()
+def golomb_totals(values: I8) -> I8:
+    """Twin of `golomb_sizes`, summed over the values, for the orders 0..15: (16,) i8."""
+    totals = np.zeros(GOLOMB_ORDERS, np.int64)
+    for value in values:
+        for k in range(GOLOMB_ORDERS):
+            _, z_k_1 = math.frexp(np.float64(value + (1 << k)))
+            totals[k] += 2 * z_k_1 - 1 - k
+    return totals
 
 
 def golomb_bits(values: I8, order: int) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.metrics import Comparison, FrameComparison
+    from gsvc_ref.rendering import Precision
     from gsvc_ref.video import VideoFormat
 
 COMMAND: Final = "gsvc compare"
@@ -52,6 +53,10 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--frames", type=frame_range, default=(0, None), metavar="A:B", help="compare frames A to B-1 of both only"
     )
+    parser.add_argument(
+        "--precision", choices=("fast", "deterministic", "exact"), default="fast",
+        help="how .gsvc files are rendered, see gsvc decode --help",
+    )  # fmt: skip
     parser.add_argument("--no-vmaf", action="store_true", help="leave out VMAF")
     parser.add_argument("--json", action="store_true", help="print the scores as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print the means only")
@@ -63,7 +68,13 @@ def run(arguments: Namespace) -> int:
         raise UsageError("both videos cannot come from standard input; give a file for one of them")
     for name in (arguments.original, arguments.other):
         check_input(name, folder_allowed=True)
-    with open_side(arguments.original, arguments.frames) as a, open_side(arguments.other, arguments.frames) as b:
+    from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
+
+    with (
+        compilation_notice(COMMAND, silent=arguments.quiet or arguments.json),
+        open_side(arguments.original, arguments.frames, arguments.precision) as a,
+        open_side(arguments.other, arguments.frames, arguments.precision) as b,
+    ):
         try:
             comparison = _compare(a, b, arguments)
         except GsvcError:
@@ -84,14 +95,14 @@ def run(arguments: Namespace) -> int:
 
 
 @contextmanager
-def open_side(name: str, frames: tuple[int, int | None]) -> Iterator[Side]:
+def open_side(name: str, frames: tuple[int, int | None], precision: "Precision") -> Iterator[Side]:
     """Open a video or a GSVC stream to read a half-open range of its frames."""
     start, stop = frames
     if name != STDIO and holds_stream(name):
         import gsvc_ref
 
         with open_stream(name) as stream:
-            decoded = gsvc_ref.decode(stream, start=start, stop=stop)
+            decoded = gsvc_ref.decode(stream, start=start, stop=stop, precision=precision)
             yield Side(name, stream.format, [], CompleteFrames(iter(decoded)))
     else:
         from gsvc_ref.video import open_video

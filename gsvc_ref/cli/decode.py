@@ -49,8 +49,9 @@ def add_command(commands: Any) -> None:
     )  # fmt: skip
     parser.add_argument("--scale", type=positive, default=1.0, metavar="S", help="render at S times the size")
     parser.add_argument(
-        "--precision", choices=("fast", "exact"), default="fast",
-        help="fast (default): binary32; exact: the definition in binary64, slow",
+        "--precision", choices=("fast", "deterministic", "exact"), default="fast",
+        help="fast (default): binary32; deterministic: binary32, the same pixels on every machine; "
+        "exact: the definition in binary64, slow",
     )  # fmt: skip
     parser.add_argument(
         "--chroma", choices=("rgb", "420", "422", "444"), help="chroma format to write; default: as the source had"
@@ -73,9 +74,10 @@ def run(arguments: Namespace) -> int:
 
 def _decode(arguments: Namespace) -> int:
     import gsvc_ref
+    from gsvc_ref.cli.compilation import compilation_notice
 
     start, stop = arguments.frames
-    with open_stream(arguments.input) as stream:
+    with compilation_notice(COMMAND, silent=arguments.quiet), open_stream(arguments.input) as stream:
         decoded = gsvc_ref.decode(
             stream, start=start, stop=stop,
             scale=arguments.scale, precision=arguments.precision, threads=arguments.threads,

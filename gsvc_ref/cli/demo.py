@@ -50,8 +50,11 @@ def run(arguments: Namespace) -> int:
         raise UsageError(f"the folder {folder.parent} does not exist; create it first (mkdir -p {folder.parent})")
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; give another folder with --output")
+    from gsvc_ref.cli.compilation import compilation_notice
+
     try:
-        return Demo(folder, arguments).run()
+        with compilation_notice(COMMAND, silent=arguments.quiet):
+            return Demo(folder, arguments).run()
     except KeyboardInterrupt:
         say(COMMAND, f"interrupted; {folder} holds what was complete")
         return EXIT_INTERRUPTED

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 COMMAND: Final = "gsvc encode"
 
 OVERRIDES: Final = (
-    "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "cholesky_bits",
-    "color_stages", "color_codewords", "lane_count", "index", "checksums",
+    "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
+    "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -77,6 +77,10 @@ def add_command(commands: Any) -> None:
     other.add_argument(
         "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
     )
+    other.add_argument(
+        "--precision", choices=("fast", "deterministic"),
+        help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
+    )  # fmt: skip
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
@@ -96,12 +100,13 @@ def run(arguments: Namespace) -> int:
 
 def _encode(arguments: Namespace) -> int:
     from gsvc_ref import encode
+    from gsvc_ref.cli.compilation import compilation_notice
     from gsvc_ref.video import open_video
 
     settings = make_settings(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with open_video(arguments.input) as reader:
+    with compilation_notice(COMMAND, silent=not talkative), open_video(arguments.input) as reader:
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         told = len(reader.notes)

@@ -33,9 +33,11 @@ def add_command(commands: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Print the information; 0, or 1 for a damaged stream."""
     check_input(arguments.input)
+    from gsvc_ref.cli.compilation import compilation_notice  # after the check: it imports the compiler
+
     name = display_name(arguments.input)
     try:
-        with open_stream(arguments.input) as stream:
+        with compilation_notice(COMMAND, silent=arguments.json), open_stream(arguments.input) as stream:
             video, summary = stream.format, stream.info()
     except GsvcError as error:  # there is not even a header
         if arguments.json:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TextIO
 
-from gsvc_ref._kernel_folder import is_empty
 from gsvc_ref.cli.text import duration
 
 DELAY_S: Final = 0.7
@@ -143,14 +142,7 @@ class ProgressDisplay:
             self._line = None
 
     def __enter__(self) -> Self:
-        if self.active and kernels_are_cold():
-            self.status("compiling kernels (first run only) …")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
-
-
-def kernels_are_cold() -> bool:
-    """Whether the compiler will have to work, told without importing it."""
-    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and is_empty()

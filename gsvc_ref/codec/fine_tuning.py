@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gsvc_ref.codec.quantizer import Active, BlockQuantizer, BlockSettings
+from gsvc_ref.codec.quantizer import Active, BlockQuantizer, BlockSettings, Learned, Pass
 from gsvc_ref.codec.rate_control import psnr_of_loss
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
@@ -76,6 +77,10 @@ class FrameQuantizer:
             self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
         if self.survivors < len(values):
             self.intra = intra_quantizer(values, self.survivors, objective, size, settings.intra.quantizer, before, rng)
+        rows = (slice(0, self.survivors), slice(self.survivors, None))
+        self._blocks = [
+            (block, part) for block, part in zip((self.inter, self.intra), rows, strict=True) if block is not None
+        ]
 
     def codes(self, values: F4) -> FrameCodes:
         """The codes of values (n, 8) f4."""
@@ -85,21 +90,35 @@ class FrameQuantizer:
             return FrameCodes.intra_frame(intra)
         return FrameCodes.predicted_frame(self.map, inter, intra)
 
-    def backward(self, values: F4, codes: FrameCodes, gradient: F4) -> F4:
-        """The gradient by the values given that by the reconstruction, both (n, 8) f4."""
-        parts = []
-        if self.inter and codes.inter:
-            parts.append(self.inter.backward(values[: self.survivors], codes.inter, gradient[: self.survivors]))
-        if self.intra and codes.intra:
-            parts.append(self.intra.backward(values[self.survivors :], codes.intra, gradient[self.survivors :]))
+    def forward(self, values: F4) -> tuple[F4, list[Pass]]:
+        """What a decoder will have of values (n, 8) f4, bit for bit as by `codes` and `reconstruct`."""
+        decoded = np.empty_like(values)
+        return decoded, [block.forward(values[rows], decoded[rows]) for block, rows in self._blocks]
+
+    @property
+    def still(self) -> NDArray[np.bool_]:
+        """Which splats fine-tuning cannot change, (n,) bool."""
+        return np.concatenate([block.still for block, _ in self._blocks])
+
+    def backward(self, passes: list[Pass], gradient: F4) -> F4:
+        """The gradient by the values given that by what is decoded, both (n, 8) f4."""
+        parts = [block.backward(one, gradient[rows]) for (block, rows), one in zip(self._blocks, passes, strict=True)]
         return np.concatenate(parts)
 
-    def learn(self, values: F4, codes: FrameCodes, factor: float) -> None:
+    def learn(self, passes: list[Pass], factor: float) -> None:
         """One step of all quantisers that are learned."""
-        if self.inter and codes.inter:
-            self.inter.learn(values[: self.survivors], codes.inter, factor)
-        if self.intra and codes.intra:
-            self.intra.learn(values[self.survivors :], codes.intra, factor)
+        for (block, _), one in zip(self._blocks, passes, strict=True):
+            block.learn(one, factor)
+
+    @property
+    def learned(self) -> list[Learned]:
+        """What `learn` has reached."""
+        return [block.learned for block, _ in self._blocks]
+
+    @learned.setter
+    def learned(self, learned: list[Learned]) -> None:
+        for (block, _), one in zip(self._blocks, learned, strict=True):
+            block.learned = one
 
 
 def changed(values: F4, reference: F4, least: float) -> Active:
@@ -206,22 +225,25 @@ def fine_tune(
     rates = settings.rates.columns()[:PARAMETERS_PER_SPLAT]
     convergence = settings.convergence.start() if settings.convergence else None
     least = math.inf
+    objective.freeze(quantizer.forward(values)[0], quantizer.still)
     for i in range(settings.iterations + 1):
-        codes = quantizer.codes(values)
-        state = reconstruct(codes, quantizer.before)
-        loss, gradient = objective.evaluate(state.splats.to_array())
+        decoded, passes = quantizer.forward(values)
+        loss, gradient = objective.evaluate(decoded)
         if loss < least:
-            least, best = loss, (codes, state)
+            least, best = loss, (values.copy(), quantizer.learned)
         if on_iteration:
             on_iteration(i, settings.iterations, loss)
         if i == settings.iterations or (convergence and convergence.update(loss)):
             break
         factor = settings.schedule(i)
-        gradient = quantizer.backward(values, codes, gradient)
-        quantizer.learn(values, codes, factor)
+        gradient = quantizer.backward(passes, gradient)
+        quantizer.learn(passes, factor)
         optimizer.step(
             values, gradient, rates * factor, units=unit, row_columns=GEOMETRY[:PARAMETERS_PER_SPLAT],
             row_factors=step_factors(values) if settings.relative_steps else None,
         )  # fmt: skip
         keep_factors(values)
-    return *best, i
+    objective.thaw()
+    values, quantizer.learned = best
+    codes = quantizer.codes(values)
+    return codes, reconstruct(codes, quantizer.before), i

@@ -13,6 +13,7 @@ from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
 from gsvc_ref.codec.motion import estimated_motion
 from gsvc_ref.codec.quantizer_choice import with_best_quantizer
 from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_psnr, psnr_of_loss
+from gsvc_ref.codec.rest import at_rest, changed_pixels
 from gsvc_ref.codec.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
@@ -135,19 +136,28 @@ class _FrameWork:
             reference = self.before.splats
             population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.fit)
             total = self.total if self.settings.psnr is None else len(reference)
-            new = round(settings.new_fraction * total)
+            changed = self._changed(settings)
+            population.frozen = at_rest(population.parameters(), changed)
+            new = round(settings.new_fraction * total * float(changed.mean()))
             if settings.follow_motion:
                 self._follow_motion(population)
             if settings.new_from_residual:
-                exchange_splats(population, self.objective, new, total, self.rng)
+                exchange_splats(population, self.objective, new, total, self.rng, changed)
             else:
                 population.append(random_splats(new, self.width, self.height, self.rng), NEW_WEIGHT)
         return self._encode(population, settings, self.before)
+
+    def _changed(self, settings: FrameSettings) -> NDArray[np.bool_]:
+        """The pixels that may need other splats than the frame before, (H, W) bool."""
+        if settings.rest and self.settings.psnr is None and self.encoder.picture is not None:
+            return changed_pixels(self.encoder.picture, self.picture)
+        return np.ones((self.height, self.width), np.bool_)
 
     def _follow_motion(self, population: Population) -> None:
         """Move the splats by the estimated motion if that brings the picture closer."""
         assert self.encoder.picture is not None
         motion = estimated_motion(self.encoder.picture, self.picture, population.values[:, :2])
+        motion[population.frozen] = 0
         parameters = population.parameters()
         still = self.objective.loss(parameters)
         parameters[:, :2] += motion

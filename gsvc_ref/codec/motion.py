@@ -8,19 +8,11 @@ from typing import Final
 import numpy as np
 
 from gsvc_ref.codec.detection import reduced
+from gsvc_ref.codec.optical_flow import SMALLEST_SIDE, optical_flow, read_flow
 from gsvc_ref.splats import F4
 
 LONGEST_SIDE: Final = 128
 """Flow is estimated on frames reduced to at most this many pixels on the longer side."""
-
-RADIUS: Final = 7
-"""Half the side of the window over which flow is taken as constant, in reduced pixels."""
-
-WARPS: Final = 3
-"""Refinements of the flow; on three clips more than these changed the prediction by less than 0.1 dB."""
-
-SMALLEST_SIDE: Final = 16
-"""Frames with a shorter reduced side are not searched for motion."""
 
 
 def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
@@ -33,15 +25,10 @@ def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
     positions
         (N, 2) f4, centres of splats in the first one, in pixels.
     """
-    # Imported here, since these two take half a second that decoding need not wait for.
-    from scipy.ndimage import map_coordinates
-    from skimage.registration import optical_flow_ilk
-
-    old, new = (reduced(picture, LONGEST_SIDE).mean(axis=2) for picture in (before, after))
+    old, new = (reduced(picture, LONGEST_SIDE).mean(axis=2, dtype=np.float64) for picture in (before, after))
     if min(old.shape) < SMALLEST_SIDE or np.array_equal(old, new):
         return np.zeros_like(positions)
     step = -(-max(before.shape[:2]) // LONGEST_SIDE)
-    places = [positions[:, 1] / step - 0.5, positions[:, 0] / step - 0.5]
-    rows, columns = optical_flow_ilk(old, new, radius=RADIUS, num_warp=WARPS)  # type: ignore[no-untyped-call]
-    motion = [step * map_coordinates(part, places, order=1, mode="nearest") for part in (columns, rows)]
-    return np.asarray(np.nan_to_num(np.stack(motion, axis=1)), np.float32)
+    motion = np.empty((len(positions), 2), np.float32)
+    read_flow(optical_flow(old, new), positions.astype(np.float64) / step - 0.5, float(step), motion)
+    return motion

@@ -6,15 +6,23 @@ sees is, bit for bit, what a decoder will have.
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.codec.block_kernels import (
+    decode_cholesky,
+    decode_colors,
+    decode_positions,
+    difference_of,
+    grad_decode,
+)
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, rvq, to_half_bits
-from gsvc_ref.quantization.half import LARGEST_HALF
+from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
-from gsvc_ref.quantization.rvq_training import RvqState, initialize, update
+from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
 from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
@@ -68,6 +76,24 @@ class BlockSettings:
             raise UsageError(f"color_codewords is {max(self.colors.codewords)}; it must be 1..1024")
 
 
+class Pass(NamedTuple):
+    """What `BlockQuantizer.forward` found on its way and `backward` and `learn` need."""
+
+    difference: F4
+    """(n, 8) f4, what was quantised."""
+    indices: NDArray[np.uint16]
+    """(n, M) u2, codewords."""
+    errors: F4
+    """(n, 3) f4, what each stage left over, summed over the stages."""
+
+
+class Learned(NamedTuple):
+    """The quantisers of a block at one moment."""
+
+    lsq: LsqParameters
+    rvq: RvqState | None
+
+
 class BlockQuantizer:
     """Quantises one block: values as they are (intra), or their difference from a reference (inter).
 
@@ -100,9 +126,14 @@ class BlockQuantizer:
         self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
         self.active = np.ones((len(values), 3), np.bool_) if active is None else active
         difference = self._difference(values)
+        self._no_reference = np.empty((0, 8), np.float32)
+        self._largest = np.float32(lsq.largest_code(settings.cholesky_bits))
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
+        self.present = tuple(reference is None or bool(part.any()) for part in self.active.T)
         self.lsq = self._start_lsq(difference[:, 2:5])
         self.rvq = self._start_rvq(difference[:, 5:8])
+        self._books, self._ends = rvq.joined(self.codebooks)
+        self._shares = self._shares_of_colors()
         # A row each for scale and offset, in steps of the scale; the decoder's arithmetic stays binary32.
         self._lsq_optimizer = Adan(2, 3, AdanSettings(0.9, 0.92, 0.99))
         self._lsq_gradient = np.zeros((2, 3), np.float32)
@@ -131,6 +162,12 @@ class BlockQuantizer:
             chosen = np.ones_like(chosen)
         return initialize(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
 
+    def _shares_of_colors(self) -> NDArray[np.float64]:
+        """How much each colour counts in learning, (n,) f8: 0 if it is not active, and 1 on average over the others."""
+        area = np.where(self.active[:, 2], self.area, 0)
+        total = math.fsum(area)
+        return area * (np.count_nonzero(self.active[:, 2]) / total) if total > 0 else area
+
     @property
     def quantizer(self) -> Quantizer:
         """Scale and offset in use."""
@@ -148,7 +185,7 @@ class BlockQuantizer:
         """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
         difference = self._difference(values)
         indices = rvq.assign(difference[:, 5:8], self.codebooks)
-        position, cholesky, color = (self.reference is None or bool(part.any()) for part in self.active.T)
+        position, cholesky, color = self.present
         own_quantizer = cholesky and self.kept.quantizer is None
         own_codebooks = color and self.rvq is not None
         return SplatBlock(
@@ -164,28 +201,69 @@ class BlockQuantizer:
     def _position_bits(self, positions: F4) -> NDArray[np.uint16]:
         offset = np.float32(1 if self.reference is None else 0)
         normalised = np.clip(positions / self.size - offset, -LARGEST_HALF, LARGEST_HALF)
-        if self.settings.position_step is not None:
-            exponent = math.floor(math.log2(self.settings.position_step / float(self.size.max())))
-            normalised = coarsen_half(normalised, exponent)
-        return to_half_bits(normalised)
+        return to_half_bits(coarsen_half(normalised, self.step_exponent))
 
-    def backward(self, values: F4, block: SplatBlock, gradient: F4) -> F4:
-        """The straight-through gradient by the values, (n, 8) f4, given that by the reconstruction, (n, 8) f4.
+    @property
+    def step_exponent(self) -> int:
+        """The binary logarithm of the step of normalised positions: at most `position_step` pixels."""
+        if self.settings.position_step is None:
+            return FINEST_HALF
+        return math.frexp(self.settings.position_step / float(self.size.max()))[1] - 1
+
+    def forward(self, values: F4, decoded: F4) -> Pass:
+        """What a decoder will have of values (n, 8) f4, into `decoded` (n, 8) f4: bit for bit as by `codes`."""
+        count, stages = len(values), len(self._ends)
+        done = Pass(np.empty((count, 8), np.float32), np.empty((count, stages), np.uint16),
+                    np.empty((count, 3), np.float32))  # fmt: skip
+        reference = self._no_reference if self.reference is None else self.reference
+        difference_of(values, reference, self.active, done.difference)
+        position, cholesky, color = self.present
+        if not (position and cholesky and color):
+            np.copyto(decoded, reference)
+        if position:
+            decode_positions(done.difference, reference, self.size, self.step_exponent, decoded)
+        if cholesky:
+            decode_cholesky(done.difference, reference, self.lsq.scale, self.lsq.offset, self._largest, decoded)
+        if color:
+            decode_colors(done.difference, reference, self._books, self._ends, done.indices, done.errors, decoded)
+        return done
+
+    @property
+    def still(self) -> NDArray[np.bool_]:
+        """Which splats keep the bits of the reference whatever is learned, (n,) bool."""
+        zero_stays_zero = self.reference is not None and (
+            (self.settings.cholesky_step is not None or not self.present[1])
+            and (self.settings.colors.zero_codeword or not self.present[2])
+        )
+        return np.asarray(~self.active.any(axis=1) & zero_stays_zero)
+
+    def backward(self, done: Pass, gradient: F4) -> F4:
+        """The straight-through gradient by the values, (n, 8) f4, given that by what is decoded, (n, 8) f4.
 
         Positions pass unchanged; Cholesky factors where LSQ+ did not clamp; colours get the commitment gradient added.
         The gradients of scale and offset are kept for `learn`.
         """
+        result, sums = np.empty_like(gradient), np.empty((2, 3))
+        grad_decode(
+            done.difference, done.errors, self.active, self.lsq.scale, self.lsq.offset, self._largest,
+            np.float32(2 / max(3 * len(gradient), 1)), np.float32(self.settings.commitment), gradient, result, sums,
+        )  # fmt: skip
+        # The learned variables are log(scale) and offset / scale: both gradients in units of the scale.
+        self._lsq_gradient = sums.astype(np.float32) * self.lsq.scale
+        return result
+
+    def grad_plain(self, values: F4, gradient: F4) -> tuple[F4, F4]:
+        """The definition of `backward`: its result, and the gradients of scale and offset, (2, 3) f4."""
         difference, result = self._difference(values), gradient.copy()
         grad = lsq.gradients(
             difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits, gradient[:, 2:5]
         )
         result[:, 2:5] = grad.x
-        # The learned variables are log(scale) and offset / scale: both gradients in units of the scale.
-        self._lsq_gradient = np.stack([grad.scale, grad.offset]) * self.lsq.scale
-        if block.colors is not None and self.settings.commitment:
-            pull = rvq.commitment(difference[:, 5:8], block.colors, self.codebooks).x
-            result[:, 5:8] += np.float32(self.settings.commitment) * pull
-        return np.where(np.repeat(self.active, [2, 3, 3], axis=1), result, np.float32(0)).astype(np.float32)
+        colors = difference[:, 5:8]
+        pull = rvq.commitment(colors, rvq.assign(colors, self.codebooks), self.codebooks).x
+        result[:, 5:8] += np.float32(self.settings.commitment) * pull
+        mask = np.repeat(self.active, [2, 3, 3], axis=1)
+        return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.scale, grad.offset])
 
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""
@@ -193,18 +271,31 @@ class BlockQuantizer:
         error = rvq.dequantize(rvq.assign(colors, self.codebooks), self.codebooks) - colors
         return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())
 
-    def learn(self, values: F4, block: SplatBlock, factor: float) -> None:
+    def learn(self, done: Pass, factor: float) -> None:
         """One step of scale, offset and codebooks, unless they are the decoder's already or fixed."""
         if self.kept.quantizer is None and self.settings.cholesky_step is None:
             steps = np.zeros((2, 3), np.float32)
             rate = np.full(3, self.settings.quantizer_rate * factor, np.float32)
             self._lsq_optimizer.step(steps, self._lsq_gradient, rate)
-            scale = bounded_scale(self.lsq.scale * np.exp(steps[0]))
-            self.lsq = LsqParameters(scale, self.lsq.offset + steps[1] * self.lsq.scale)
-        if self.rvq is not None and block.colors is not None:
-            chosen = self.active[:, 2]
-            colors = self._difference(values)[chosen, 5:8]
-            self.rvq = update(self.rvq, colors, block.colors[chosen], self.settings.colors, self.rng, self.area[chosen])
+            # exp to second order: steps are of the size of the rate, and a library's exp may differ from another's.
+            growth = 1 + steps[0] + steps[0] * steps[0] / 2
+            self.lsq = LsqParameters(
+                bounded_scale(self.lsq.scale * growth), self.lsq.offset + steps[1] * self.lsq.scale
+            )
+        if self.rvq is not None and self.present[2]:
+            colors = done.difference[:, 5:8]
+            self.rvq = moved(self.rvq, colors, done.indices, self.settings.colors, self.rng, self._shares)
+            self._books, self._ends = rvq.joined(self.codebooks)
+
+    @property
+    def learned(self) -> Learned:
+        """What `learn` has reached."""
+        return Learned(self.lsq, self.rvq)
+
+    @learned.setter
+    def learned(self, learned: Learned) -> None:
+        self.lsq, self.rvq = learned
+        self._books, self._ends = rvq.joined(self.codebooks)
 
 
 def with_codewords(settings: BlockSettings, stages: int | None, codewords: int | None) -> BlockSettings:

@@ -58,15 +58,28 @@ def most_visible(parameters: F4, count: int) -> NDArray[np.int64]:
 
 
 def exchange_splats(
-    population: Population, objective: Objective, new: int, total: int, rng: np.random.Generator
+    population: Population,
+    objective: Objective,
+    new: int,
+    total: int,
+    rng: np.random.Generator,
+    where: NDArray[np.bool_] | None = None,
 ) -> None:
-    """Replace the least visible splats by `new` ones where the prediction is wrong, with at most `total` in all."""
+    """Replace the least visible splats by `new` ones where the prediction is wrong, with at most `total` in all.
+
+    Frozen splats stay, and new ones come where `where` (H, W) bool is set, or anywhere.
+    """
     room = total - len(population)
     if new > room:
-        population.take(most_visible(population.parameters(), total - new))
+        moving = np.flatnonzero(~population.frozen)
+        fewer = max(0, len(moving) - (new - room))
+        kept = moving[most_visible(population.parameters()[moving], fewer)]
+        population.take(np.sort(np.concatenate([np.flatnonzero(population.frozen), kept])))
+        if population.frozen.any():
+            new = min(new, max(0, total - len(population)))
     if new > 0:
         objective.loss(population.parameters())
-        population.append(new_splats(objective, new, len(population) + new, rng), KEPT_WEIGHT)
+        population.append(new_splats(objective, new, len(population) + new, rng, where), KEPT_WEIGHT)
 
 
 def hold_quality(

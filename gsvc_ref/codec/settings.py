@@ -48,6 +48,8 @@ class FrameSettings:
     still_threshold
         P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
         share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
+    rest
+        P-frames: splats stay as they are where the source shows the same pixels as before, at constant rate.
     follow_motion
         P-frames: begin with the splats moved along the optical flow of the source.
     """
@@ -60,6 +62,7 @@ class FrameSettings:
     new_fraction: float = 0.1
     new_from_residual: bool = False
     still_threshold: float = 0.0
+    rest: bool = False
     follow_motion: bool = False
 
     def __post_init__(self) -> None:
@@ -213,6 +216,7 @@ class Settings:
             new_fraction=0.03,
             new_from_residual=True,
             still_threshold=0.5,
+            rest=True,
             follow_motion=True,
         )
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)

@@ -29,7 +29,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.metrics.frames import Frame, check_pair
@@ -112,6 +111,7 @@ def halve(plane: F8) -> F8:
 
 def mean_similarity_plain(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: float) -> tuple[float, float]:
     """Means of l * cs and of cs over all places where the window lies inside two (H, W) f8 planes: the definition."""
+    from scipy.ndimage import correlate1d  # here, so that no command waits for what only the definition needs
 
     def filtered(plane: F8) -> F8:
         rows, columns = (

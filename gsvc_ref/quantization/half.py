@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
 
 LARGEST_HALF: Final = 65504.0
@@ -19,6 +20,9 @@ MIN_EXPONENT: Final = -14
 """Exponent of the smallest normal binary16; subnormals share its spacing."""
 
 FRACTION_BITS: Final = 10
+
+FINEST_HALF: Final = MIN_EXPONENT - FRACTION_BITS
+"""Binary logarithm of the spacing of subnormals, which all binary16 are multiples of."""
 
 _EXPONENT_MASK: Final = 0x7C00
 
@@ -140,6 +144,14 @@ def coarsen_half(values: ArrayLike, step_exponent: int) -> NDArray[np.float32]:
     rounded = np.rint(finite / step) * step
     _refuse_first(~np.isfinite(wide) | (np.abs(rounded) > LARGEST_HALF), wide)
     return np.asarray(rounded.astype(np.float32))
+
+
+@kernel(inline=True)
+def nearest_half(value: float, step_exponent: int) -> float:
+    """Twin of `coarsen_half` for one number of at most LARGEST_HALF in magnitude; nothing is checked."""
+    exponent = max(math.frexp(value)[1] - 1, MIN_EXPONENT)
+    step = math.ldexp(1.0, max(exponent - FRACTION_BITS, step_exponent))
+    return float(np.rint(value / step) * step)
 
 
 def _patterns(bits: ArrayLike) -> NDArray[np.uint16]:

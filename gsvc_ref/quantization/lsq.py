@@ -106,7 +106,7 @@ def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     s, beta = _checked_channels(scale, offset, q.shape[1])
     values = np.empty(q.shape, np.float32)  # (N, C)
     with np.errstate(over="ignore"):
-        finite = _dequantize(np.ascontiguousarray(q, np.uint16), s, beta, values)
+        finite = dequantize_kernel(np.ascontiguousarray(q, np.uint16), s, beta, values)
     if not finite:
         raise UsageError("a dequantised value overflows binary32; scale and offset are too large for these codes")
     return values
@@ -190,7 +190,7 @@ def dequantize_plain(codes: Codes, s: F4, beta: F4) -> F4:
 
 
 @kernel()
-def _dequantize(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
+def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
     """Twin of `dequantize_plain`; False where a value is not finite."""
     finite = True
     for n in range(codes.shape[0]):

@@ -183,10 +183,11 @@ def _least_squares(parts: F8, scale: F8, offset: F8, p: int) -> tuple[F8, F8]:
     """The line x = s q + beta nearest to the values of each code; unchanged where all values share one code."""
     count, first, _ = parts
     q = np.arange(p + 1)
-    total, sum_q, sum_x = count.sum(axis=1), count @ q, first.sum(axis=1)
-    determinant = total * (count @ (q * q)) - sum_q * sum_q
+    # Sums rather than matrix products: these differ in their last bits from one kind of CPU to another.
+    total, sum_q, sum_x = count.sum(axis=1), (count * q).sum(axis=1), first.sum(axis=1)
+    determinant = total * (count * (q * q)).sum(axis=1) - sum_q * sum_q
     solvable = determinant > 1e-9 * total * total
-    fitted = (total * (first @ q) - sum_q * sum_x) / np.where(solvable, determinant, 1.0)
+    fitted = (total * (first * q).sum(axis=1) - sum_q * sum_x) / np.where(solvable, determinant, 1.0)
     new_scale = np.maximum(np.where(solvable, fitted, scale), SCALE_FLOOR)
     new_offset = (sum_x - new_scale * sum_q) / np.where(solvable, total, 1.0)
     return new_scale, np.where(solvable, new_offset, offset)

@@ -105,18 +105,35 @@ def dequantize(indices: ArrayLike, codebooks: Codebooks) -> F4:
     books = _checked_codebooks(codebooks)
     chosen = _checked_indices(indices, books)
     with np.errstate(over="ignore"):
-        values = codeword_sum(chosen, books)
+        values = codeword_sum(chosen.astype(np.uint16), books)
     if not np.isfinite(values).all():
         raise UsageError("a sum of codewords overflows binary32; the codewords are too large")
     return values
 
 
-def codeword_sum(indices: NDArray[np.unsignedinteger], codebooks: Codebooks) -> F4:
-    """The definition of the colours, without any check: (N, 3) f4 of indices (N, M); a decoder calls this (8-4)."""
-    values: F4 = codebooks[0].take(indices[:, 0], axis=0)  # (N, 3) f4
+def codeword_sum_plain(indices: Indices, codebooks: Codebooks) -> F4:
+    """The definition of the colours, without any check: (N, 3) f4 of indices (N, M); spec.md (8-4)."""
+    values: F4 = codebooks[0][indices[:, 0]]  # (N, 3) f4
     for k in range(1, len(codebooks)):
-        values += codebooks[k].take(indices[:, k], axis=0)
+        values = values + codebooks[k][indices[:, k]]
     return values
+
+
+def codeword_sum(indices: Indices, codebooks: Codebooks) -> F4:
+    """Fast twin of `codeword_sum_plain`, for codebooks that hold every index; a decoder calls this."""
+    values = np.full((len(indices), 3), -0.0, np.float32)  # -0 + x is x, to the sign of a zero
+    for stage, book in enumerate(codebooks):
+        _add_codewords(indices, stage, book, values)
+    return values
+
+
+@kernel()
+def _add_codewords(indices: Indices, stage: int, book: F4, values: F4) -> None:
+    """Add the codewords of one stage to `values` (N, 3)."""
+    for n in range(len(indices)):
+        word = np.int64(indices[n, stage])
+        for c in range(3):
+            values[n, c] += book[word, c]
 
 
 def residuals(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> F4:
@@ -204,6 +221,51 @@ def _assign(r: F4, book: F4, penalties: F4, weights: F4, chosen: Indices) -> Non
         chosen[n] = best
         for c in range(3):
             r[n, c] -= book[best, c]
+
+
+@kernel()
+def nearest_codewords(x: F4, books: F4, ends: NDArray[np.int64], chosen: Indices, errors: F4) -> None:
+    """Twin of all stages of `assign_plain` without penalties, and of `residuals` summed over the stages.
+
+    Parameters
+    ----------
+    x
+        (N, 3) f4.
+    books, ends
+        The codebooks one after the other, (sum of B, 3) f4, and where each ends, (M,) i8: see `joined`.
+    chosen
+        (N, M) u2, filled: the codewords.
+    errors
+        (N, 3) f4, filled: r^2 + ... + r^(M+1).
+    """
+    planes = books.T.copy()  # contiguous over codewords, so that the first loop fills the vector lanes
+    cost = np.empty(books.shape[0], np.float32)
+    r = np.empty(3, np.float32)
+    for n in range(x.shape[0]):
+        for c in range(3):
+            r[c], errors[n, c] = x[n, c], np.float32(0)
+        first = 0
+        for k in range(ends.size):
+            red, green, blue = planes[0, first : ends[k]], planes[1, first : ends[k]], planes[2, first : ends[k]]
+            r0, r1, r2 = r[0], r[1], r[2]
+            for b in range(red.size):
+                e0, e1, e2 = r0 - red[b], r1 - green[b], r2 - blue[b]
+                cost[b] = (e0 * e0 + e1 * e1) + e2 * e2
+            best, least = 0, cost[0]
+            for b in range(1, red.size):
+                if cost[b] < least:
+                    best, least = b, cost[b]
+            chosen[n, k] = best
+            for c in range(3):
+                r[c] -= books[first + best, c]
+                errors[n, c] += r[c]
+            first = ends[k]
+
+
+def joined(codebooks: Codebooks) -> tuple[F4, NDArray[np.int64]]:
+    """Codebooks one after the other, (sum of B, 3) f4, and where each ends, (M,) i8."""
+    books = np.concatenate([np.asarray(book, np.float32) for book in codebooks])
+    return books, np.cumsum([len(book) for book in codebooks])
 
 
 def _checked_vectors(x: ArrayLike) -> F4:

@@ -22,6 +22,7 @@ from gsvc_ref.quantization.rvq import (
     MAX_CODEWORDS,
     Indices,
     assign,
+    joined,
     residuals,
     round_codebooks,
 )
@@ -124,7 +125,7 @@ def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: Arr
     for codewords in settings.codewords:
         codebook = _kmeans(residual, w, codewords, settings, rng)
         indices = assign(residual, [codebook])
-        counts, sums = _totals(residual, w, indices[:, 0], codewords)
+        counts, sums = _totals(residual, w, indices, *joined([codebook]))
         residual = residuals(residual, indices, [codebook])[1]
         stages.append((codebook, counts, sums))
     return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
@@ -163,27 +164,41 @@ def update(
     UsageError
         As for `initialize`; or indices do not fit.
     """
-    r = residuals(x, indices, state.codebooks)  # (M + 1, N, 3) f4
-    if r.shape[1] == 0:
+    vectors, books = np.ascontiguousarray(x, np.float32), state.codebooks
+    residuals(vectors, indices, books)  # refuses what does not fit
+    if len(vectors) == 0:
         return state
-    w = _unit_mean(weights, r.shape[1])
-    stages = []
-    for k, old in enumerate(state.codebooks):
-        batch_counts, batch_sums = _totals(r[k], w, indices[:, k], len(old))
-        counts = settings.decay * state.counts[k] + (1 - settings.decay) * batch_counts
-        sums = settings.decay * state.sums[k] + (1 - settings.decay) * batch_sums
-        total = counts.sum()
-        smoothed = (counts + settings.smoothing) / (total + len(old) * settings.smoothing) * total
-        codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], old)
-        dead = counts < settings.dead_count
-        dead[0] &= not settings.zero_codeword
-        if dead.any():
-            errors = w * np.square(r[k + 1], dtype=np.float64).sum(axis=1)
-            _revive(dead, codebook, counts, sums, r[k], errors, rng)
-        if settings.zero_codeword:
-            codebook[0] = sums[0] = 0
-        stages.append((round_codebooks([codebook])[0], counts, sums))
-    return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
+    return moved(state, vectors, indices, settings, rng, _unit_mean(weights, len(vectors)))
+
+
+def moved(state: RvqState, x: F4, indices: Indices, settings: RvqSettings, rng: Generator, w: F8) -> RvqState:
+    """`update` without checks; w is (N,) f8, 0 for vectors that are to be left out and of mean 1 over the others."""
+    flat, ends = joined(state.codebooks)
+    starts, sizes = np.append(0, ends[:-1]), np.diff(ends, prepend=0)
+    batch_counts, batch_sums = _totals(x, w, indices, flat, ends)
+    counts = settings.decay * np.concatenate(state.counts) + (1 - settings.decay) * batch_counts  # (sum of B,) f8
+    sums = settings.decay * np.concatenate(state.sums) + (1 - settings.decay) * batch_sums  # (sum of B, 3) f8
+    total = np.repeat(np.add.reduceat(counts, starts), sizes)
+    smoothed = (counts + settings.smoothing) / (total + np.repeat(sizes, sizes) * settings.smoothing) * total
+    codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], flat)
+    dead = counts < settings.dead_count
+    if settings.zero_codeword:
+        dead[starts] = False
+    stages = [slice(first, end) for first, end in zip(starts.tolist(), ends.tolist(), strict=True)]
+    if dead.any():
+        r = residuals(x, indices, state.codebooks)  # (M + 1, N, 3) f4
+        for k, stage in enumerate(stages):
+            if dead[stage].any():
+                errors = w * np.square(r[k + 1], dtype=np.float64).sum(axis=1)
+                _revive(dead[stage], codebook[stage], counts[stage], sums[stage], r[k], errors, rng)
+    if settings.zero_codeword:
+        codebook[starts] = sums[starts] = 0
+    rounded = round_codebooks([codebook])[0]
+    return RvqState(
+        codebooks=tuple(rounded[stage] for stage in stages),
+        counts=tuple(counts[stage] for stage in stages),
+        sums=tuple(sums[stage] for stage in stages),
+    )
 
 
 def _revive(
@@ -206,7 +221,7 @@ def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator)
         return centers
     _seed(x, w, rng.random(codewords), settings.zero_codeword, centers)
     for _ in range(settings.kmeans_iterations):
-        counts, sums = _totals(x, w, assign(x, [centers])[:, 0], codewords)
+        counts, sums = _totals(x, w, assign(x, [centers]), *joined([centers]))
         moved = counts > 0
         moved[0] &= not settings.zero_codeword
         centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
@@ -249,13 +264,21 @@ def _draw(masses: F8, uniform: float) -> int:
 
 
 @kernel()
-def _totals(x: F4, w: F8, chosen: Indices, codewords: int) -> tuple[F8, F8]:
-    """Weighted counts (B,) and sums (B, 3) of the vectors of each codeword, in binary64."""
-    counts, sums = np.zeros(codewords), np.zeros((codewords, 3))
+def _totals(x: F4, w: F8, indices: Indices, books: F4, ends: NDArray[np.int64]) -> tuple[F8, F8]:
+    """Weighted counts (sum of B,) and sums (sum of B, 3) of what reaches each codeword of each stage, in binary64."""
+    counts, sums = np.zeros(books.shape[0]), np.zeros((books.shape[0], 3))
+    r = np.empty(3, np.float32)
     for n in range(x.shape[0]):
-        counts[chosen[n]] += w[n]
         for c in range(3):
-            sums[chosen[n], c] += w[n] * np.float64(x[n, c])
+            r[c] = x[n, c]
+        first = 0
+        for k in range(ends.size):
+            place = first + np.int64(indices[n, k])
+            counts[place] += w[n]
+            for c in range(3):
+                sums[place, c] += w[n] * np.float64(r[c])
+                r[c] -= books[place, c]
+            first = ends[k]
     return counts, sums
 
 

@@ -1,14 +1,18 @@
 """Codes to splats, exactly: binary32 operations in the order of spec.md section 8, none fused (R-3.3-1)."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.quantization import lsq, rvq
-from gsvc_ref.reconstruction.codes import F2, F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.reconstruction.codes import F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import Splats
+
+VALUES_OF_HALVES: Final[F4] = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
+"""The exact value of each binary16 pattern, (65536,) f4."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,8 @@ def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]
     if block is None:
         return positions, cholesky, colors
     if block.positions is not None:
-        positions = positions + _half(block.positions) * _half_size(state)  # (8-1), (8-2)
+        # Adding -0 changes nothing, not even the sign of a zero.
+        positions = positions + _scaled_halves(block.positions, np.float32(-0.0), state)  # (8-1), (8-2)
     if block.cholesky is not None:
         cholesky = cholesky + _dequantized(block.cholesky, kept.quantizer)  # (8-3)
     if block.colors is not None:
@@ -121,14 +126,16 @@ def _intra_values(block: SplatBlock, state: State, kept: Kept) -> tuple[F4, F4, 
     """The intra column of section 8."""
     if block.positions is None or block.cholesky is None or block.colors is None:
         raise UsageError("an intra block needs positions, cholesky and colors (R-6.5-2)")
-    positions = (_half(block.positions) + np.float32(1)) * _half_size(state)  # (8-1), (8-2)
+    positions = _scaled_halves(block.positions, np.float32(1), state)  # (8-1), (8-2)
     return positions, _dequantized(block.cholesky, kept.quantizer), _summed(block.colors, kept.codebooks)
 
 
 def _dequantized(codes: U2, quantizer: Quantizer | None) -> F4:
     if quantizer is None:
         raise UsageError("a block has no quantizer, and none is kept since the last I-frame (R-6.5-4)")
-    return lsq.dequantize_plain(codes, quantizer.scale, quantizer.offset)
+    values = np.empty(codes.shape, np.float32)  # (count, 3) f4
+    lsq.dequantize_kernel(codes, quantizer.scale, quantizer.offset, values)
+    return values
 
 
 def _summed(indices: U2, codebooks: Codebooks | None) -> F4:
@@ -142,11 +149,21 @@ def _summed(indices: U2, codebooks: Codebooks | None) -> F4:
     return rvq.codeword_sum(indices, [book.astype(np.float32) for book in codebooks])
 
 
-def _half(bits: U2) -> F4:
-    """The exact values of binary16 bit patterns."""
-    values: F2 = bits.view(np.float16)
-    return values.astype(np.float32)
+def _scaled_halves(bits: U2, addend: np.float32, state: State) -> F4:
+    half_size = np.array([state.width, state.height], np.float32) / np.float32(2)  # (2,) f4, exact
+    values = np.empty(bits.shape, np.float32)  # (count, 2) f4
+    scaled_halves_kernel(bits, VALUES_OF_HALVES, addend, half_size, values)
+    return values
 
 
-def _half_size(state: State) -> F4:
-    return np.array([state.width, state.height], np.float32) / np.float32(2)  # (2,) f4, exact
+def scaled_halves_plain(bits: U2, addend: np.float32, half_size: F4) -> F4:
+    """fl(fl(h + addend) * half_size) with h the exact values of binary16 patterns (count, 2): (count, 2) f4."""
+    return (bits.view(np.float16).astype(np.float32) + addend) * half_size
+
+
+@kernel()
+def scaled_halves_kernel(bits: U2, values_of_halves: F4, addend: np.float32, half_size: F4, values: F4) -> None:
+    """Twin of `scaled_halves_plain`, given the value of every pattern."""
+    for n in range(len(bits)):
+        for c in range(2):
+            values[n, c] = (values_of_halves[bits[n, c]] + addend) * half_size[c]

@@ -23,7 +23,7 @@ TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
-    """u1 and u2 and s = u1^2 + u2^2 of one splat (8,) f4 over the frame, each (H, W) f4: spec.md (9-3)."""
+    """u1 and u2 and s = u1^2 + u2^2 of one splat (8,) f4 over the frame, each (H, W) f4: spec.md (9-3) and (9-4)."""
     x, y, l11, l21, l22 = splat[:5]
     r1, r2 = ONE / l11, ONE / l22
     l, f = (l21, r2) if l22 <= 1 else (l21 / l22, ONE)
@@ -36,7 +36,7 @@ def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
 
 
 def weight(s: F4) -> F4:
-    """g(s) ~ exp(-s/2) where s <= 2 ln 255, else 0: spec.md (9-4)."""
+    """g(s) ~ exp(-s/2) where s <= 2 ln 255, else 0: spec.md (9-5)."""
     covered = s <= SUPPORT_SQUARED
     s = np.where(covered, s, np.float32(0))
     t = s * s
@@ -54,7 +54,7 @@ def _drawn(splats: Splats) -> Iterator[tuple[int, F4]]:
 
 
 def sum_plain(splats: Splats, width: int, height: int) -> F4:
-    """The sum C of spec.md (9-5), (H, W, 3) f4, not clamped."""
+    """The sum C of spec.md (9-6), (H, W, 3) f4, not clamped."""
     C = np.zeros((height, width, 3), np.float32)  # (H, W, 3) f4
     with np.errstate(over="ignore", invalid="ignore"):  # far from a splat, where it covers nothing
         for _, splat in _drawn(splats):

@@ -14,7 +14,7 @@ C4: Final = np.float32(float.fromhex("0x1.498f3ep-21"))
 C5: Final = np.float32(float.fromhex("-0x1.908c68p-28"))
 """p(s) ~ exp(-s/16) on 0 <= s <= 2 ln 255: the quintic with p(0) = 1 whose relative error after three squarings, over
 0.3 + s/2, has the smallest maximum; found by linear programming on 4001 Chebyshev points, then rounded to binary32.
-spec.md (9-4) has them as c1 to c5."""
+spec.md (9-5) has them as k1 to k5."""
 
 
 @kernel(contract=True, inline=True)
@@ -37,4 +37,4 @@ def exp_minus_half(s: np.float32) -> np.float32:
 
 
 exp_minus_half_strict = without_contraction(exp_minus_half)
-"""The same with every operation rounded, in the order as written: that of spec.md (9-4)."""
+"""The same with every operation rounded, in the order as written: that of spec.md (9-5)."""

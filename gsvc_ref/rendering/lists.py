@@ -13,13 +13,17 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.definition import SMALLEST_FACTOR
-from gsvc_ref.rendering.strips import F4, I4, I8, RADIUS, RECORD, STRIP_WIDTH
+from gsvc_ref.rendering.strips import F4, F8, I4, I8, RADIUS, RECORD, STRIP_WIDTH
 
 REACH: Final = RADIUS * (1 + 2.0**-18)
 """The support in standard deviations, with room for roundings."""
 
 ROW_MARGIN: Final = RADIUS * 2.0**-18
 """Room for roundings of a row, in units of |l21| + l22: above 17 eps RADIUS."""
+
+ROWS_FOR_ENTRY: Final = 4.0
+ROWS_FOR_ROW: Final = 1.5
+"""What selecting an entry, and clearing and writing a row of a strip, takes: in rows that a splat is added to."""
 
 
 class Lists(NamedTuple):
@@ -30,9 +34,9 @@ class Lists(NamedTuple):
     Attributes
     ----------
     records
-        Per splat (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22. The inner
-        loops compute (l21 u1) / l22 as (l u1) f, which is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so
-        that nothing overflows where a pixel is covered.
+        Per splat (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22, and the rows
+        of its bounding box. The inner loops compute (l21 u1) / l22 as (l u1) f, which is (l21 u1) (1/l22) for l22 <= 1
+        and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is covered.
     strips
         Per splat (2,) i4: the first strip and the one after the last; equal if no pixel centre can be covered.
     base
@@ -42,6 +46,8 @@ class Lists(NamedTuple):
         splat and the entry's index in the order by splat, where a splat's entries are side by side.
     positions
         (strips,) i8 scratch: where the next entry of a strip goes.
+    work
+        (strips + 1,) f8: about the work of the strips before, in rows that a splat is added to.
     """
 
     records: F4
@@ -50,6 +56,7 @@ class Lists(NamedTuple):
     entries: I4
     offsets: I8
     positions: I8
+    work: F8
 
 
 @kernel()
@@ -93,22 +100,27 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         record[9] = parameters[n, 2]
         record[10] = parameters[n, 3]
         record[11] = parameters[n, 4]
+        record[12] = np.float32(bottom - top + 1)
     return -1
 
 
 @kernel()
-def count_entries(lists: Lists) -> None:
-    """Fill `base` and `offsets`."""
-    base, offsets = lists.base, lists.offsets
+def count_entries(height: int, lists: Lists) -> None:
+    """Fill `base`, `offsets` and `work`."""
+    base, offsets, work = lists.base, lists.offsets, lists.work
     offsets[:] = 0
     base[0] = 0
+    work[0] = 0
+    work[1:] = ROWS_FOR_ROW * height
     for n in range(lists.strips.shape[0]):
         first, end = lists.strips[n]
         base[n + 1] = base[n] + end - first
         for s in range(first, end):
             offsets[s + 1] += 1
+            work[s + 1] += lists.records[n, 12] + ROWS_FOR_ENTRY
     for s in range(offsets.size - 1):
         offsets[s + 1] += offsets[s]
+        work[s + 1] += work[s]
 
 
 @kernel()

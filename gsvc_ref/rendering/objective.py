@@ -116,7 +116,7 @@ class Objective:
         parameters
             (N, 8) f4, as for `evaluate`, which from now on wants N splats and ignores what it is told of frozen ones.
         frozen
-            (N,) bool; all False thaws them.
+            (N,) bool; all False is `thaw`.
 
         Raises
         ------
@@ -126,12 +126,17 @@ class Objective:
         packed, still = _checked(parameters), np.asarray(frozen)
         if still.dtype != np.bool_ or still.shape != (len(packed),):
             raise UsageError(f"frozen is {still.dtype} of shape {still.shape}; it must be bool of shape (N,)")
-        self._base, self._moving, self._count = BLACK, None, len(packed)
+        self.thaw()
         if still.any():
+            self._count = len(packed)
             self._workspace.load(packed[still])
             self._base = aligned(self._target.shape)
             self._workspace.over_strips(base_task, base_tasks, self._base)
             self._moving = np.flatnonzero(~still)
+
+    def thaw(self) -> None:
+        """Hold no splat fixed."""
+        self._base, self._moving = BLACK, None
 
     def loss(self, parameters: ArrayLike) -> float:
         """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""

@@ -96,6 +96,24 @@ class Renderer:
         self._draw(self._all, frame, bit_depth)
         return frame
 
+    def gradients(self, splats: Splats, residual: ArrayLike) -> NDArray[np.float32]:
+        """What `render_gradients` returns (but f4 for ``exact`` as well): (N, 8) f4."""
+        height = self._shape[0]
+        e = np.ascontiguousarray(residual, np.float32)  # (H, W, 3) f4
+        if e.shape != self._shape:
+            raise UsageError(f"the residual has shape {e.shape}; it must be {self._shape}")
+        if self.precision == "exact":
+            return definition.exact_gradients(splats, e).astype(np.float32)
+        work = self._work
+        work.load(splats.to_array())
+        gradients = np.empty((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+        work.over_strips(grad_picture_task, grad_picture_tasks, work.slots, e.reshape(height, -1))
+        work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 1.0, gradients)
+        # A residual that is not finite shows in the gradients; looking at every pixel each time would cost more.
+        if not np.isfinite(gradients).all():
+            definition.check_residual(e)
+        return gradients
+
     def _draw(self, tiles: Tiles, frame: NDArray[Any], bit_depth: int) -> None:
         """Render tiles of what is loaded into a frame."""
         peak = np.float32(2**bit_depth - 1)
@@ -152,7 +170,7 @@ class SequenceRenderer(Renderer):
             tiles = self._stale(self._before, np.asarray(origins, np.int64))
             self._draw(tiles, self._frame, bit_depth)
             self.share = float(tiles.stale.mean())
-        self._before = self._work.prepared()
+        self._before = self._work.exchange(self._before)
         return self._frame
 
     def _stale(self, before: Prepared, origins: I8) -> Tiles:
@@ -247,26 +265,19 @@ def render_gradients(
         return definition.exact_gradients(splats, residual)
     e = np.ascontiguousarray(residual, np.float32)  # (H, W, 3) f4
     definition.check_residual_shape(e.shape)
-    height, width = e.shape[:2]
-    work = _load(splats, width, height, threads, strict=precision == "deterministic")
-    gradients = np.empty((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-    work.over_strips(grad_picture_task, grad_picture_tasks, work.slots, e.reshape(height, -1))
-    work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 1.0, gradients)
-    # A residual that is not finite shows in the gradients; looking at every pixel each time would cost more.
-    if not np.isfinite(gradients).all():
-        definition.check_residual(e)
-    return gradients
+    return Renderer(e.shape[1], e.shape[0], precision=precision, threads=threads).gradients(splats, e)
 
 
 def covered_pixels(
     splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.int64]:
-    """How many pixels of the frame each splat covers, as (N,) i8; all but ``exact`` decide by (9-3), in binary32."""
+    """How many pixels of the frame each splat covers, as (N,) i8; all but ``exact`` decide by (9-4), in binary32."""
     check_precision(precision)
     _check_size(width, height)
     if precision == "exact":
         return definition.exact_covered_pixels(splats, width, height)
-    work = _load(splats, width, height, threads)
+    work = Workspace(width, height, threads)
+    work.load(splats.to_array())
     counts = np.zeros(len(splats), np.int64)  # (N,) i8
     work.over_splats(count_task, count_tasks, width, height, counts)
     return counts
@@ -275,10 +286,3 @@ def covered_pixels(
 def _check_size(width: int, height: int) -> None:
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
         raise UsageError(f"the frame is {width}x{height} pixels; each side must be 1 to {LARGEST_SIDE}")
-
-
-def _load(splats: Splats, width: int, height: int, threads: int | None, *, strict: bool = False) -> Workspace:
-    _check_size(width, height)
-    work = Workspace(width, height, threads, strict=strict)
-    work.load(splats.to_array())
-    return work

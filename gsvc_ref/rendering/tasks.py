@@ -2,11 +2,11 @@
 
 A strip's sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that
 all results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else.
-Tasks take groups of strips in turn, see `nth_strip`, since neighbours have about the same work; task t has row t of the
-`buffers`, (tasks, floats of a strip) f4, to itself. `strict` chooses the kernels without contraction.
+A task works on a run of neighbouring strips, see `run_of_strips`, and task t has row t of the `buffers`, (tasks, floats
+of a strip) f4, to itself. `strict` chooses the kernels without contraction.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numba
 import numpy as np
@@ -18,10 +18,6 @@ from gsvc_ref.rendering.strip_sums import MOMENTS, add_tile, count_strip, grad_a
 from gsvc_ref.rendering.strips import F4, F8, I8, RECORD, ROW, SLOT, SPARE_ROWS, STRIP_WIDTH
 from gsvc_ref.rendering.tiles import Tiles, any_stale
 
-STRIPS_TOGETHER: Final = 4
-"""Neighbouring strips that one task works on: in a row of 8-bit pixels they are three cache lines, so that two threads
-seldom write to the same one."""
-
 
 @kernel(parallel=True)
 def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Lists, bad: I8) -> None:
@@ -32,19 +28,26 @@ def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Li
 
 
 @kernel(inline=True)
-def nth_strip(i: int, task: int, tasks: int) -> int:
-    """The i-th strip of a task, which has every tasks-th group of STRIPS_TOGETHER; it may lie beyond the last."""
-    return (i // STRIPS_TOGETHER * tasks + task) * STRIPS_TOGETHER + i % STRIPS_TOGETHER
+def run_of_strips(task: int, tasks: int, lists: Lists) -> tuple[int, int]:
+    """The strips of a task, the first and the one after the last: neighbours, with about as much work as others have.
+
+    Neighbours share cache lines in every row of a picture, which two threads had better not write to in turn.
+    """
+    first = end = 0
+    for s in range(lists.positions.size):
+        middle = (lists.work[s] + lists.work[s + 1]) / 2 * tasks
+        if middle < lists.work[-1] * task:
+            first = s + 1
+        if middle < lists.work[-1] * (task + 1):
+            end = s + 1
+    return first, end
 
 
 @kernel()
-def room_for_selection(task: int, tasks: int, lists: Lists) -> Selection:
-    """Memory for the selection of any strip of a task."""
+def room_for_selection(first: int, end: int, lists: Lists) -> Selection:
+    """Memory for the selection of any of the strips first to end - 1."""
     largest = np.int64(0)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    for s in range(first, end):
         largest = max(largest, lists.offsets[s + 1] - lists.offsets[s])
     return Selection(np.empty((largest, 3), np.int32), np.empty((largest, RECORD), np.float32))
 
@@ -71,18 +74,16 @@ def picture_task(
 ) -> None:
     """Render the stale tiles of the task's strips into the picture (H, 3 W) f4."""
     height = picture.shape[0]
-    selection = room_for_selection(task, tasks, lists)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    first, end = run_of_strips(task, tasks, lists)
+    selection = room_for_selection(first, end, lists)
+    for s in range(first, end):
         if any_stale(tiles, s):
             count = select_strip(s, height, lists, selection)
             for tile in range(tiles.stale.shape[1]):
                 if tiles.stale[s, tile]:
-                    top, end = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
-                    render_tile(strip, s, top, end, base, selection, count, strict)
-                    write_picture(strip, s, top, end, picture, clamp)
+                    top, below = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
+                    render_tile(strip, s, top, below, base, selection, count, strict)
+                    write_picture(strip, s, top, below, picture, clamp)
 
 
 @kernel(parallel=True)
@@ -99,18 +100,16 @@ def frame_task(
     """Render the stale tiles of the task's strips into the frame (H, 3 W) u1 or u2."""
     height = frame.shape[0]
     black = np.empty((0, 0), np.float32)
-    selection = room_for_selection(task, tasks, lists)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    first, end = run_of_strips(task, tasks, lists)
+    selection = room_for_selection(first, end, lists)
+    for s in range(first, end):
         if any_stale(tiles, s):
             count = select_strip(s, height, lists, selection)
             for tile in range(tiles.stale.shape[1]):
                 if tiles.stale[s, tile]:
-                    top, end = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
-                    render_tile(strip, s, top, end, black, selection, count, strict)
-                    write_frame(strip, s, top, end, frame, peak)
+                    top, below = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
+                    render_tile(strip, s, top, below, black, selection, count, strict)
+                    write_frame(strip, s, top, below, frame, peak)
 
 
 @kernel(parallel=True)
@@ -124,11 +123,9 @@ def frame_tasks(buffers: F4, lists: Lists, strict: bool, tiles: Tiles, frame: An
 def grad_picture_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bool, slots: F4, residual: F4) -> None:
     """The transpose of `picture_task`: gather dL/dC (H, 3 W) f4 of the strips into the slots of their entries."""
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
-    selection = room_for_selection(task, tasks, lists)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    first, end = run_of_strips(task, tasks, lists)
+    selection = room_for_selection(first, end, lists)
+    for s in range(first, end):
         count = select_strip(s, residual.shape[0], lists, selection)
         read_strip(residual, s, strip)
         grad_add_strip(strip, s, selection, count, slots, moments, strict)
@@ -146,11 +143,9 @@ def base_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bool, base
     """Render the task's strips into the base (strips, H * ROW) f4, in the layout of strips."""
     height = base.shape[1] // ROW
     black = np.empty((0, 0), np.float32)
-    selection = room_for_selection(task, tasks, lists)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    first, end = run_of_strips(task, tasks, lists)
+    selection = room_for_selection(first, end, lists)
+    for s in range(first, end):
         count = select_strip(s, height, lists, selection)
         render_tile(strip, s, 0, height, black, selection, count, strict)
         base[s] = strip[: height * ROW]
@@ -184,11 +179,9 @@ def objective_task(
     moments = np.empty(MOMENTS * STRIP_WIDTH, np.float32)
     squares = np.empty(STRIP_WIDTH, np.float64)
     height = target.shape[1] // ROW
-    selection = room_for_selection(task, tasks, lists)
-    for i in range(lists.positions.size):
-        s = nth_strip(i, task, tasks)
-        if s >= lists.positions.size:
-            break
+    first, end = run_of_strips(task, tasks, lists)
+    selection = room_for_selection(first, end, lists)
+    for s in range(first, end):
         count = select_strip(s, height, lists, selection)
         render_tile(strip, s, 0, height, base, selection, count, strict)
         losses[s] = subtract_target(strip, target[s], height, min(STRIP_WIDTH, width - s * STRIP_WIDTH), squares)

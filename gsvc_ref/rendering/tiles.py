@@ -61,11 +61,21 @@ def mark(splats: Prepared, n: int, height: int, tiles: Tiles) -> None:
                 tiles.stale[s, tile] = True
 
 
+@kernel(inline=True)
+def unchanged(a: F4, b: F4) -> bool:
+    """Whether two splats (8,) f4 have the same parameters."""
+    same = True
+    for column in range(8):
+        same &= a[column] == b[column]
+    return same
+
+
 @kernel()
 def mark_changed(before: Prepared, after: Prepared, origins: I8, height: int, tiles: Tiles) -> bool:
-    """Mark the tiles in which two pictures may differ; False, with nothing to rely on, if all must be rendered.
+    """Mark the tiles in which two pictures may differ; False, with nothing to rely on, if all are better rendered.
 
-    A tile is the same in both if the splats that may cover it are the same in the same order.
+    A tile is the same in both if the splats that may cover it are the same in the same order. Where more than half of
+    the splats changed, hardly any tile is.
 
     Parameters
     ----------
@@ -74,22 +84,23 @@ def mark_changed(before: Prepared, after: Prepared, origins: I8, height: int, ti
     tiles
         None of them stale; changed.
     """
-    unseen = 0
+    old, new = before.parameters, after.parameters
+    stays = np.zeros(old.shape[0], np.bool_)
+    unseen = kept = 0
     for n in range(origins.size):
         o = origins[n]
         if o >= 0:
-            if o < unseen or o >= before.parameters.shape[0]:
+            if o < unseen or o >= old.shape[0]:
                 return False  # another order is another sum
-            for gone in range(unseen, o):
-                mark(before, gone, height, tiles)
             unseen = o + 1
-            same = True
-            for column in range(8):
-                same &= before.parameters[o, column] == after.parameters[n, column]
-            if same:
-                continue
+            stays[o] = unchanged(old[o], new[n])
+            kept += stays[o]
+    if 2 * kept < max(old.shape[0], new.shape[0]):
+        return False
+    for o in range(old.shape[0]):
+        if not stays[o]:
             mark(before, o, height, tiles)
-        mark(after, n, height, tiles)
-    for gone in range(unseen, before.parameters.shape[0]):
-        mark(before, gone, height, tiles)
+    for n in range(new.shape[0]):
+        if origins[n] < 0 or not stays[origins[n]]:
+            mark(after, n, height, tiles)
     return True

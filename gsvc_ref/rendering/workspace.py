@@ -104,6 +104,7 @@ class Workspace:
             entries=entries,
             offsets=offsets,
             positions=positions,
+            work=np.zeros(len(offsets)),
         )
 
     def load(self, parameters: F4) -> None:
@@ -118,7 +119,7 @@ class Workspace:
             self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
         np.copyto(self.parameters, parameters)
         self._prepare()
-        count_entries(self.lists)
+        count_entries(self.height, self.lists)
         total = int(self.lists.base[-1])
         if total > len(self.lists.entries):
             self.lists = self.lists._replace(entries=np.zeros((total + total // 4, 2), np.int32))
@@ -136,9 +137,15 @@ class Workspace:
         if bad >= 0:
             raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
 
-    def prepared(self) -> Prepared:
-        """A copy of what was loaded last."""
-        return Prepared(self.parameters.copy(), self.lists.records.copy(), self.lists.strips.copy())
+    def exchange(self, other: Prepared | None) -> Prepared:
+        """Hand out what was loaded last, and use the memory of `other` for what is loaded next if its size fits."""
+        mine = Prepared(self.parameters, self.lists.records, self.lists.strips)
+        if other is None or len(other.parameters) != len(mine.parameters):
+            self._resize(len(mine.parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
+        else:
+            self.parameters = other.parameters
+            self.lists = self.lists._replace(records=other.records, strips=other.strips)
+        return mine
 
     @property
     def slots(self) -> F4:

@@ -10,12 +10,14 @@ from gsvc_ref.report.data import FrameRecord
 COLORS: Final = 10
 """How many classes ``c0``, ``c1``, ... of series colours the style sheet has."""
 
-_WIDTH: Final = 960
+WIDTH: Final = 960
+"""Of every chart, in units of its own."""
+
 _LEFT: Final = 58
 _RIGHT: Final = 14
 _TOP: Final = 24
 _BOTTOM: Final = 40
-_PLOT_WIDTH: Final = _WIDTH - _LEFT - _RIGHT
+_PLOT_WIDTH: Final = WIDTH - _LEFT - _RIGHT
 _LEAST_LABEL_GAP: Final = 14
 _LEAST_MARK_GAP: Final = 5
 
@@ -44,15 +46,15 @@ def psnr_chart(frames: Sequence[FrameRecord], mean: float) -> str:
     parts = _y_axis(nice_ticks(low, high, 5), y_of, "PSNR, dB", lambda value: f"{value:g}")
     parts += _frame_axis(frames, height)
     if math.isfinite(mean):
-        parts.append(f'<path class="mean" d="M{_LEFT} {y_of(mean):.1f}H{_WIDTH - _RIGHT}"/>')
-        parts.append(f'<text class="meantext" x="{_WIDTH - _RIGHT}" y="{y_of(mean) - 5:.1f}">mean {mean:.2f} dB</text>')
+        parts.append(f'<path class="mean" d="M{_LEFT} {y_of(mean):.1f}H{WIDTH - _RIGHT}"/>')
+        parts.append(f'<text class="meantext" x="{WIDTH - _RIGHT}" y="{y_of(mean) - 5:.1f}">mean {mean:.2f} dB</text>')
     points = " ".join(f"{_x(index, frames):.1f},{y_of(frame.psnr):.1f}" for index, frame in enumerate(frames))
     parts.append(f'<polyline class="line" points="{points}"/>')
     crowded = _PLOT_WIDTH / len(frames) < _LEAST_MARK_GAP
     for index, frame in enumerate(frames):
         if not crowded or frame.type != "P":
             parts.append(_mark(frame, _x(index, frames), y_of(frame.psnr)))
-    return _svg(parts, height, "PSNR of each frame in dB")
+    return svg_chart(parts, height, "PSNR of each frame in dB")
 
 
 def color_classes(shares: Mapping[str, float]) -> dict[str, int]:
@@ -87,7 +89,7 @@ def bits_chart(frames: Sequence[FrameRecord], colors: Mapping[str, int]) -> str:
                 )
                 stacked += bits
         parts.append(f"<g>{_title(frame)}{''.join(layers)}</g>")
-    return _svg(parts, height, "bits of each frame, stacked by attribute")
+    return svg_chart(parts, height, "bits of each frame, stacked by attribute")
 
 
 def share_bar(shares: Mapping[str, float], label: str) -> str:
@@ -96,12 +98,12 @@ def share_bar(shares: Mapping[str, float], label: str) -> str:
     colors = color_classes(shares)
     parts, x = [], 0.0
     for name, value in shares.items():
-        width = _WIDTH * value / total if total else 0.0
+        width = WIDTH * value / total if total else 0.0
         title = f"<title>{html.escape(name)}: {100 * value / total if total else 0:.1f} %</title>"
         parts.append(f'<rect class="c{colors[name]}" x="{x:.2f}" y="0" width="{width:.2f}" height="30">{title}</rect>')
         x += width
     return (
-        f'<svg class="bar" viewBox="0 0 {_WIDTH} 30" preserveAspectRatio="none" role="img" '
+        f'<svg class="bar" viewBox="0 0 {WIDTH} 30" preserveAspectRatio="none" role="img" '
         f'aria-label="{html.escape(label)}">{"".join(parts)}</svg>'
     )
 
@@ -151,7 +153,7 @@ def _y_axis(
     parts = [f'<text class="label" x="0" y="12">{label}</text>']
     for tick in ticks:
         y = y_of(tick)
-        parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{_WIDTH - _RIGHT}"/>')
+        parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{WIDTH - _RIGHT}"/>')
         parts.append(f'<text class="tick" x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{text(tick)}</text>')
     return parts
 
@@ -159,13 +161,13 @@ def _y_axis(
 def _frame_axis(frames: Sequence[FrameRecord], height: int) -> list[str]:
     """Frame numbers below the plot, and a dashed line at every I-frame."""
     bottom = height - _BOTTOM
-    parts = [f'<path class="axis" d="M{_LEFT} {bottom}H{_WIDTH - _RIGHT}"/>']
+    parts = [f'<path class="axis" d="M{_LEFT} {bottom}H{WIDTH - _RIGHT}"/>']
     index_of = {frame.number: index for index, frame in enumerate(frames)}
     for tick in nice_ticks(frames[0].number, frames[-1].number, 12):
         if (index := index_of.get(round(tick))) is not None and abs(tick - round(tick)) < 1e-6:
             x = _x(index, frames)
             parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{round(tick)}</text>')
-    parts.append(f'<text class="label" x="{_WIDTH - _RIGHT}" y="{height - 4}" text-anchor="end">frame number</text>')
+    parts.append(f'<text class="label" x="{WIDTH - _RIGHT}" y="{height - 4}" text-anchor="end">frame number</text>')
     last_label = -math.inf
     for index, frame in enumerate(frames):
         if frame.type == "I":
@@ -177,8 +179,9 @@ def _frame_axis(frames: Sequence[FrameRecord], height: int) -> list[str]:
     return parts
 
 
-def _svg(parts: Sequence[str], height: int, label: str) -> str:
+def svg_chart(parts: Sequence[str], height: int, label: str) -> str:
+    """A chart of WIDTH by `height` from its parts, which scrolls sideways where the page is narrow."""
     return (
-        f'<div class="scroll"><svg class="chart" viewBox="0 0 {_WIDTH} {height}" role="img" '
+        f'<div class="scroll"><svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" '
         f'aria-label="{html.escape(label)}">{"".join(parts)}</svg></div>'
     )

@@ -17,14 +17,22 @@ _TYPE_NAMES = {"I": "I, on its own", "P": "P, predicted from the frame before", 
 def write_report(data: ReportData, path: str | Path) -> None:
     """Write the report as one HTML file that needs nothing else: no network, no scripts.
 
-    The page takes the file's name only when it is complete.
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    write_page(report_html(data), path)
+
+
+def write_page(page: str, path: str | Path) -> None:
+    """Write a page to a file, which takes its name only when it is complete.
 
     Raises
     ------
     OSError
         The file cannot be written.
     """
-    page = report_html(data)
     target = Path(path)
     unfinished = target.with_name(target.name + ".part")
     try:
@@ -37,10 +45,8 @@ def write_report(data: ReportData, path: str | Path) -> None:
 
 def report_html(data: ReportData) -> str:
     """The whole page as text."""
-    style = resources.files("gsvc_ref.report").joinpath("style.css").read_text(encoding="utf-8")
-    title = html.escape(data.title)
     sections = [
-        f"<h1>{title}</h1>",
+        f"<h1>{html.escape(data.title)}</h1>",
         f"<p>{html.escape(data.introduction)}</p>" if data.introduction else "",
         f"<pre>{html.escape(data.command)}</pre>" if data.command else "",
         preview_section(data),
@@ -50,12 +56,18 @@ def report_html(data: ReportData) -> str:
         _time(data),
         pictures_section(data),
         _frame_table(data),
-        _notes(data),
+        notes_section(data.notes, data.environment),
     ]
+    return document(data.title, sections)
+
+
+def document(title: str, sections: Sequence[str]) -> str:
+    """A page from its sections, in the house's style; empty ones are left out."""
+    style = resources.files("gsvc_ref.report").joinpath("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
+        f"<title>{html.escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
         + "\n".join(section for section in sections if section)
         + "\n</body>\n</html>\n"
     )
@@ -97,6 +109,11 @@ def _cards(data: ReportData) -> str:
         Figure("Encoding", f"{seconds / count:.2f}", "s/frame", f"{seconds:.1f} s, preset {data.preset}"),
         *data.figures,
     ]
+    return cards_section(cards)
+
+
+def cards_section(cards: Sequence[Figure]) -> str:
+    """Key numbers side by side."""
     return f'<div class="cards">{"".join(_card(card) for card in cards)}</div>'
 
 
@@ -199,12 +216,12 @@ def _frame_row(frame: FrameRecord, attributes: Sequence[str]) -> str:
     return f'<tr class="key">{row}</tr>' if frame.type == "I" else f"<tr>{row}</tr>"
 
 
-def _notes(data: ReportData) -> str:
+def notes_section(sentences: Sequence[str], environment: Mapping[str, str]) -> str:
     """What a reader must know, and what it ran on."""
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in data.notes)
+    notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
     rows = "".join(
         f'<tr><td class="text">{html.escape(name)}</td><td class="text long">{html.escape(value)}</td></tr>'
-        for name, value in data.environment.items()
+        for name, value in environment.items()
     )
     return (f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "") + (
         f'<h2>What it ran on</h2><div class="scroll"><table><tbody>{rows}</tbody></table></div>' if rows else ""

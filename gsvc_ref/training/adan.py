@@ -15,7 +15,7 @@ parameter = unit * theta, so g = unit * dL/dparameter, and the parameter moves b
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,6 +73,9 @@ class Adan:
         self.settings = settings or AdanSettings()
         self.steps = np.zeros(rows, np.int64)  # (N,) i8
         self.m, self.v, self.n, self.previous = np.zeros((4, rows, columns), np.float32)  # (N, P) f4 each
+        self._coefficients = _coefficients(self.settings)
+        self._corrections = _corrections(self.settings, 64)
+        self._most_steps = 0  # no row is older
 
     def step(
         self,
@@ -115,47 +118,53 @@ class Adan:
         if parameters.shape != self.m.shape or grad.shape != self.m.shape:
             shapes = f"parameters have shape {parameters.shape} and gradients {grad.shape}"
             raise UsageError(f"{shapes}; this state is for {self.m.shape}: use take and append")
-        unit = np.ascontiguousarray(np.broadcast_to(np.asarray(units, np.float32), columns))
-        rate = np.broadcast_to(np.asarray(rates, np.float32), columns) * unit  # (P,) f4
-        scaled = np.broadcast_to(np.asarray(row_columns, np.bool_), columns)
+        unit = _row(units, columns, np.float32)
+        rate = _row(rates, columns, np.float32) * unit  # (P,) f4
+        scaled = _row(row_columns, columns, np.bool_)
         factors = np.ones(rows, np.float32) if row_factors is None else np.ascontiguousarray(row_factors, np.float32)
         if factors.shape != (rows,):
             raise UsageError(f"row_factors have shape {factors.shape}; they must be ({rows},)")
 
-        fresh = self.steps == 0
-        if fresh.any():
-            self.previous[fresh] = grad[fresh] * unit
-        self.steps += 1
-        coefficients = _coefficients(self.settings)
+        self._most_steps += 1
+        if self._most_steps >= len(self._corrections):
+            self._corrections = _corrections(self.settings, 2 * self._most_steps)
         zero = np.float32(0)
-        by_row, fixed = np.where(scaled, rate, zero), np.where(scaled, zero, rate)
-        ends = [*(np.flatnonzero(np.diff(self.steps)) + 1).tolist(), rows]
-        for first, last in zip([0, *ends], ends, strict=False):  # rows of the same age lie together
-            if first < last:
-                _step(
-                    parameters.reshape(-1), grad, self.m.reshape(-1), self.v.reshape(-1), self.n.reshape(-1),
-                    self.previous.reshape(-1), unit, by_row, fixed, factors, first, last, coefficients,
-                    _corrections(self.settings, int(self.steps[first])),
-                )  # fmt: skip
+        _step(
+            parameters.reshape(-1), grad, self.m.reshape(-1), self.v.reshape(-1), self.n.reshape(-1),
+            self.previous.reshape(-1), unit, np.where(scaled, rate, zero), np.where(scaled, zero, rate), factors,
+            self.steps, self._coefficients, self._corrections,
+        )  # fmt: skip
 
     def take(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "Adan":
         """The state of the rows that an index or boolean array selects: survivors keep their averages and counts."""
         rows = np.arange(len(self.steps))[indices]
-        taken = Adan(len(rows), self.m.shape[1], self.settings)
+        taken = self._like(len(rows))
         taken.steps = self.steps[rows]
         taken.m, taken.v, taken.n, taken.previous = (a[rows] for a in (self.m, self.v, self.n, self.previous))
         return taken
 
     def append(self, count: int) -> "Adan":
         """The state with `count` rows at its end that have not taken a step."""
-        new = Adan(count, self.m.shape[1], self.settings)
-        joined = Adan(0, self.m.shape[1], self.settings)
+        new, joined = self._like(count), self._like(0)
         joined.steps = np.concatenate([self.steps, new.steps])
         joined.m, joined.v, joined.n, joined.previous = (
             np.concatenate(pair)
             for pair in ((self.m, new.m), (self.v, new.v), (self.n, new.n), (self.previous, new.previous))
         )
         return joined
+
+    def _like(self, rows: int) -> "Adan":
+        """Fresh rows, in a state that has corrections for as many steps."""
+        other = Adan(rows, self.m.shape[1], self.settings)
+        other._corrections, other._most_steps = self._corrections, self._most_steps
+        return other
+
+
+def _row(value: ArrayLike, columns: int, dtype: type[np.generic]) -> NDArray[Any]:
+    """A number or a row, as a row (P,)."""
+    row = np.empty(columns, dtype)
+    row[:] = value
+    return row
 
 
 def _coefficients(settings: AdanSettings) -> F4:
@@ -164,10 +173,18 @@ def _coefficients(settings: AdanSettings) -> F4:
     return np.array([*(part for beta in betas for part in (beta, 1 - beta)), settings.epsilon], np.float32)
 
 
-def _corrections(settings: AdanSettings, k: int) -> F4:
-    """1 / (1 - b1^k), b2 / (1 - b2^k), 1 / sqrt(1 - b3^k): (3,) f4, each rounded once."""
-    b1, b2, b3 = settings.beta1, settings.beta2, settings.beta3
-    return np.array([1 / (1 - b1**k), b2 / (1 - b2**k), (1 - b3**k) ** -0.5], np.float32)
+def _corrections(settings: AdanSettings, steps: int) -> F4:
+    """1 / (1 - b1^k), b2 / (1 - b2^k), 1 / sqrt(1 - b3^k) of k = 0..steps: (steps + 1, 3) f4, each rounded once.
+
+    The powers are running products, since those of a machine's library may differ from another's in the last bit.
+    """
+    betas = np.array([settings.beta1, settings.beta2, settings.beta3])
+    powers = np.cumprod(np.tile(betas, (steps, 1)), axis=0)  # (steps, 3) f8
+    table = np.ones((steps + 1, 3), np.float32)  # no row has k = 0
+    table[1:, 0] = 1 / (1 - powers[:, 0])
+    table[1:, 1] = settings.beta2 / (1 - powers[:, 1])
+    table[1:, 2] = 1 / np.sqrt(1 - powers[:, 2])
+    return table
 
 
 def adan_step_plain(
@@ -208,20 +225,21 @@ def _step(
     by_row: F4,
     fixed: F4,
     factors: F4,
-    first: int,
-    last: int,
+    steps: NDArray[np.int64],
     coefficients: F4,
     corrections: F4,
 ) -> None:
-    """Twin of `adan_step_plain` for the rows first..last - 1; all but gradients (N, P) are flat, row after row."""
-    columns = gradients.shape[1]
+    """Twin of `adan_step_plain` for all rows, and their counts; all but gradients (N, P) are flat, row after row."""
+    rows, columns = gradients.shape
     b1, c1, b2, c2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
     b3, c3, epsilon = coefficients[4], coefficients[5], coefficients[6]
-    over_m, over_v, over_n = corrections[0], corrections[1], corrections[2]
     scaled = np.empty(ROWS_AT_ONCE * columns, np.float32)  # unit * gradient
     rates = np.empty(ROWS_AT_ONCE * columns, np.float32)
-    for start in range(first, last, ROWS_AT_ONCE):
-        stop = min(start + ROWS_AT_ONCE, last)
+    start = 0
+    while start < rows:
+        stop = start + 1
+        while stop < min(rows, start + ROWS_AT_ONCE) and steps[stop] == steps[start]:  # rows of an age lie together
+            stop += 1
         for row in range(stop - start):
             factor = factors[start + row]
             for c in range(columns):
@@ -230,6 +248,10 @@ def _step(
         # Slices, because an index that starts at 0 is what the compiler turns into vector lanes.
         part = slice(start * columns, stop * columns)
         x, m_part, v_part, n_part, g_prev = parameters[part], m[part], v[part], n[part], previous[part]
+        if steps[start] == 0:
+            g_prev[:] = scaled[: len(g_prev)]
+        k = steps[start] + 1
+        over_m, over_v, over_n = corrections[k, 0], corrections[k, 1], corrections[k, 2]
         for j in range(len(x)):
             g = scaled[j]
             d = g - g_prev[j]
@@ -240,3 +262,5 @@ def _step(
             update = (over_m * m_part[j] + over_v * v_part[j]) / (np.sqrt(n_part[j]) * over_n + epsilon)
             x[j] -= rates[j] * update
             g_prev[j] = g
+        steps[start:stop] = k
+        start = stop

@@ -15,8 +15,9 @@ from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.augmentation import residual_splats
 from gsvc_ref.training.convergence import Convergence
-from gsvc_ref.training.pruning import PruningSchedule, fold_weights, select_survivors
+from gsvc_ref.training.pruning import PruningSchedule, select_survivors
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Schedule
+from gsvc_ref.training.weighting import grad_rendered, rendered
 
 LEAST_FACTOR: Final = np.float32(0.25)
 """Least l11 and l22 in pixels: a smaller splat can lie between all pixel centres and then gets no gradient."""
@@ -139,12 +140,15 @@ class Population:
         (N, 9) f4: the columns of `Splats.to_array`, then w.
     origins
         (N,) i8: the index of the splat in the reference frame, or NEW.
+    frozen
+        (N,) bool: which splats `fit` leaves as they are, and does not render again and again.
     """
 
     def __init__(self, splats: Splats, weight: float, origins: NDArray[np.int64], settings: FitSettings) -> None:
         weights = np.full((len(splats), 1), weight, np.float32)
         self.values: F4 = np.concatenate([splats.to_array(), weights], axis=1)  # (N, 9) f4
         self.origins = origins
+        self.frozen = np.zeros(len(splats), np.bool_)
         self.optimizer = Adan(len(splats), PARAMETERS_PER_SPLAT + 1, settings.optimizer)
 
     def __len__(self) -> int:
@@ -157,9 +161,7 @@ class Population:
 
     def parameters(self) -> F4:
         """What is rendered, (N, 8) f4: colours are w c' (paper, the equation of the weighted rendering)."""
-        parameters = self.values[:, :PARAMETERS_PER_SPLAT].copy()
-        parameters[:, 5:8] = fold_weights(parameters[:, 5:8], self.weights)
-        return parameters
+        return rendered(self.values)
 
     def splats(self) -> Splats:
         """The splats with w c' as their colours: what is coded, and what the next frame starts from."""
@@ -172,17 +174,19 @@ class Population:
     def assign(self, other: "Population") -> None:
         """Become the other population."""
         self.values, self.origins, self.optimizer = other.values, other.origins, other.optimizer
+        self.frozen = other.frozen
 
     def append(self, splats: Splats, weight: float) -> None:
         """Add new splats at the end, with fresh optimiser state."""
         weights = np.full((len(splats), 1), weight, np.float32)
         self.values = np.concatenate([self.values, np.concatenate([splats.to_array(), weights], axis=1)])
         self.origins = np.concatenate([self.origins, np.full(len(splats), NEW, np.int64)])
+        self.frozen = np.concatenate([self.frozen, np.zeros(len(splats), np.bool_)])
         self.optimizer = self.optimizer.append(len(splats))
 
     def take(self, indices: NDArray[np.int64]) -> None:
         """Keep the splats of these indices, in this order, with their optimiser state."""
-        self.values, self.origins = self.values[indices], self.origins[indices]
+        self.values, self.origins, self.frozen = self.values[indices], self.origins[indices], self.frozen[indices]
         self.optimizer = self.optimizer.take(indices)
 
 
@@ -223,12 +227,14 @@ def fit(
     removed = settings.pruning.counts(len(population), settings.iterations) if settings.pruning else {}
     last_change = max([*removed, *(i + 1 for i in grown)], default=0)  # no convergence before it
     convergence = settings.convergence.start() if settings.convergence else None
+    objective.freeze(population.parameters(), population.frozen)
     done = 0
     for i in range(settings.iterations):
         loss, gradient = weighted_gradients(population, objective)
         missing = grown.get(i, 0) - len(population)
         if missing > 0:
             population.append(new_splats(objective, missing, len(population) + missing, rng), 1.0)
+            objective.freeze(population.parameters(), population.frozen)
             loss, gradient = weighted_gradients(population, objective)
         factor = step_factors(population.values) if settings.relative_steps else None
         learned = rates if settings.pruning else np.append(rates[:-1], np.float32(0))
@@ -240,10 +246,12 @@ def fit(
         done = i + 1
         if done in removed:
             population.take(select_survivors(population.weights, removed[done]))
+            objective.freeze(population.parameters(), population.frozen)
         if on_iteration:
             on_iteration(done, settings.iterations, loss)
         if convergence and convergence.update(loss) and done >= last_change:
             break
+    objective.thaw()
     return objective.loss(population.parameters()), done
 
 
@@ -256,15 +264,9 @@ def learned_unit(learn_pixels: bool, width: int, height: int) -> F4:
 
 
 def weighted_gradients(population: Population, objective: Objective) -> tuple[float, F4]:
-    """The loss, and its gradient by all nine columns, (N, 9) f4, by the chain rule through w c'.
-
-    With G = dL/d(w c'):  dL/dc' = w G,  dL/dw = G . c'.
-    """
+    """The loss, and its gradient by all nine columns, (N, 9) f4, by the chain rule through w c'."""
     loss, gradient = objective.evaluate(population.parameters())
-    by_product = gradient[:, 5:8]  # (N, 3) f4, G
-    by_weight = np.einsum("nk,nk->n", by_product, population.values[:, 5:8])
-    by_color = by_product * population.weights[:, None]
-    return loss, np.concatenate([gradient[:, :5], by_color, by_weight[:, None]], axis=1)
+    return loss, grad_rendered(population.values, gradient)
 
 
 def step_factors(values: F4) -> F4:
@@ -279,7 +281,13 @@ def keep_factors(values: F4) -> None:
     np.maximum(values[:, 4], LEAST_FACTOR, out=values[:, 4])
 
 
-def new_splats(objective: Objective, count: int, total: int, rng: np.random.Generator) -> Splats:
-    """Splats where the last evaluated picture differs most from the target, sized for `total` splats in all."""
+def new_splats(
+    objective: Objective, count: int, total: int, rng: np.random.Generator, where: NDArray[np.bool_] | None = None
+) -> Splats:
+    """Splats where the last evaluated picture differs most from the target, sized for `total` splats in all.
+
+    `where` is (H, W) bool, the pixels to look at; None: all.
+    """
     size = NEW_SIZE * math.sqrt(objective.width * objective.height / total)
-    return residual_splats(-objective.residual(), count, size, rng)
+    missing = -objective.residual()
+    return residual_splats(missing if where is None else missing * where[..., None], count, size, rng)

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.bitstream.plane_coding import normalized_frequencies
+from gsvc_ref.bitstream.frequencies import (
+    MOST_UNITS,
+    all_frequencies,
+    log2_table,
+    normalized_frequencies,
+    savings,
+)
 from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel, decode_plain, encode, encode_plain
 from gsvc_ref.testing import Plane, planes
 
@@ -98,6 +104,23 @@ def test_frequencies_cost_the_least(counts: list[int], table_bits: int) -> None:
             if up != down:
                 saved = n[up] * np.log2((f[up] + 1) / f[up]) - n[down] * np.log2(f[down] / (f[down] - 1))
                 assert saved <= 1e-9 * n.sum()
+
+
+def test_savings_are_logarithms() -> None:
+    f = np.arange(1, MOST_UNITS + 1)
+    np.testing.assert_allclose(savings()[1:], np.log1p(1 / f) / np.log(2), rtol=1e-14)
+    np.testing.assert_allclose(log2_table()[1:], np.log2(f), atol=1e-11)
+    assert (np.diff(savings()[1:]) < 0).all()
+
+
+@given(st.lists(st.integers(0, 5000), min_size=1, max_size=40).filter(any), st.integers(1, 12))
+def test_tables_of_all_sizes_are_those_of_the_definition(counts: list[int], most_bits: int) -> None:
+    n = np.array(counts)
+    tables = dict(all_frequencies(n, most_bits))
+    least_bits = max(1, int(np.count_nonzero(n) - 1).bit_length())
+    assert list(tables) == list(range(least_bits, most_bits + 1))
+    for table_bits, f in tables.items():
+        assert f.tolist() == normalized_frequencies(n, table_bits).tolist()
 
 
 @given(planes(max_count=400), st.integers(12, 16))

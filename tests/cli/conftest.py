@@ -41,6 +41,14 @@ def stream(clip) -> Path:
     return path
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compiled(stream, tmp_path_factory) -> None:
+    """All kernels, so that no test finds the notice of the compiler among a command's messages."""
+    output = str(tmp_path_factory.mktemp("compiled"))
+    assert main(["decode", str(stream), output, "--quiet"]) == 0
+    assert main(["compare", output, str(stream), "--no-vmaf", "--quiet"]) == 0
+
+
 @pytest.fixture
 def standard_input(monkeypatch) -> Callable[[bytes], None]:
     """Lets a test say what stands on standard input."""

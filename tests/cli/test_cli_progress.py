@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from gsvc_ref.cli.progress import DELAY_S, INTERVAL_S, PlainLine, ProgressDisplay, RichLine, kernels_are_cold, open_line
+from gsvc_ref.cli.progress import DELAY_S, INTERVAL_S, PlainLine, ProgressDisplay, RichLine, open_line
 
 
 class Terminal(io.StringIO):
@@ -111,22 +111,3 @@ def test_plain_line_where_rich_cannot_be(monkeypatch, reason):
     if reason == "no rich":
         monkeypatch.setitem(sys.modules, "rich.console", None)
     assert isinstance(open_line(Terminal()), PlainLine)
-
-
-def test_a_first_run_says_that_it_compiles(recorder, monkeypatch, tmp_path):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
-    with display(recorder, Clock()):
-        assert recorder.shown == [("compiling kernels (first run only) …", None)]
-
-
-def test_kernels_are_cold_until_one_is_cached(monkeypatch, tmp_path):
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert kernels_are_cold()
-    (tmp_path / "rendering_0123").mkdir()
-    (tmp_path / "rendering_0123" / "tasks.nbi").touch()
-    assert not kernels_are_cold()
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    (tmp_path / "rendering_0123" / "tasks.nbi").unlink()
-    assert not kernels_are_cold()

@@ -281,6 +281,26 @@ def test_the_paper_codes_every_change_and_quick_leaves_what_is_still():
         assert quantizer.inter.active.any() == everything
 
 
+def test_splats_that_fine_tuning_cannot_change_keep_their_bits_and_are_thawed():
+    population, objective = fitted()
+    _, state, _, _ = tuned(population, objective, fast(), State.initial(WIDTH, HEIGHT), 0)
+    still, objective = second_frame(state, fast(), iterations=0)
+    still.values[:10, :2] += 2
+    quantizer = FrameQuantizer(still, objective, fast(), state, np.random.default_rng(0))
+    assert quantizer.still.any()
+    assert not quantizer.still.all()
+    assert np.array_equal(quantizer.still, ~quantizer.inter.active.any(axis=1))
+    codes, after, _ = fine_tune(still.parameters(), quantizer, objective, fast().inter.tune)
+    reference = state.splats.to_array()
+    assert np.array_equal(after.splats.to_array()[quantizer.still], reference[quantizer.still])
+    assert reconstruct(codes, state).splats == after.splats
+    _, gradient = objective.evaluate(reference)
+    assert gradient[quantizer.still].any()
+    learned = Settings.paper(iterations=10)  # its zero is not exact
+    quantizer = FrameQuantizer(still, objective, learned, state, np.random.default_rng(0))
+    assert not quantizer.still.any()
+
+
 def test_the_best_quantiser_is_among_the_candidates():
     chosen = Settings.quick(iterations=10)
     population, objective = fitted()

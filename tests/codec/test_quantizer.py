@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gsvc_ref.codec import Settings
-from gsvc_ref.codec.quantizer import BlockQuantizer, BlockSettings, with_codewords
+from gsvc_ref.codec.quantizer import BlockQuantizer, BlockSettings, Pass, with_codewords
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
@@ -54,6 +54,12 @@ def decoded_inter(block, reference, kept=Kept()) -> np.ndarray:  # noqa: B008
     state = State(WIDTH, HEIGHT, Splats.from_array(reference), inter=kept)
     codes = FrameCodes.predicted_frame(np.ones(len(reference), np.bool_), block)
     return reconstruct(codes, state).splats.to_array()
+
+
+def forward(quantizer: BlockQuantizer, values: np.ndarray) -> tuple[np.ndarray, Pass]:
+    """What will be decoded, and the pass that found it."""
+    decoded = np.full_like(values, np.nan)
+    return decoded, quantizer.forward(values, decoded)
 
 
 def masks(count: int) -> st.SearchStrategy[np.ndarray]:
@@ -106,12 +112,11 @@ def test_learning_moves_no_inactive_attribute():
     quantizer = inter_block(values, reference, active)
     rng = np.random.default_rng(3)
     for _ in range(20):
-        block = quantizer.codes(values)
-        back = decoded_inter(block, reference)
+        back, done = forward(quantizer, values)
         assert back[4:].tobytes() == reference[4:].tobytes()
-        gradient = quantizer.backward(values, block, rng.normal(0, 1, (12, 8)).astype(np.float32))
+        gradient = quantizer.backward(done, rng.normal(0, 1, (12, 8)).astype(np.float32))
         assert not gradient[4:].any()
-        quantizer.learn(values, block, 1.0)
+        quantizer.learn(done, 1.0)
         values -= np.float32(0.01) * gradient
 
 
@@ -120,10 +125,9 @@ def test_the_gradient_goes_straight_through(chosen):
     values = parameters(60)
     quantizer = intra_block(values, chosen)
     values[7, 2:5] = (99, -99, 99)  # far outside of what the codes reach
-    block = quantizer.codes(values)
     gradient = np.random.default_rng(0).normal(0, 1, (60, 8)).astype(np.float32)
     kept = gradient.copy()
-    back = quantizer.backward(values, block, gradient)
+    back = quantizer.backward(forward(quantizer, values)[1], gradient)
     assert back.shape == (60, 8)
     assert back.dtype == np.float32
     assert np.array_equal(gradient, kept)
@@ -145,7 +149,7 @@ def test_commitment_pulls_a_colour_to_its_codewords():
     values = parameters(30)
     quantizer = intra_block(values, replace(INTRA, colors=RvqSettings((4,)), commitment=0.5))
     block = quantizer.codes(values)
-    back = quantizer.backward(values, block, np.zeros((30, 8), np.float32))
+    back = quantizer.backward(forward(quantizer, values)[1], np.zeros((30, 8), np.float32))
     error = values[:, 5:8] - quantizer.codebooks[0][block.colors[:, 0]]
     np.testing.assert_allclose(back[:, 5:8], 0.5 * 2 * error / 90, rtol=1e-5)
     assert not back[:, :5].any()
@@ -158,11 +162,10 @@ def test_learning_makes_a_random_quantiser_better():
     quantizer.lsq = type(start)(start.scale * 3, start.offset - 1)
     errors = []
     for _ in range(60):
-        block = quantizer.codes(values)
-        back = decoded_intra(block)
+        back, done = forward(quantizer, values)
         errors.append(np.square(back - values)[:, 2:5].mean())
-        quantizer.backward(values, block, 2 * (back - values))
-        quantizer.learn(values, block, 1.0)
+        quantizer.backward(done, 2 * (back - values))
+        quantizer.learn(done, 1.0)
     assert errors[-1] < 0.5 * errors[0]
     assert (quantizer.lsq.scale > 0).all()
 
@@ -174,7 +177,7 @@ def test_codebooks_follow_the_colours():
     later[:, 5:8] += 1
     before = quantizer.color_error(later)
     for _ in range(30):
-        quantizer.learn(later, quantizer.codes(later), 1.0)
+        quantizer.learn(forward(quantizer, later)[1], 1.0)
     assert quantizer.color_error(later) < 0.1 * before
 
 
@@ -192,19 +195,66 @@ def test_what_the_decoder_keeps_is_used_and_not_sent_again():
         state = State(WIDTH, HEIGHT, Splats.empty(), intra=kept)
         frame = FrameCodes.predicted_frame(np.zeros(0, np.bool_), None, codes)
         assert np.isfinite(reconstruct(frame, state).splats.to_array()).all()
-        again.backward(other, codes, np.ones((25, 8), np.float32))
-        again.learn(other, codes, 1.0)
+        done = forward(again, other)[1]
+        again.backward(done, np.ones((25, 8), np.float32))
+        again.learn(done, 1.0)
     assert again.quantizer == block.quantizer
     assert all(np.array_equal(a, b) for a, b in zip(again.codebooks, block.codebooks, strict=True))
+
+
+CHOICES = st.builds(
+    BlockSettings,
+    st.sampled_from((None, 0.05, 4.0)), st.integers(1, 12), st.sampled_from((None, 0.1)),
+    st.builds(
+        RvqSettings, st.lists(st.integers(1, 40), min_size=1, max_size=4).map(tuple), zero_codeword=st.booleans()
+    ),
+    st.booleans(), st.sampled_from((0.0, 1.0)), st.sampled_from((0.0, 0.1)),
+)  # fmt: skip
+
+
+@given(CHOICES, st.integers(1, 60), st.booleans(), st.integers(0, 999))
+@settings(max_examples=60)
+def test_a_pass_is_what_codes_decode_to_and_its_gradient_the_plain_one(chosen, count, predicted, seed):
+    rng = np.random.default_rng(seed)
+    reference, values = parameters(count, seed), parameters(count, seed + 1)
+    if predicted:
+        quantizer = inter_block(moved(reference, seed), reference, rng.random((count, 3)) < rng.random(3), chosen)
+    else:
+        quantizer = intra_block(reference, chosen)
+    for _ in range(4):
+        back, done = forward(quantizer, values)
+        codes = quantizer.codes(values)
+        plain = decoded_inter(codes, reference) if predicted else decoded_intra(codes)
+        assert back.tobytes() == plain.tobytes()
+        gradient = rng.normal(0, 1, (count, 8)).astype(np.float32)
+        by_values, by_quantizer = quantizer.grad_plain(values, gradient)
+        assert np.array_equal(quantizer.backward(done, gradient), by_values)
+        assert np.array_equal(quantizer._lsq_gradient, by_quantizer * quantizer.lsq.scale)
+        quantizer.learn(done, 1.0)
+        values -= np.float32(0.02) * by_values
+
+
+def test_what_was_learned_can_be_had_again():
+    values = parameters(40)
+    quantizer = intra_block(values)
+    early, first = quantizer.learned, forward(quantizer, values)[0]
+    for _ in range(5):
+        done = forward(quantizer, values)[1]
+        quantizer.backward(done, np.ones((40, 8), np.float32))
+        quantizer.learn(done, 1.0)
+    assert not np.array_equal(forward(quantizer, values)[0], first)
+    quantizer.learned = early
+    assert np.array_equal(forward(quantizer, values)[0], first)
+    assert np.array_equal(decoded_intra(quantizer.codes(values)), first)
 
 
 def test_a_fixed_step_is_not_learned_and_has_an_exact_zero():
     reference = parameters(20)
     values = moved(reference)
     quantizer = inter_block(values, reference, np.ones((20, 3), np.bool_), replace(INTER, cholesky_step=0.25))
-    block = quantizer.codes(values)
-    quantizer.backward(values, block, np.ones((20, 8), np.float32))
-    quantizer.learn(values, block, 1.0)
+    done = forward(quantizer, values)[1]
+    quantizer.backward(done, np.ones((20, 8), np.float32))
+    quantizer.learn(done, 1.0)
     assert (quantizer.lsq.scale == 0.25).all()
     zero = quantizer.codes(reference)
     assert decoded_inter(zero, reference).tobytes() == reference.tobytes()

@@ -15,6 +15,7 @@ from gsvc_ref.quantization.half import (
     half_bits,
     half_is_finite,
     half_value,
+    nearest_half,
     to_half_bits,
 )
 
@@ -106,3 +107,8 @@ def test_coarse_values_are_the_nearest_binary16_multiple(value: float, step_expo
 
 def test_coarse_ties_go_to_the_even_multiple() -> None:
     assert coarsen_half(np.array([0.5, 1.5, 2.5, -0.5, -1.5]), 0).tolist() == [0.0, 2.0, 2.0, 0.0, -2.0]
+
+
+@given(st.floats(-65504, 65504), st.integers(-30, 5))
+def test_the_kernel_of_one_number_is_the_function_of_arrays(value, step_exponent):
+    assert nearest_half(value, step_exponent) == coarsen_half(value, step_exponent)

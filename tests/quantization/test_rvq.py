@@ -42,6 +42,14 @@ def test_a_tie_goes_to_the_lowest_index() -> None:
     assert rvq.assign([[1, 0, 0]], [book[::-1]]).tolist() == [[0]]
 
 
+@given(st.lists(st.one_of(codebook, grid.map(lambda book: book * np.float32(-0.0))), min_size=1, max_size=3), st.data())
+def test_the_sum_of_codewords_equals_its_definition(books: list[np.ndarray], data: st.DataObject) -> None:
+    count = data.draw(st.integers(0, 10))
+    columns = [data.draw(hnp.arrays(np.uint16, count, elements=st.integers(0, len(book) - 1))) for book in books]
+    indices = np.stack(columns, axis=1)
+    assert rvq.codeword_sum(indices, books).tobytes() == rvq.codeword_sum_plain(indices, books).tobytes()
+
+
 def test_stages_quantise_what_is_left_over() -> None:
     books = [np.array([[0, 0, 0], [8, 8, 8]], np.float32), np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0]], np.float32)]
     x = np.array([[9, 8, 8], [0, 2, 0], [8, 10.5, 8]], np.float32)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock, State, reconstruct
+from gsvc_ref.reconstruction.reconstruct import VALUES_OF_HALVES, scaled_halves_kernel, scaled_halves_plain
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing import frames, headers
 
@@ -200,3 +201,13 @@ def test_codes_that_do_not_fit(changes: dict[str, Any]) -> None:
 def test_survivors_that_do_not_fit() -> None:
     with pytest.raises(UsageError, match="the frame before has 0"):
         reconstruct(FrameCodes.predicted_frame(np.zeros(3, np.bool_), None), State.initial(8, 8))
+
+
+@pytest.mark.parametrize("addend", [-0.0, 1.0])
+def test_positions_equal_their_definition_for_every_finite_pattern(addend):
+    patterns = np.arange(1 << 16, dtype=np.uint16).reshape(-1, 2)
+    bits = patterns[(patterns & 0x7C00 != 0x7C00).all(axis=1)]
+    half_size = np.array([65535 / 2, 0.5], np.float32)
+    values = np.empty(bits.shape, np.float32)
+    scaled_halves_kernel(bits, VALUES_OF_HALVES, np.float32(addend), half_size, values)
+    assert values.tobytes() == scaled_halves_plain(bits, np.float32(addend), half_size).tobytes()

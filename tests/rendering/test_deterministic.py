@@ -92,6 +92,50 @@ def test_it_is_within_the_bound_of_the_definition(splats):
     assert not outside.any()
 
 
+SPECIAL = {
+    "reciprocals are subnormal": single(3e38, 10.5, 3e38, 0.0, 3e38),
+    "1/l22 is subnormal": single(10.5, 3e38, 2.0, 0.0, 3e38),
+    "shear is subnormal": single(10.5, 10.5, 3.0, 2e-38, 1.2e-38),
+    "l22 is subnormal": single(10.5, 10.5, 3.0, 0.0, 5.88e-39),
+    "colours are subnormal": single(10.5, 10.5, 3.0, 0.0, 3.0, (1e-39, -1e-39, 2.0**-149)),
+    "infinity minus infinity": single(9.5, 3e38, 1.0, 3e38, 0.5),
+    "cancellation": single(9.5, 3e38, 1.0, 3e38, 2.0),
+    "minus zero": single(-0.0, -0.0, 3.0, -0.0, 3.0, (-0.0, 0.0, 1.0)),
+}
+"""What a machine that flushes subnormals to zero, or orders products otherwise, gets wrong."""
+
+
+@pytest.mark.parametrize("name", SPECIAL)
+def test_special_values(name):
+    expected = sum_plain(SPECIAL[name], WIDTH, HEIGHT)
+    assert rendered(SPECIAL[name]).tobytes() == expected.tobytes()
+    C, bound = render_exact_with_bound(SPECIAL[name], WIDTH, HEIGHT)
+    assert np.all(abs(expected - C) <= bound)
+
+
+def on_the_edge():
+    """A round splat at (x, y) whose m is K itself at the centre (10.5, 10.5), and the next float beside it."""
+    rng = np.random.default_rng(8)
+    target = SUPPORT_SQUARED
+    while True:
+        x = np.float32(10.5) - np.float32(rng.uniform(0.5, 3.2))
+        u1 = np.float32(10.5) - x
+        y = np.float32(10.5) - np.float32(np.sqrt(np.float64(target) - np.float64(u1) ** 2))
+        u2 = np.float32(10.5) - y
+        if u1 * u1 + u2 * u2 == target:
+            return x, y
+
+
+def test_the_edge_belongs_to_the_splat():
+    x, y = on_the_edge()
+    inside, outside = single(x, y, 1.0, 0.0, 1.0), single(np.nextafter(x, np.float32(0)), y, 1.0, 0.0, 1.0)
+    for splats, covered in ((inside, True), (outside, False)):
+        m = whitened(splats.to_array()[0], WIDTH, HEIGHT)[2][10, 10]
+        assert (m == SUPPORT_SQUARED) == covered
+        assert bool(rendered(splats)[10, 10].any()) == covered
+        assert rendered(splats).tobytes() == sum_plain(splats, WIDTH, HEIGHT).tobytes()
+
+
 def test_frames_and_counts_follow_the_sum():
     splats = population(30, WIDTH, HEIGHT)
     C = sum_plain(splats, WIDTH, HEIGHT)
@@ -162,7 +206,6 @@ GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NPY_DISABLE_C
 
 def hashes(folder, environment, threads, tile_rows):
     """What another process computes."""
-    here = os.path.dirname(__file__)
     program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, tile_rows=tile_rows)
     result = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
@@ -201,8 +244,8 @@ def test_render_sum_and_render_agree():
 def test_the_constants_are_those_of_the_specification():
     """The table of section 9.3, by value and by bits."""
     text = (Path(__file__).parents[2] / "spec.md").read_text(encoding="utf-8")
-    table = re.findall(r"^\| (S|c\d) \| `([^`]+)` \| `([0-9a-f]{8})` \|$", text, re.MULTILINE)
-    values = {"S": SUPPORT_SQUARED, "c1": C1, "c2": C2, "c3": C3, "c4": C4, "c5": C5}
+    table = re.findall(r"^\| (K|k\d) \| `([^`]+)` \| `([0-9a-f]{8})` \|$", text, re.MULTILINE)
+    values = {"K": SUPPORT_SQUARED, "k1": C1, "k2": C2, "k3": C3, "k4": C4, "k5": C5}
     assert [name for name, _, _ in table] == list(values)
     for name, value, bits in table:
         assert float.fromhex(value) == values[name]

@@ -175,6 +175,18 @@ def test_what_does_not_fit_is_refused():
         Objective(TARGET, precision="exact")
 
 
+@pytest.mark.parametrize("precision", ["fast", "deterministic", "exact"])
+def test_a_renderer_s_gradients_are_those_of_the_function(precision):
+    renderer = Renderer(WIDTH, HEIGHT, precision=precision)
+    e = np.random.default_rng(0).normal(0, 1, (HEIGHT, WIDTH, 3)).astype(np.float32)
+    for count in (3, 9, 0):
+        splats = population(count, WIDTH, HEIGHT)
+        expected = render_gradients(splats, e, precision=precision).astype(np.float32)
+        assert np.array_equal(renderer.gradients(splats, e), expected)
+    with pytest.raises(UsageError, match="the residual has shape"):
+        renderer.gradients(splats, e[1:])
+
+
 def test_a_tile_size_below_one_is_refused():
     with pytest.raises(UsageError, match="at least 1"):
         Renderer(8, 8, tile_rows=0)

@@ -16,7 +16,7 @@ from gsvc_ref.rendering.exponential import exp_minus_half
 from gsvc_ref.rendering.lists import row_range, select_strip
 from gsvc_ref.rendering.strip_sums import add_tile, grad_add_strip
 from gsvc_ref.rendering.strips import BLACK, STRIP_WIDTH, SUPPORT_SQUARED, strip_count
-from gsvc_ref.rendering.tasks import objective_task, room_for_selection
+from gsvc_ref.rendering.tasks import objective_task, room_for_selection, run_of_strips
 from gsvc_ref.rendering.workspace import Workspace
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
@@ -58,6 +58,9 @@ def test_the_lists_hold_every_covered_pixel(splats):
 def test_the_lists_are_consistent(splats):
     lists = loaded(splats).lists
     assert lists.offsets[-1] == lists.base[-1]
+    for tasks in (1, 2, 3, 7):
+        runs = [run_of_strips(task, tasks, lists) for task in range(tasks)]
+        assert [s for first, end in runs for s in range(first, end)] == list(range(strip_count(WIDTH)))
     for s in range(strip_count(WIDTH)):
         own = lists.entries[lists.offsets[s] : lists.offsets[s + 1]]
         touching = [p for p in range(len(splats)) if lists.strips[p, 0] <= s < lists.strips[p, 1]]
@@ -82,7 +85,7 @@ def test_the_inner_loops_are_packed(kernel, strict):
     """
     work = loaded(population(5, 40, 20), 40, 20)
     strip, moments = work.buffers[0], np.zeros(96, np.float32)
-    selection = room_for_selection(0, 1, work.lists)
+    selection = room_for_selection(0, strip_count(40), work.lists)
     count = select_strip(0, 20, work.lists, selection)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     arguments = {

@@ -53,10 +53,10 @@ def test_frames_fit_their_state(header: SequenceHeader, data: st.DataObject) -> 
 
 
 def test_streams_reach_every_corner_of_the_syntax() -> None:
-    """In 100 examples: every frame type, plane mode, flag and chunk."""
+    """In 300 examples: every frame type, plane mode, flag and chunk."""
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=100, database=None, derandomize=True)
+    @settings(max_examples=300, database=None, derandomize=True)
     @given(streams(max_frames=4, max_count=90))
     def look(stream: Stream) -> None:
         def note(element: object) -> None:

@@ -1,0 +1,108 @@
+"""Timing contenders in turn, A B A B ..., so that whatever else the machine does meets all of them alike.
+
+pytest-benchmark times one function after the other and compares what it has summed up; what is wanted here is a ratio
+that holds although a machine's speed drifts. So every round calls each contender once, a ratio is taken within each
+round, and medians and quartiles are over the rounds.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+
+PACKAGES: Final = ("gsvc_ref", "numpy", "numba", "llvmlite", "torch")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The median of some numbers and their quartiles."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, numbers: Any) -> Self:
+        """The spread of a row of numbers."""
+        low, median, high = (float(q) for q in np.quantile(np.asarray(numbers), (0.25, 0.5, 0.75)))
+        return cls(median, low, high)
+
+    def text(self, digits: int = 2, factor: float = 1.0) -> str:
+        """``3.1 (3.0-3.3)``, in a unit `factor` times as small."""
+        numbers = (f"{factor * part:,.{digits}f}" for part in (self.median, self.low, self.high))
+        median, low, high = numbers
+        return f"{median} ({low}–{high})"
+
+
+def interleaved(
+    calls: Mapping[str, Callable[[], object]], *, seconds: float = 3.0, fewest: int = 5, most: int = 200
+) -> dict[str, list[float]]:
+    """Seconds of every call of every contender, round by round; one round that is not counted comes first.
+
+    Parameters
+    ----------
+    calls
+        The contenders by name.
+    seconds
+        About how long to go on.
+    fewest, most
+        Least and most rounds.
+    """
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for call in calls.values():
+        call()
+    end = time.perf_counter() + seconds
+    rounds = 0
+    while rounds < fewest or (rounds < most and time.perf_counter() < end):
+        for name, call in calls.items():
+            begin = time.perf_counter()
+            call()
+            times[name].append(time.perf_counter() - begin)
+        rounds += 1
+    return times
+
+
+def ratio(times: Mapping[str, list[float]], of: str, to: str) -> Spread:
+    """The ratio of two contenders' seconds within each round."""
+    return Spread.of(np.array(times[of]) / np.array(times[to]))
+
+
+def environment(threads: int) -> dict[str, Any]:
+    """What a reader has to know of the machine to make sense of the numbers."""
+    return {
+        "cpu": _cpu_model(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "vectors": _widest_vectors(),
+        "threads": threads,
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        **{name: _version(name) for name in PACKAGES},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _cpuinfo(key: str) -> str:
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith(key)), "")
+
+
+def _cpu_model() -> str:
+    return _cpuinfo("model name") or platform.processor() or platform.machine()
+
+
+def _widest_vectors() -> str:
+    flags = _cpuinfo("flags").split()
+    return next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), "unknown")

@@ -1,0 +1,39 @@
+"""What a command says while kernels are compiled; this imports the compiler, so commands import it when they run."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+from numba.core import event
+
+from gsvc_ref.cli.errors import say
+
+COMPILE_EVENT: Final = "numba:compile"
+"""What Numba broadcasts when it compiles, and not when it finds a kernel in its cache."""
+
+
+class CompilationNotice(event.Listener):
+    """Says once, on standard error, that the compiler works, at the moment when it begins to."""
+
+    def __init__(self, command: str) -> None:
+        self._command = command
+        self._said = False
+
+    def on_start(self, event: Any) -> None:
+        """Numba begins to compile a kernel."""
+        if not self._said:
+            self._said = True
+            say(self._command, "compiling kernels, once for this version (up to 30 seconds)")
+
+    def on_end(self, event: Any) -> None:
+        """Numba has compiled a kernel."""
+
+
+@contextmanager
+def compilation_notice(command: str, *, silent: bool) -> Iterator[None]:
+    """Say so if a kernel has to be compiled inside the block, unless `silent`."""
+    if silent:
+        yield
+    else:
+        with event.install_listener(COMPILE_EVENT, CompilationNotice(command)):
+            yield

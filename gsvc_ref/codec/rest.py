@@ -1,0 +1,43 @@
+"""Which splats of a P-frame can stay as they are: those under which the source shows what it showed before."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.rendering.strips import RADIUS
+from gsvc_ref.splats import F4
+from gsvc_ref.training.fit import LEAST_FACTOR
+
+
+def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
+    """Where two pictures (H, W, 3) f4 differ, (H, W) bool."""
+    return np.asarray((before != now).any(axis=2))
+
+
+def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which splats have no changed pixel in their bounding box, (N,) bool.
+
+    A splat that training would not leave as it is (a factor below LEAST_FACTOR) is not at rest.
+
+    Parameters
+    ----------
+    parameters
+        (N, 8) f4 in the columns of `Splats.to_array`.
+    changed
+        (H, W) bool.
+    """
+    height, width = changed.shape
+    table = np.zeros((height + 1, width + 1), np.int64)  # table[y, x]: changed pixels above y and left of x
+    table[1:, 1:] = changed.cumsum(axis=0).cumsum(axis=1)
+    x, y, l11, l21, l22 = parameters[:, :5].astype(np.float64).T
+    left, right = _pixels(x, RADIUS * l11, width)
+    top, bottom = _pixels(y, RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
+    inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    return np.asarray((inside == 0) & (l11 >= LEAST_FACTOR) & (l22 >= LEAST_FACTOR))
+
+
+def _pixels(
+    center: NDArray[np.float64], half_extent: NDArray[np.float64], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first pixel of each interval and the one after the last, with one more on either side."""
+    first = np.clip(np.floor(center - half_extent) - 1, 0, size).astype(np.int64)
+    return first, np.clip(np.ceil(center + half_extent) + 1, first, size).astype(np.int64)
