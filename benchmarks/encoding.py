@@ -475,7 +475,7 @@ def main() -> None:
     parser.add_argument("--frames", choices=("I", "IP"), default="IP")
     parser.add_argument("--threads", type=int, help="threads of the kernels (default: one per CPU)")
     parser.add_argument("--part", choices=("all", "fits", "seconds", "report"), default="all")
-    parser.add_argument("--folder", type=Path, default=Path("encoding-results"))
+    parser.add_argument("--folder", type=Path, default=Path(__file__).parent / "cache" / "encoding")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     if arguments.part == "report":

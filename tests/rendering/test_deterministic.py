@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy._core import _multiarray_umath as multiarray
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, single, splat_sets
 
 from gsvc_ref.rendering import (
@@ -201,7 +202,14 @@ arrays = [
 print(json.dumps([hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays]))
 """
 
-GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3"}
+DISPATCHED = [name for name in multiarray.__cpu_dispatch__ if multiarray.__cpu_features__[name]]
+"""The kinds of CPU that NumPy has loops of its own for here."""
+
+GENERIC = {
+    "NUMBA_CPU_NAME": "generic",
+    "NUMBA_CPU_FEATURES": "",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(DISPATCHED),
+}
 
 
 def hashes(folder, environment, threads, tile_rows):
