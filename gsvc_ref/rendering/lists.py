@@ -34,9 +34,9 @@ class Lists(NamedTuple):
     Attributes
     ----------
     records
-        Per splat (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22, and the rows
-        of its bounding box. The inner loops compute (l21 u1) / l22 as (l u1) f, which is (l21 u1) (1/l22) for l22 <= 1
-        and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is covered.
+        Per splat (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22, and the
+        first row of its bounding box and their number. The inner loops compute (l21 u1) / l22 as (l u1) f, which is
+        (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is covered.
     strips
         Per splat (2,) i4: the first strip and the one after the last; equal if no pixel centre can be covered.
     base
@@ -100,7 +100,8 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         record[9] = parameters[n, 2]
         record[10] = parameters[n, 3]
         record[11] = parameters[n, 4]
-        record[12] = np.float32(bottom - top + 1)
+        record[12] = np.float32(top)
+        record[13] = np.float32(bottom - top + 1)
     return -1
 
 
@@ -117,7 +118,7 @@ def count_entries(height: int, lists: Lists) -> None:
         base[n + 1] = base[n] + end - first
         for s in range(first, end):
             offsets[s + 1] += 1
-            work[s + 1] += lists.records[n, 12] + ROWS_FOR_ENTRY
+            work[s + 1] += lists.records[n, 13] + ROWS_FOR_ENTRY
     for s in range(offsets.size - 1):
         offsets[s + 1] += offsets[s]
         work[s + 1] += work[s]

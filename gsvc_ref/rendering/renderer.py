@@ -168,7 +168,8 @@ class SequenceRenderer(Renderer):
         else:
             self._work.load(splats.to_array())
             tiles = self._stale(self._before, np.asarray(origins, np.int64))
-            self._draw(tiles, self._frame, bit_depth)
+            if tiles.stale.any():
+                self._draw(tiles, self._frame, bit_depth)
             self.share = float(tiles.stale.mean())
         self._before = self._work.exchange(self._before)
         return self._frame
@@ -181,7 +182,7 @@ class SequenceRenderer(Renderer):
         rows = min(TILE_ROWS, height)
         tiles = Tiles(rows, np.zeros((strip_count(width), -(-height // rows)), np.bool_))
         after = Prepared(self._work.parameters, self._work.lists.records, self._work.lists.strips)
-        if not mark_changed(before, after, origins, height, tiles) or tiles.stale.mean() > LARGEST_SHARE:
+        if not mark_changed(before, after, origins, tiles) or tiles.stale.mean() > LARGEST_SHARE:
             return self._all
         return tiles
 

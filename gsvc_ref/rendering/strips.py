@@ -30,7 +30,7 @@ SPARE_ROWS: Final = ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
 RECORD: Final = 16
-"""Floats of a record in `lists.Lists`: 64 bytes, of which thirteen numbers are used."""
+"""Floats of a record in `lists.Lists`: 64 bytes, of which fourteen numbers are used."""
 
 SLOT: Final = 8
 """Sums that the backward pass keeps per entry: q u, q v, q u^2, q u v, q v^2 and the three of g e."""

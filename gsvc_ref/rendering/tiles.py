@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.lists import row_range
 from gsvc_ref.rendering.strips import F4, I4, I8
 
 
@@ -52,13 +51,12 @@ class Prepared(NamedTuple):
 
 
 @kernel()
-def mark(splats: Prepared, n: int, height: int, tiles: Tiles) -> None:
-    """Mark the tiles that splat n may cover."""
+def mark(splats: Prepared, n: int, tiles: Tiles) -> None:
+    """Mark the tiles of the box around splat n; the closer rows of each strip would take longer than they save."""
+    first, count = int(splats.records[n, 12]), int(splats.records[n, 13])
     for s in range(splats.strips[n, 0], splats.strips[n, 1]):
-        first, end = row_range(splats.records[n], s, height)
-        if first < end:
-            for tile in range(first // tiles.rows, (end - 1) // tiles.rows + 1):
-                tiles.stale[s, tile] = True
+        for tile in range(first // tiles.rows, (first + count - 1) // tiles.rows + 1):
+            tiles.stale[s, tile] = True
 
 
 @kernel(inline=True)
@@ -71,7 +69,7 @@ def unchanged(a: F4, b: F4) -> bool:
 
 
 @kernel()
-def mark_changed(before: Prepared, after: Prepared, origins: I8, height: int, tiles: Tiles) -> bool:
+def mark_changed(before: Prepared, after: Prepared, origins: I8, tiles: Tiles) -> bool:
     """Mark the tiles in which two pictures may differ; False, with nothing to rely on, if all are better rendered.
 
     A tile is the same in both if the splats that may cover it are the same in the same order. Where more than half of
@@ -99,8 +97,8 @@ def mark_changed(before: Prepared, after: Prepared, origins: I8, height: int, ti
         return False
     for o in range(old.shape[0]):
         if not stays[o]:
-            mark(before, o, height, tiles)
+            mark(before, o, tiles)
     for n in range(new.shape[0]):
         if origins[n] < 0 or not stays[origins[n]]:
-            mark(after, n, height, tiles)
+            mark(after, n, tiles)
     return True
