@@ -22,7 +22,7 @@ from gsvc_ref.rendering.tasks import (
     splat_task,
     splat_tasks,
 )
-from gsvc_ref.rendering.tiles import Prepared, Tiles, mark_changed
+from gsvc_ref.rendering.tiles import Prepared, Tiles, leave_out_fresh, mark_changed
 from gsvc_ref.rendering.workspace import Workspace
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
@@ -169,6 +169,7 @@ class SequenceRenderer(Renderer):
             self._work.load(splats.to_array())
             tiles = self._stale(self._before, np.asarray(origins, np.int64))
             if tiles.stale.any():
+                leave_out_fresh(self._work.lists.work, tiles)
                 self._draw(tiles, self._frame, bit_depth)
             self.share = float(tiles.stale.mean())
         self._before = self._work.exchange(self._before)

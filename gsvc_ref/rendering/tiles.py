@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.strips import F4, I4, I8
+from gsvc_ref.rendering.strips import F4, F8, I4, I8
 
 
 class Tiles(NamedTuple):
@@ -40,6 +40,16 @@ def any_stale(tiles: Tiles, s: int) -> bool:
     for tile in range(tiles.stale.shape[1]):
         found |= tiles.stale[s, tile]
     return found
+
+
+@kernel()
+def leave_out_fresh(work: F8, tiles: Tiles) -> None:
+    """Turn `Lists.work` into that of the stale tiles alone, so that threads get equal shares of it."""
+    before = work[0]
+    for s in range(tiles.stale.shape[0]):
+        own = work[s + 1] - before
+        before = work[s + 1]
+        work[s + 1] = work[s] + own * tiles.stale[s].sum() / tiles.stale.shape[1]
 
 
 class Prepared(NamedTuple):
