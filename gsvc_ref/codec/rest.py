@@ -14,9 +14,10 @@ def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
 
 
 def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which splats have no changed pixel in their bounding box, (N,) bool.
+    """Which splats have pixels of the frame in their bounding box and no changed one among them, (N,) bool.
 
-    A splat that training would not leave as it is (a factor below LEAST_FACTOR) is not at rest.
+    A splat outside the frame is not at rest, so that it may still make room for another; nor is one that training would
+    not leave as it is (a factor below LEAST_FACTOR).
 
     Parameters
     ----------
@@ -32,7 +33,8 @@ def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     left, right = _pixels(x, RADIUS * l11, width)
     top, bottom = _pixels(y, RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
     inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-    return np.asarray((inside == 0) & (l11 >= LEAST_FACTOR) & (l22 >= LEAST_FACTOR))
+    in_frame = (left < right) & (top < bottom)
+    return np.asarray(in_frame & (inside == 0) & (l11 >= LEAST_FACTOR) & (l22 >= LEAST_FACTOR))
 
 
 def _pixels(
