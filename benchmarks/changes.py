@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import gsvc_ref
 from benchmarks.clips import clip
-from benchmarks.encoding import mosaic
+from benchmarks.pictures import mosaic
 from benchmarks.results import Section, Table
 from benchmarks.timing import Spread
 from gsvc_ref import Settings

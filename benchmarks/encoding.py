@@ -14,18 +14,16 @@ states that the fit went through (CHECKPOINTS), integrated over the iterations. 
 
 import argparse
 import json
-import os
-import platform
-import statistics
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import skimage.data
 
+from benchmarks.encoding_tables import report
+from benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
 from gsvc_ref.codec.frame_encoder import FrameEncoder
 from gsvc_ref.codec.motion import estimated_motion
 from gsvc_ref.codec.rate_control import exchange_splats, psnr_of_loss
@@ -33,30 +31,9 @@ from gsvc_ref.codec.settings import Settings, scaled
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.rendering.workspace import thread_count
-from gsvc_ref.scenes.camera import Camera, view
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
-
-DOCUMENT: Final = Path(__file__).parents[1] / "docs" / "encoding.md"
-
-SIZES: Final = {"176x144": (176, 144, 1000), "352x288": (352, 288, 2000), "1920x1080": (1920, 1080, 10_000)}
-"""Width, height and N."""
-
-PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee", "rocket", "motorcycle", "retina")
-"""Inside every scikit-image wheel; also the pieces that the pictures of 1920x1080 are put together from."""
-
-PIECE: Final = (320, 270)
-"""Width and height of a piece: 6 x 4 of them at native resolution make a picture of 1920x1080."""
-
-PAN: Final = (1.3, -0.6)
-"""Motion of the camera from the first frame to the next, in pixels."""
-
-ROLL: Final = 0.002
-"""And in radians about the middle."""
-
-NOISE: Final = 1 / 255
-"""Standard deviation of the sensor's noise, drawn anew for each frame."""
 
 LADDER: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Iterations that quick is asked for, until one reaches the PSNR."""
@@ -69,44 +46,6 @@ CURVE: Final = sorted({round(10 ** (4.7 * k / 40)) for k in range(41)})
 
 SAMPLE: Final = 20
 """Iterations that are timed at each checkpoint."""
-
-
-def pictures(size: str, name: str) -> tuple[F4, F4]:
-    """A picture and the next one, (H, W, 3) f4 each, rounded to 8 bits."""
-    width, height, _ = SIZES[size]
-    rng = np.random.default_rng([PHOTOGRAPHS.index(name), width])
-    source = mosaic(rng) if size == "1920x1080" else read(name)
-    tall, wide = source.shape[:2]
-    # 24 pixels of margin for the motion; mosaics are never scaled.
-    span = 1 - 24 / wide if size != "1920x1080" else 1 / min(wide / width, tall / height)
-    step = span * min(wide / width, tall / height)
-    shift = (PAN[0] * step / wide / 2, PAN[1] * step / tall / 2)
-    frames = []
-    for side in (-1, 1):
-        seen = view(source, Camera(0.5 + side * shift[0], 0.5 + side * shift[1], span, side * ROLL / 2), width, height)
-        noisy = seen + rng.normal(0, NOISE, seen.shape)
-        frames.append((np.clip(np.rint(noisy * 255), 0, 255) / 255).astype(np.float32))
-    return frames[0], frames[1]
-
-
-def read(name: str) -> F4:
-    """A photograph (H, W, 3) f4."""
-    samples = skimage.data.stereo_motorcycle()[0] if name == "motorcycle" else getattr(skimage.data, name)()
-    return np.asarray(samples, np.float32) / np.float32(255)
-
-
-def mosaic(rng: np.random.Generator) -> F4:
-    """Pieces of all photographs at native resolution, 7 x 5 of them, cut to 1944x1104: room for the motion."""
-    photographs = [read(name) for name in PHOTOGRAPHS]
-    wide, tall = PIECE
-
-    def piece() -> F4:
-        source = photographs[rng.integers(len(photographs))]
-        y, x = (rng.integers(side - part + 1) for side, part in zip(source.shape[:2], (tall, wide), strict=True))
-        return source[y : y + tall, x : x + wide]
-
-    rows = [np.concatenate([piece() for _ in range(7)], axis=1) for _ in range(5)]
-    return np.concatenate(rows)[:1104, :1944]
 
 
 class Run:
@@ -348,6 +287,11 @@ def integrated(rates: dict[int, float], iterations: int) -> float:
     return float(np.interp(times, list(rates), list(rates.values())).sum())
 
 
+def cases(folder: Path) -> dict[str, dict[str, Any]]:
+    """All cases that a folder holds, by name."""
+    return {path.stem: load(path) for path in sorted(folder.glob("*.json"))}
+
+
 def load(path: Path) -> dict[str, Any]:
     """A case's file, or nothing yet."""
     return json.loads(path.read_text()) if path.exists() else {}  # type: ignore[no-any-return]
@@ -389,83 +333,6 @@ def clock(part: dict[str, Any]) -> str:
     )
 
 
-def spread(numbers: Iterable[float], digits: int) -> str:
-    """``median (least to most)``; a dash for none."""
-    found = sorted(numbers)
-    if not found:
-        return "–"
-    middle, least, most = (f"{number:,.{digits}f}" for number in (statistics.median(found), found[0], found[-1]))
-    return middle if len(found) == 1 else f"{middle} ({least}–{most})"
-
-
-def fit_rows(cases: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """The table of fits before quantisation."""
-    yield (
-        "| frame | cases | the paper's PSNR, dB | its iterations | its seconds | quick's iterations to it "
-        "| its seconds | ratio | quick's default: dB above the paper | its seconds | cases below it |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|---|---|"
-    for size in SIZES:
-        for kind in "IP":
-            parts = [note[kind] for name, note in cases.items() if name.startswith(size) and kind in note]
-            timed = [part["measured"] for part in parts if "measured" in part]
-            gains = [part["quick"]["psnr"] - part["paper"]["psnr"] for part in parts]
-            short = sorted(gain for gain in gains if gain < 0)
-            yield (
-                f"| {size} {kind} | {len(parts)} | {spread((part['paper']['psnr'] for part in parts), 2)} "
-                f"| {spread((part['paper']['iterations'] for part in parts), 0)} "
-                f"| {spread((found['paper'] for found in timed), 1)} "
-                f"| {spread((part['climb'][-1]['iterations'] for part in parts), 0)} "
-                f"| {spread((found['climb']['wall_seconds'] for found in timed), 3)} "
-                f"| {spread((found['paper'] / found['climb']['wall_seconds'] for found in timed), 0)} "
-                f"| {spread(gains, 2)} | {spread((found['quick']['wall_seconds'] for found in timed), 3)} "
-                f"| {len(short)}{f' (by up to {-short[0]:.2f} dB)' if short else ''} |"
-            )
-
-
-def frame_rows(cases: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """The table of whole frames."""
-    yield "| frame | cases | decoded PSNR, dB | above the paper's fit, dB | iterations | seconds |"
-    yield "|---|---|---|---|---|---|"
-    for size in SIZES:
-        notes = [note for name, note in cases.items() if name.startswith(size) and "whole" in note]
-        for label, kind in (("first I", "I"), ("I", "I"), ("I to the PSNR", "I"), ("P", "P"), ("P to the PSNR", "P")):
-            found = [note["whole"][label] for note in notes if label in note["whole"]]
-            gains = [
-                note["whole"][label]["psnr"] - note[kind]["paper"]["psnr"]
-                for note in notes
-                if label in note["whole"] and kind in note
-            ]
-            psnr, made, taken = ([one[key] for one in found] for key in ("psnr", "iterations", "seconds"))
-            yield (
-                f"| {size} {label} | {len(found)} | {spread(psnr, 2)} | {spread(gains, 2)} | {spread(made, 0)} "
-                f"| {spread(taken, 2)} |"
-            )
-
-
-def report(folder: Path) -> None:
-    """Write the tables into the document."""
-    from benchmarks.report import filled  # which needs this module
-
-    cases = {path.stem: load(path) for path in sorted(folder.glob("*.json"))}
-    threads = sorted({note["threads"] for note in cases.values() if "threads" in note})
-    machine = f"{os.cpu_count()} CPUs ({cpu_name()}), {platform.machine()}, Python {platform.python_version()}, threads"
-    texts = {
-        "machine": f"{machine} {', '.join(map(str, threads))}.",
-        "fits": "\n".join(fit_rows(cases)),
-        "frames": "\n".join(frame_rows(cases)),
-    }
-    DOCUMENT.write_text(filled(DOCUMENT.read_text(), texts))
-    print("\n\n".join(texts.values()))
-
-
-def cpu_name() -> str:
-    """The processor's name where the system tells it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.processor())
-
-
 def main() -> None:
     """Run the cases that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -479,7 +346,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     if arguments.part == "report":
-        report(arguments.folder)
+        report(cases(arguments.folder))
         return
     for size in arguments.sizes:
         for seed in arguments.seeds:
@@ -491,7 +358,7 @@ def main() -> None:
                 else:
                     fits(case, path, arguments.frames, whole=arguments.part == "all")
     if arguments.part == "all":
-        report(arguments.folder)
+        report(cases(arguments.folder))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
-from benchmarks.encoding import mosaic
+from benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
 from gsvc_ref.rendering import Objective, covered_pixels
 from gsvc_ref.splats import F4

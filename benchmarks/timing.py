@@ -76,7 +76,7 @@ def ratio(times: Mapping[str, list[float]], of: str, to: str) -> Spread:
 def environment(threads: int) -> dict[str, Any]:
     """What a reader has to know of the machine to make sense of the numbers."""
     return {
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "vectors": _widest_vectors(),
         "threads": threads,
@@ -99,7 +99,8 @@ def _cpuinfo(key: str) -> str:
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(key)), "")
 
 
-def _cpu_model() -> str:
+def cpu_model() -> str:
+    """The processor's name where the system tells it."""
     return _cpuinfo("model name") or platform.processor() or platform.machine()
 
 
