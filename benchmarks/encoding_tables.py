@@ -75,7 +75,7 @@ def report(cases: dict[str, dict[str, Any]]) -> None:
         f"{os.cpu_count()} CPUs ({cpu_model()}), {platform.machine()}, Python {platform.python_version()}, threads"
     )
     texts = {
-        "machine": f"{machine}, threads {', '.join(map(str, threads))}.",
+        "machine": f"{machine} {', '.join(map(str, threads))}.",
         "fits": "\n".join(fit_rows(cases)),
         "frames": "\n".join(frame_rows(cases)),
     }

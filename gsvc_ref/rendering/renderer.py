@@ -142,6 +142,7 @@ class SequenceRenderer(Renderer):
         self.share = 0.0
         self._before: Prepared | None = None
         self._frame: NDArray[Any] = np.zeros(self._shape, np.uint8)  # (H, W, 3) u1 or u2, the last one
+        self._bit_depth = 8  # of the last one
 
     def next_frame(self, splats: Splats, bit_depth: int, origins: ArrayLike | None = None) -> NDArray[Any]:
         """The frame of the next set of splats.
@@ -160,9 +161,9 @@ class SequenceRenderer(Renderer):
         -------
         (H, W, 3) u1 for 8 bits, else u2; the next call may change it.
         """
-        kept = self._frame.dtype == frame_type(bit_depth)
-        if self.precision == "exact" or not kept or self._before is None or origins is None:
-            self._frame, self.share = self.frame(splats, bit_depth), 1.0
+        other = bit_depth != self._bit_depth
+        if self.precision == "exact" or other or self._before is None or origins is None:
+            self._frame, self.share, self._bit_depth = self.frame(splats, bit_depth), 1.0, bit_depth
             if self.precision == "exact":
                 return self._frame
         else:

@@ -85,9 +85,10 @@ def test_another_bit_depth_renders_everything():
     splats = population(12, WIDTH, HEIGHT)
     sequence = SequenceRenderer(WIDTH, HEIGHT)
     sequence.next_frame(splats, 8)
-    frame = sequence.next_frame(splats, 10, np.arange(12))
-    assert frame.dtype == np.uint16
-    assert np.array_equal(frame, Renderer(WIDTH, HEIGHT).frame(splats, 10))
+    for bit_depth in (10, 12):  # both in 16 bits
+        frame = sequence.next_frame(splats, bit_depth, np.arange(12))
+        assert frame.dtype == np.uint16
+        assert np.array_equal(frame, Renderer(WIDTH, HEIGHT).frame(splats, bit_depth))
 
 
 def test_the_exact_precision_renders_everything():
