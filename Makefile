@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format figures bench clean
+.PHONY: help demo test vectors lint format figures bench clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -21,6 +21,10 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest
+
+vectors: .venv/.ready-test            ## write vectors/ again from the cases in conformance/ (about NN minutes)
+	$(BIN)/python -m conformance generate
+	$(BIN)/python -m conformance verify
 
 lint: .venv/.ready-lint            ## check style and types
 	$(BIN)/ruff format --check

@@ -14,7 +14,7 @@ class GsvcError(Exception):
     ----------
     kind
         ``malformed`` (cannot be parsed), ``invalid`` (parsed, breaks a rule), ``unsupported`` (legal, beyond this
-        decoder) or ``limit`` (a stated limit is exceeded); spec.md section 10.
+        decoder) or ``limit`` (a stated limit is exceeded); spec.md section 12.
     message
         What was wrong, what is allowed, and what to do.
     rule

@@ -99,6 +99,8 @@ class Splats:
     def scaled(self, scale_x: float, scale_y: float) -> "Splats":
         """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale.
 
+        Each product is rounded once (R-9.4-1).
+
         Raises
         ------
         UsageError

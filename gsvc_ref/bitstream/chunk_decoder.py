@@ -1,4 +1,4 @@
-"""Decoding one chunk after the other; the checks stand in the order of spec.md section 10."""
+"""Decoding one chunk after the other; the checks stand in the order of spec.md section 12."""
 
 from collections import Counter
 from collections.abc import Callable

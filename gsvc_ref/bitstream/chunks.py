@@ -94,11 +94,14 @@ def index(s: Coder, index_offset: int, steps: U4 | None = None) -> U4:
     offset = 0
     with s.part("index"):
         entry_count = s.uv("entry_count", 0 if steps is None else len(steps))
+        first = s.position
         for block in s.pairs(("frame_number_step", "offset_step"), entry_count, steps):
             after_first = block[1:] if len(blocks) == 1 else block
             offset += int(block[:, 1].sum(dtype=np.uint64))
             if (after_first == 0).any() or offset >= index_offset:
-                s.fail("R-6.7-1", "frame numbers and offsets of the index must grow, and end before the index")
+                s.fail(
+                    "R-6.7-1", "frame numbers and offsets of the index must grow, and end before the index", bit=first
+                )
             blocks.append(block)
     return np.concatenate(blocks)
 

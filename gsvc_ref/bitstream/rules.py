@@ -1,4 +1,4 @@
-"""Which kind of error each rule of spec.md stands for (section 10)."""
+"""Which kind of error each rule of spec.md stands for (section 12)."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ _KINDS: Final[dict[str, ErrorKind]] = {
 
 
 def kind_of(rule: str) -> ErrorKind:
-    """The kind that an error about a rule has: ``invalid`` for all rules that section 10 does not list elsewhere."""
+    """The kind that an error about a rule has: ``invalid`` for all rules that section 12 does not list elsewhere."""
     return _KINDS.get(rule, "invalid")
 
 

@@ -1,6 +1,7 @@
 """Material for testing implementations of GSVC: legal data as Hypothesis strategies, and streams with a fault in them.
 
-For anyone who writes a decoder, an encoder or a renderer. Install with ``pip install 'gsvc_ref[testing]'``.
+For anyone who writes a decoder, an encoder or a renderer. Only the strategies need Hypothesis: install them with
+``pip install 'gsvc_ref[testing]'``.
 
 Legal data::
 
@@ -12,7 +13,8 @@ Legal data::
         assert my_decoder(stream.data) == [splats.to_array() for splats in stream.splats]
 
 `splat_sets`, `planes`, `headers`, `frames`, `streams` and `videos` are strategies; a stream comes with its bytes and
-with the splats that every conforming decoder reconstructs, bit for bit.
+with the splats that every conforming decoder reconstructs, bit for bit. `random_stream` makes the same streams from a
+seed.
 
 Faulty streams: `FaultyWriter` writes a stream in which chosen elements lie, everything else (lengths, checksums) being
 true; `split_chunks` and `join_chunks` take a stream apart and put it together again, with checksums made right.
@@ -21,15 +23,32 @@ true; `split_chunks` and `join_chunks` take a stream apart and put it together a
     data = write_stream(RICH_HEADER, rich_frames(), lies=[Lie("block_reserved", 1)])
 """
 
-try:
-    import hypothesis as _hypothesis  # noqa: F401
-except ImportError as error:
-    raise ImportError("gsvc_ref.testing needs Hypothesis: pip install 'gsvc_ref[testing]'") from error
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.testing.examples import OVERVIEW_HEADER, RICH_HEADER, overview_frames, rich_frames
 from gsvc_ref.testing.faults import FaultyWriter, Liar, Lie, join_chunks, split_chunks, write_stream
-from gsvc_ref.testing.frame_codes import Stream, frames, headers, streams
-from gsvc_ref.testing.strategies import Plane, planes, splat_sets, videos
+from gsvc_ref.testing.random_streams import Stream, random_stream
+
+if TYPE_CHECKING:
+    from gsvc_ref.testing.frame_codes import frames as frames
+    from gsvc_ref.testing.frame_codes import headers as headers
+    from gsvc_ref.testing.frame_codes import streams as streams
+    from gsvc_ref.testing.strategies import Plane as Plane
+    from gsvc_ref.testing.strategies import planes as planes
+    from gsvc_ref.testing.strategies import splat_sets as splat_sets
+    from gsvc_ref.testing.strategies import videos as videos
+
+_STRATEGIES: Final = {
+    "Plane": "strategies",
+    "frames": "frame_codes",
+    "headers": "frame_codes",
+    "planes": "strategies",
+    "splat_sets": "strategies",
+    "streams": "frame_codes",
+    "videos": "strategies",
+}
+"""Names that need Hypothesis, and the module of each."""
 
 __all__ = [
     "OVERVIEW_HEADER",
@@ -44,6 +63,7 @@ __all__ = [
     "join_chunks",
     "overview_frames",
     "planes",
+    "random_stream",
     "rich_frames",
     "splat_sets",
     "split_chunks",
@@ -51,3 +71,13 @@ __all__ = [
     "videos",
     "write_stream",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _STRATEGIES:
+        raise AttributeError(f"module 'gsvc_ref.testing' has no attribute {name!r}")
+    try:
+        import_module("hypothesis")
+    except ImportError as error:
+        raise ImportError(f"{name} needs Hypothesis: pip install 'gsvc_ref[testing]'") from error
+    return getattr(import_module(f"gsvc_ref.testing.{_STRATEGIES[name]}"), name)

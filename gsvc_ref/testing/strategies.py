@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gsvc_ref.splats import F4, Splats
-
-U2 = NDArray[np.uint16]
+from gsvc_ref.testing.random_streams import SYMBOL_KINDS, U2, paint_symbols
 
 HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -1.0, 1e6, -1e6, 3e38, -3e38)
 """Where implementations break: signed zeros, subnormals, the smallest normal number, the far, the almost infinite."""
@@ -59,25 +58,6 @@ class Plane:
 
     symbols: U2
     alphabet: int
-
-
-def paint_symbols(rng: np.random.Generator, kind: str, count: int, alphabet: int) -> U2:
-    """Symbols (count,) u2 below `alphabet` of one kind: constant, uniform, peaked, sparse or rare."""
-    if kind == "constant":
-        return np.full(count, rng.integers(alphabet), np.uint16)
-    if kind == "uniform":
-        return rng.integers(0, alphabet, count, np.uint16)
-    if kind == "peaked":
-        spread = rng.normal(rng.integers(alphabet), max(1.0, alphabet / 12), count)
-        return np.clip(np.rint(spread), 0, alphabet - 1).astype(np.uint16)
-    if kind == "sparse":
-        return rng.choice(rng.integers(0, alphabet, 3, np.uint16), count)
-    symbols = np.full(count, rng.integers(alphabet), np.uint16)
-    symbols[rng.integers(count)] = rng.integers(alphabet)
-    return symbols
-
-
-SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
 
 
 @st.composite

@@ -75,7 +75,6 @@ class Adan:
         self.m, self.v, self.n, self.previous = np.zeros((4, rows, columns), np.float32)  # (N, P) f4 each
         self._coefficients = _coefficients(self.settings)
         self._corrections = _corrections(self.settings, 64)
-        self._most_steps = 0  # no row is older
 
     def step(
         self,
@@ -125,9 +124,9 @@ class Adan:
         if factors.shape != (rows,):
             raise UsageError(f"row_factors have shape {factors.shape}; they must be ({rows},)")
 
-        self._most_steps += 1
-        if self._most_steps >= len(self._corrections):
-            self._corrections = _corrections(self.settings, 2 * self._most_steps)
+        oldest = int(self.steps.max(initial=0)) + 1
+        if oldest >= len(self._corrections):
+            self._corrections = _corrections(self.settings, 2 * oldest)
         zero = np.float32(0)
         _step(
             parameters.reshape(-1), grad, self.m.reshape(-1), self.v.reshape(-1), self.n.reshape(-1),
@@ -156,7 +155,7 @@ class Adan:
     def _like(self, rows: int) -> "Adan":
         """Fresh rows, in a state that has corrections for as many steps."""
         other = Adan(rows, self.m.shape[1], self.settings)
-        other._corrections, other._most_steps = self._corrections, self._most_steps
+        other._corrections = self._corrections
         return other
 
 

@@ -1,5 +1,7 @@
 """The public strategies keep their promises and reach every corner of the syntax."""
 
+import subprocess
+import sys
 from collections import Counter
 
 import numpy as np
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from gsvc_ref.bitstream import SequenceHeader, StreamReader
 from gsvc_ref.reconstruction import State, reconstruct
 from gsvc_ref.splats import Splats
-from gsvc_ref.testing import Plane, Stream, frames, headers, planes, splat_sets, streams, videos
+from gsvc_ref.testing import Plane, Stream, frames, headers, planes, random_stream, splat_sets, streams, videos
 
 
 @given(splat_sets(30, 20, min_count=2, max_count=9))
@@ -77,3 +79,23 @@ def test_streams_reach_every_corner_of_the_syntax() -> None:
     wanted += [f"plane_mode = {mode}" for mode in (0, 1, 2)] + [f"type {letter}" for letter in "IPR"]
     wanted += ["several lanes", "frame count", "entry_count", "parameter_checksum", "payload", "unknown", "word"]
     assert [what for what in wanted if not seen[what]] == []
+
+
+def test_random_streams_depend_on_their_seed_only() -> None:
+    assert random_stream(3).data == random_stream(3).data
+    assert random_stream(3).data != random_stream(4).data
+
+
+def test_random_streams_need_no_hypothesis() -> None:
+    code = """
+import sys
+sys.modules["hypothesis"] = None  # an import of it fails
+import gsvc_ref.testing
+print(len(gsvc_ref.testing.random_stream(0).data) > 0)
+try:
+    gsvc_ref.testing.streams
+except ImportError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True\nstreams needs Hypothesis: pip install 'gsvc_ref[testing]'\n"

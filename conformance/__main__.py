@@ -1,0 +1,73 @@
+"""``python -m conformance``: one module per command in `conformance.commands`, imported when it is asked for.
+
+Exit codes: 0 passed, or done; 1 something is wrong with the implementation or the vectors; 2 wrong use, or nothing to
+judge; 70, 130, 141 as ``gsvc``.
+"""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Final
+
+from gsvc_ref.cli import Parser
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
+
+PROGRAM: Final = "python -m conformance"
+COMMANDS: Final = {
+    "run": "judge an implementation by the vectors",
+    "list": "show the stages, with their inputs and outputs, or the cases",
+    "report": "make the HTML page or JUnit XML again from the JSON of a run",
+    "spec": "run the decoder inside spec.md over the vectors",
+    "verify": "check the vectors: schemas, hashes, coverage, counts",
+    "generate": "write the vectors, or compare them with what the cases make",
+    "mutants": "check the suite: every named bug must be found",
+    "streams": "write random legal streams with what they decode to",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code.
+
+    Parameters
+    ----------
+    argv
+        The arguments without the program's name; None takes those of the process.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    return guarded("conformance", lambda: _run(words))
+
+
+def build_parser(named: str | None) -> Parser:
+    """The parser; only the command that is named gets its arguments, so that only its module is imported."""
+    parser = Parser(prog=PROGRAM, description="The conformance kit of GSVC.", allow_abbrev=False)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name, sentence in COMMANDS.items():
+        description = f"{sentence[0].upper()}{sentence[1:]}."
+        command = commands.add_parser(name, help=sentence, description=description, allow_abbrev=False)
+        if name == named:
+            module = importlib.import_module(f"conformance.commands.{name}")
+            module.add_arguments(command)
+            command.set_defaults(run=module.run)
+    parser.epilog = (
+        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --reference --stage to_frame"
+    )
+    return parser
+
+
+def _run(words: list[str]) -> int:
+    parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
+    try:
+        arguments = parser.parse_args(words)
+    except SystemExit as end:  # argparse has said why
+        return int(end.code or 0)
+    if arguments.command is None:
+        parser.print_help(sys.stderr)
+        return EXIT_USAGE
+    if "run" not in arguments:
+        say(PROGRAM, f"the command comes first: {PROGRAM} {arguments.command} ...")
+        return EXIT_USAGE
+    return guarded(f"conformance {arguments.command}", lambda: int(arguments.run(arguments)))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,16 @@
+"""The named mutants, area by area (`conformance.mutants` says what they are for)."""
+
+from typing import Final
+
+from conformance.bugs import bitstream, color, gradients, quantization, reconstruction, rendering, training
+from conformance.mutants import Mutant
+
+MUTANTS: Final[tuple[Mutant, ...]] = (
+    *bitstream.MUTANTS,
+    *reconstruction.MUTANTS,
+    *rendering.MUTANTS,
+    *gradients.MUTANTS,
+    *training.MUTANTS,
+    *quantization.MUTANTS,
+    *color.MUTANTS,
+)

@@ -1,0 +1,169 @@
+"""Cases of the container: index, frame counts, chunks that a decoder skips, and what a later version adds."""
+
+from typing import Final
+
+import numpy as np
+
+from conformance.case import Inputs
+from conformance.cases.building import (
+    HEADER,
+    Chunks,
+    intra_block,
+    on,
+    operated,
+    predicted,
+    quantizer_of,
+    result,
+    stream_of,
+)
+from gsvc_ref.bitstream import LEVELS
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE, index_steps
+from gsvc_ref.bitstream.coder import encode_uv
+from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.testing import Lie, split_chunks, write_stream
+
+STREAM: Final = ("read_stream", "reconstruct_stream")
+
+
+def sequence() -> list[FrameCodes]:
+    """Frames I P I R I."""
+    first, second, third = (FrameCodes.intra_frame(intra_block(2, first=n)) for n in (0, 3, 6))
+    return [first, predicted([1, 1]), second, FrameCodes.repeated_frame(), third]
+
+
+def entries_of(data: bytes) -> list[tuple[int, int]]:
+    """Frame number and offset of each I-frame of a stream."""
+    offset, number, entries = PREFIX_SIZE, 0, []
+    for chunk_type, payload in split_chunks(data):
+        if chunk_type == b"I":
+            entries.append((number, offset))
+        number += chunk_type in (b"I", b"P", b"R")
+        offset += 1 + len(encode_uv(len(payload))) + len(payload) + 4
+    return entries
+
+
+def with_index(entries: list[tuple[int, int]]) -> bytes:
+    """The stream of `sequence` with an index of these entries."""
+    steps = index_steps(entries)
+    payload = encode_uv(len(steps)) + b"".join(encode_uv(int(step)) for step in steps.ravel())
+
+    def edit(chunks: Chunks) -> Chunks:
+        length = 1 + len(encode_uv(len(payload))) + len(payload) + 4
+        end = chunks[-1][1][:4] + length.to_bytes(4, "little")
+        return [*chunks[:-1], (b"x", payload), (b"E", end)]
+
+    return operated(edit, stream_of(sequence()))
+
+
+def indices() -> dict[str, list[tuple[int, int]] | None]:
+    """Indices that a stream may have, by what is special; None: no index."""
+    every = entries_of(stream_of(sequence()))
+    return {
+        "absent": None,
+        "complete": every,
+        "without_the_first": every[1:],
+        "without_the_last": every[:-1],
+        "empty": [],
+        "that_points_elsewhere": [(0, 0), (1, 1), (2, every[1][1] + 1), (3, every[2][1])],
+    }
+
+
+@on("core", *STREAM, flags=["index"], rules=["R-6.7-1"], each={name: name for name in indices()})
+def index(value: str) -> Inputs:
+    """An index ({key}): it is a help and never an authority, so the frames are the same."""
+    entries = indices()[value]
+    data = stream_of(sequence()) if entries is None else with_index(entries)
+    expected = yield {"stream": data}
+    assert result(expected, "counts").tolist() == [2] * 5
+
+
+@on("uncommon", *STREAM, flags=["index", "unknown"], rules=["R-6.8-2"])
+def index_that_is_not_last() -> Inputs:
+    """An index in the middle is read and not used; `index_length` is 0, since none stands before the end chunk."""
+    entries = entries_of(stream_of(sequence()))[:1]
+    payload = encode_uv(1) + encode_uv(entries[0][0]) + encode_uv(entries[0][1])
+    middle: Chunks = [(b"x", payload), (b"a", b"")]
+    data = operated(lambda c: [*c[:3], *middle, *c[3:-1], *middle, c[-1]], stream_of(sequence()))
+    expected = yield {"stream": data}
+    assert len(result(expected, "counts")) == 5
+
+
+@on("core", *STREAM, rules=["R-6.3-2"], each={"unknown": 0, "known": 5})
+def frame_count(value: int) -> Inputs:
+    """The header's frame count is {key}."""
+    expected = yield {"stream": write_stream(HEADER, sequence(), lies=[Lie("frame_count", value)])}
+    if "header" in expected:
+        assert result(expected, "header")[9] == value
+
+
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.2-1"])
+def ancillary_chunks() -> Inputs:
+    """Chunks of unknown lower-case types stand wherever they may: a decoder skips them."""
+    data = stream_of(sequence())
+    extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), (b"p", b"\x07\0"), (b"h", b"?"), (b"e", bytes(8))]
+    expected = yield {"stream": operated(lambda c: [c[0], *extra, *c[1:3], extra[1], *c[3:-1], *extra, c[-1]], data)}
+    assert result(expected, "counts").tolist() == [2] * 5
+
+
+@on("uncommon", *STREAM, flags=["unknown"])
+def every_ancillary_type() -> Inputs:
+    """All lower-case letters but x."""
+    letters = [bytes([c]) for c in range(ord("a"), ord("z") + 1) if c != ord("x")]
+    expected = yield {"stream": operated(lambda c: [*c[:2], *((letter, letter) for letter in letters), *c[2:]])}
+    assert len(result(expected, "counts")) == 3
+
+
+@on("uncommon", "reconstruct_stream", flags=["unknown"])
+def chunk_length_of_three_bytes() -> Inputs:
+    """A payload of 16384 bytes: `chunk_length` takes three bytes."""
+    expected = yield {"stream": operated(lambda c: [*c[:2], (b"q", bytes(1 << 14)), *c[2:]])}
+    assert len(result(expected, "counts")) == 3
+
+
+MINORS: Final[dict[str, tuple[int, bytes]]] = {
+    "nothing_new": (1, b""),
+    "an_element": (1, b"\x05"),
+    "many": (255, bytes(range(60))),
+}
+
+
+@on("uncommon", *STREAM, flags=["unknown"], rules=["R-6.1-2"], each=MINORS)
+def later_minor_version(value: tuple[int, bytes]) -> Inputs:
+    """A later minor version may add elements to the header ({key}): what follows the known ones is ignored."""
+    minor, extra = value
+    lies = [Lie("version_minor", minor), Lie("lane_count", bytes([HEADER.lane_count]) + extra)]
+    expected = yield {"stream": write_stream(HEADER, sequence(), lies=lies)}
+    assert result(expected, "counts").tolist() == [2] * 5
+
+
+@on("uncommon", *STREAM, flags=["unknown", "limit"], rules=["R-5-3"])
+def header_of_1024_bytes() -> Inputs:
+    """The longest header that any version may have."""
+    size = len(split_chunks(stream_of(sequence()))[0][1])
+    lies = [Lie("version_minor", 9), Lie("lane_count", bytes([HEADER.lane_count]) + bytes(1024 - size))]
+    expected = yield {"stream": write_stream(HEADER, sequence(), lies=lies)}
+    assert len(result(expected, "counts")) == 5
+
+
+def equal_splats(count: int, factor: float = 1.0, color: float = 2.0**-14) -> SplatBlock:
+    """`count` equal splats in the middle of the frame; every plane is one symbol, so they take few bytes."""
+    zeros = np.zeros((count, 3), np.uint16)
+    quantizer = quantizer_of([1, 1, 1], [factor, 0, factor])
+    return SplatBlock(zeros[:, :2], zeros, zeros[:, :1], quantizer, (np.full((1, 3), color, np.float16),))
+
+
+@on("core", "decode_stream_deterministic", flags=["limit", "many"], rules=["R-5-2"])
+def as_many_splats_as_allowed() -> Inputs:
+    """An I-frame of 2^14 splats, all degenerate, then one goes and a visible one comes: the most that level 1 allows."""
+    most = LEVELS[1].splats
+    frames = [FrameCodes.intra_frame(equal_splats(most, 0)),
+              predicted([0] + [1] * (most - 1), SplatBlock(), equal_splats(1, color=1))]  # fmt: skip
+    expected = yield {"stream": stream_of(frames, width=5, height=3)}
+    assert result(expected, "frames").max(axis=(1, 2, 3)).tolist() == [0, 255]
+
+
+@on("core", "reconstruct_stream", flags=["limit", "overflow"], rules=["R-5-4"])
+def as_much_work_as_allowed() -> Inputs:
+    """512 splats that cover 256 by 256 pixels: 2^25 pairs, the most that level 1 allows."""
+    expected = yield {"stream": stream_of([FrameCodes.intra_frame(equal_splats(512, 1e30))], width=256, height=256)}
+    assert len(result(expected, "parameters")) << 16 == LEVELS[1].work

@@ -1,0 +1,48 @@
+"""Faulty streams: each breaks one rule, its checksums being right, so that the fault itself is reached.
+
+The tables of faults are in `faulty_container`, `faulty_payload` and `faulty_order`.
+"""
+
+from typing import Final
+
+from conformance.case import Fault, Inputs, add
+from conformance.cases.building import result
+from conformance.cases.faults import Broken
+from conformance.cases.faulty_container import container_faults, truncations
+from conformance.cases.faulty_order import order_faults
+from conformance.cases.faulty_payload import payload_faults
+
+FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-6.4-1": "prediction",
+                "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table", "R-6.7-1": "index", "R-6.8-2": "index",
+                "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
+"""The flag of faults of a rule."""
+
+
+def faulty(value: Broken) -> Inputs:
+    """A decoder reports the kind of the fault, and yields the frames before it."""
+    data = value.make()
+    expected = yield {"stream": data}
+    kind, rule, bit = result(expected, "error").split()
+    assert (kind, rule) == (value.kind, value.rule)
+    assert 0 <= int(bit) <= 8 * len(data)
+    assert len(result(expected, "counts")) == value.complete
+
+
+def faults() -> list[Broken]:
+    """All faulty streams."""
+    return [*container_faults(), *payload_faults(), *order_faults(), *truncations()]
+
+
+for entry in faults():
+    add(
+        "faulty",
+        "reconstruct_stream",
+        entry.slug,
+        title=f"{entry.rule} is broken: {entry.lie}.",
+        reason="" if entry.complete == 0 else f"Frames before the fault: {entry.complete}.",
+        rules=[entry.rule, *entry.also],
+        flags=(["check-order"] if entry.also else []) + ([FLAGS[entry.rule]] if entry.rule in FLAGS else []),
+        fault=Fault(entry.lie, entry.truth),
+        function=faulty,
+        arguments={"value": entry},
+    )

@@ -1,0 +1,99 @@
+"""Cases of rendering work: how many pixels the boxes of splats hold, in binary64 and exactly."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from conformance.case import Inputs, case
+from conformance.cases.building import Array, result
+
+RADIUS: Final = 3.3290429691304455
+"""K of section 5."""
+
+
+def splats(*rows: tuple[float, float, float, float, float]) -> Array:
+    """Parameters (N, 8) f4 of x, y, l11, l21, l22; the colours play no part."""
+    return np.array([(*row, 1, 1, 1) for row in rows], np.float32)
+
+
+BOXES: Final[dict[str, tuple[Any, int]]] = {
+    "inside": ((10, 8, 1, 0, 1), 8 * 8),
+    "sheared": ((10.5, 8.5, 1, 0.5, 1), 7 * 11),
+    "sheared_the_other_way": ((10.5, 8.5, 1, -0.5, 1), 7 * 11),
+    "at_the_left": ((0, 8, 1, 0, 1), 4 * 8),
+    "at_the_bottom": ((10, 17, 1, 0, 1), 8 * 4),
+    "in_the_corner": ((24, 17, 1, 0, 1), 4 * 4),
+    "beyond_the_left": ((-3.5, 8, 1, 0, 1), 0),
+    "just_not_beyond": ((-3.25, 8, 1, 0, 1), 1 * 8),
+    "far_away": ((3e38, -3e38, 1, 0, 1), 0),
+    "as_large_as_the_frame": ((12, 8, 3e38, 0, 3e38), 24 * 17),
+    "sheared_to_infinity": ((12, 8, 1, 3e38, 3e38), 8 * 17),
+}
+"""Splats on a frame of 24 by 17 pixels, and the pixels of their boxes."""
+
+
+@case("core", "rendering_work", each=BOXES)
+def box(value: tuple[Any, int]) -> Inputs:
+    """The box of one splat ({key}), clipped to the frame."""
+    expected = yield {"parameters": splats(value[0]), "width": 24, "height": 17}
+    assert result(expected, "work") == value[1]
+
+
+SMALLEST: Final = 2.0**-126
+NO_BOX: Final = {
+    "l11_zero": (0, 0, 1),
+    "l22_zero": (1, 0, 0),
+    "l11_subnormal": (SMALLEST / 2, 0, 1),
+    "l22_negative": (1, 0, -1),
+    "l11_negative": (-1, 0, 1),
+}
+
+
+@case("core", "rendering_work", flags=["degenerate"], each=NO_BOX)
+def degenerate(value: tuple[float, float, float]) -> Inputs:
+    """A degenerate splat has no box ({key})."""
+    expected = yield {"parameters": splats((4, 4, *value)), "width": 9, "height": 9}
+    assert result(expected, "work") == 0
+
+
+@case("core", "rendering_work", flags=["degenerate"])
+def smallest_factor() -> Inputs:
+    """l11 and l22 of 2^-126 are not degenerate: between pixel edges the box is one pixel, on an edge none."""
+    expected = yield {"parameters": splats((4.5, 4.5, SMALLEST, 0, SMALLEST), (4, 4, SMALLEST, 0, SMALLEST)),
+                      "width": 9, "height": 9}  # fmt: skip
+    assert result(expected, "work") == 1
+
+
+@case("core", "rendering_work")
+def no_splats() -> Inputs:
+    """No splats, no work."""
+    expected = yield {"parameters": splats().reshape(0, 8), "width": 9, "height": 9}
+    assert result(expected, "work") == 0
+
+
+@case("core", "rendering_work", flags=["limit"])
+def sums_in_binary64() -> Inputs:
+    """The edge x - e_x is a hair beyond an integer, which binary32 does not see: a column more."""
+    l11 = np.float32(2 / RADIUS)
+    reach = RADIUS * float(l11)
+    assert np.float32(reach) == 2
+    assert reach != 2
+    expected = yield {"parameters": splats((6, 6, float(l11), 0, 1)), "width": 12, "height": 12}
+    assert result(expected, "work") == (4 if reach < 2 else 6) * 8
+
+
+@case("core", "rendering_work", flags=["many"])
+def many_boxes(rng: np.random.Generator) -> Inputs:
+    """A hundred splats of all sizes, on the frame and around it."""
+    places = rng.uniform(-20, 60, (97, 2))
+    factors = np.exp(rng.uniform(-3, 3, (97, 3))) * [1, -1, 1]
+    parameters = np.column_stack([places, factors, np.ones((97, 3))]).astype(np.float32)
+    expected = yield {"parameters": parameters, "width": 40, "height": 27}
+    assert 0 < result(expected, "work") < 97 * 40 * 27
+
+
+@case("stress", "rendering_work", flags=["overflow", "limit"])
+def beyond_32_bits() -> Inputs:
+    """Nine splats that cover 2^29 pixels: the work exceeds 32 bits."""
+    expected = yield {"parameters": splats(*[(0, 0, 3e38, -3e38, 3e38)] * 9), "width": 32768, "height": 16384}
+    assert result(expected, "work") == 9 << 29

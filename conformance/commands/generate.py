@@ -1,0 +1,49 @@
+"""``generate``: write the vectors, or compare them with what the cases make."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from conformance.commands import add_vectors
+from conformance.vectors import SUMS, set_hash
+from gsvc_ref.cli.progress import ProgressDisplay
+from gsvc_ref.cli.text import plural
+from gsvc_ref.errors import UsageError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    add_vectors(parser)
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--check", action="store_true", help="write nothing; say what would change (exit code 1)")
+    what.add_argument("--full", type=Path, metavar="DIR", help="write the full set of large vectors there instead")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def run(arguments: Namespace) -> int:
+    """Write or compare; 1 if a comparison finds differences."""
+    from conformance import generate
+
+    if arguments.check and not (arguments.vectors / SUMS).is_file():
+        raise UsageError(
+            f"there are no vectors in {arguments.vectors}; write them with: python -m conformance generate"
+        )
+    with ProgressDisplay(quiet=arguments.quiet) as display:
+
+        def on_case(done: int, total: int) -> None:
+            display.update(f"{done} of {plural(total, 'vector')}", done, total)
+
+        if arguments.check:
+            found = generate.differences(arguments.vectors, on_case)
+        elif arguments.full:
+            found = generate.generate_full(arguments.full, on_case)
+        else:
+            found, count = [], generate.generate(arguments.vectors, on_case)
+    for line in found:
+        print(line)
+    if arguments.check:
+        print("the vectors differ from what the cases make" if found else "the vectors are what the cases make")
+    elif arguments.full:
+        print(f"written to {arguments.full}; " + ("these hashes are not known" if found else "all hashes are known"))
+    else:
+        print(f"{plural(count, 'vector')} in {arguments.vectors}, SHA-256 of the set {set_hash(arguments.vectors)}")
+    return 1 if found else 0

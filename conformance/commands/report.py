@@ -1,0 +1,62 @@
+"""``report``: the HTML page or JUnit XML again, from the JSON of a run."""
+
+import json
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from conformance.commands import add_vectors, check_writable
+from conformance.process import read_output
+from conformance.report.console import describe
+from conformance.report.json import from_object
+from conformance.report.pictures import PictureBook
+from conformance.results import Report
+from conformance.selection import VectorFolder
+from gsvc_ref.errors import UsageError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    parser.epilog = "Pictures need the files that `run --keep DIR` left, and the vectors."
+    parser.add_argument("result", type=Path, metavar="RESULT.json", help="what `run --json` wrote")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write the page")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="where `run --keep` left the outputs of failures")
+    parser.add_argument("--show", type=int, default=10, metavar="N", help="describe at most N failures (10)")
+    add_vectors(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Write the files and show the report; the exit code of the run that it is about."""
+    from conformance.report.junit import junit_xml
+    from conformance.report.page import report_html
+    from gsvc_ref.report.page import write_page
+
+    check_writable(arguments.html)
+    check_writable(arguments.junit)
+    report = _read(arguments.result)
+    if arguments.html:
+        pictures = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep else PictureBook()
+        write_page(report_html(report, pictures.pictures()), arguments.html)
+    if arguments.junit:
+        write_page(junit_xml(report), arguments.junit)
+    print("\n".join(describe(report, arguments.show)))
+    return 0 if report.passed else 1
+
+
+def _read(path: Path) -> Report:
+    try:
+        return from_object(json.loads(path.read_text(encoding="utf-8")))
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+def _pictures(report: Report, kept: Path, vectors: Path) -> PictureBook:
+    """The pictures of the failures whose outputs were kept."""
+    if not kept.is_dir():
+        raise UsageError(f"there is no folder {kept}; `run --keep {kept}` makes it")
+    results = {result.id: result for result in report.faults if (kept / result.id / "out").is_dir() and result.outputs}
+    book = PictureBook()
+    for vector in VectorFolder(vectors).read(list(results)):
+        outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.stage.outputs}
+        book.add(vector, outputs, results[vector.id])
+    return book

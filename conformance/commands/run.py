@@ -1,0 +1,68 @@
+"""``run``: judge an implementation by the vectors."""
+
+from argparse import ArgumentParser, Namespace
+from typing import Final
+
+from conformance import implementations, process
+from conformance.commands.judging import add_judging, judge
+from gsvc_ref.cli.arguments import positive
+
+TIMEOUT: Final = 60.0
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    parser.epilog = (
+        "Results are explained in conformance/protocol.md. Exit code 0: at least one class passed, none failed."
+    )
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD STAGE IN_DIR OUT_DIR")
+    which.add_argument("--module", metavar="NAME", help="a Python module with functions named as the stages")
+    which.add_argument("--reference", action="store_true", help="gsvc_ref itself")
+    which.add_argument("--spec", action="store_true", help="the decoder inside spec.md")
+    parser.add_argument(
+        "--timeout",
+        type=positive,
+        default=TIMEOUT,
+        metavar="S",
+        help=f"seconds for one vector, with --impl ({TIMEOUT:g})",
+    )
+    add_judging(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Judge and report."""
+    return judge(arguments, _implementation(arguments), _command(arguments))
+
+
+def _implementation(arguments: Namespace) -> implementations.Implementation:
+    if arguments.impl is not None:
+        return process.ProcessImplementation(arguments.impl, arguments.timeout)
+    if arguments.module is not None:
+        return implementations.load_module(arguments.module)
+    return spec_implementation() if arguments.spec else reference_implementation()
+
+
+def reference_implementation() -> implementations.Implementation:
+    """The project's own reference."""
+    from conformance import reference
+
+    return implementations.from_namespace("gsvc_ref", reference.namespace())
+
+
+def spec_implementation() -> implementations.Implementation:
+    """The decoder inside spec.md."""
+    from conformance import spec
+
+    return implementations.from_namespace("spec.md", spec.namespace())
+
+
+def _command(arguments: Namespace) -> list[str]:
+    words = ["python", "-m", "conformance", "run"]
+    if arguments.impl is not None:
+        words += ["--impl", arguments.impl, *(["--timeout", f"{arguments.timeout:g}"] * (arguments.timeout != TIMEOUT))]
+    elif arguments.module is not None:
+        words += ["--module", arguments.module]
+    else:
+        words.append("--spec" if arguments.spec else "--reference")
+    return words

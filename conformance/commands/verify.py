@@ -1,0 +1,39 @@
+"""``verify``: check the vectors themselves."""
+
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+
+from conformance.commands import add_vectors
+from conformance.selection import ALL_LEVELS, VectorFolder
+from conformance.stage import stages
+from conformance.vectors import set_hash
+from gsvc_ref.cli.text import plural, table
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    add_vectors(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Print counts, the hash of the set and what is wrong; 0 if nothing is, else 1."""
+    from conformance.coverage import verify
+
+    names = VectorFolder(arguments.vectors).names
+    print("\n".join(counts(names)))
+    size = sum(path.stat().st_size for path in arguments.vectors.rglob("*") if path.is_file())
+    print(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
+    problems = verify(arguments.vectors)
+    for problem in problems:
+        print(problem)
+    print(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
+    return 1 if problems else 0
+
+
+def counts(names: list[str]) -> list[str]:
+    """A table of vectors by stage and level."""
+    count = Counter(tuple(name.split("/")[:2]) for name in names)
+    levels = [level for level in ALL_LEVELS if any(key[0] == level for key in count)]
+    rows = [[name, *(str(count[level, name] or "") for level in levels)] for name in stages()]
+    total = ["all", *(str(sum(n for key, n in count.items() if key[0] == level)) for level in levels)]
+    return table(["stage", *levels], [*rows, total])

@@ -1,0 +1,96 @@
+"""Which syntax elements a stream or a plane has, and their values."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_ref.bitstream import SequenceHeader, StreamReader
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.coder import Element
+from gsvc_ref.bitstream.planes import plane
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+
+Number = int | float
+Values = dict[str, tuple[int, set[Number]]]
+"""By element, how often it occurs (a run counts once) and its values."""
+
+IGNORED: Final = ("align", "payload", "unknown")
+"""What a reader's trace has beside elements."""
+
+
+def values(stream: bytes) -> Values:
+    """The values of every element of a stream, up to its fault if it has one."""
+    found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
+    try:
+        splats = 0
+        for frame in StreamReader(stream, trace=_recorder(found)):
+            _note_codes(found, frame.codes, splats)
+            splats = len(frame.splats)
+    except GsvcError:
+        pass
+    return dict(found)
+
+
+def used(stream: bytes) -> dict[str, tuple[Number, Number, int]]:
+    """Of every element of a stream the least value, the largest, and how often it occurs (a run counts once)."""
+    return {name: (min(some), max(some), times) for name, (times, some) in values(stream).items() if some}
+
+
+def plane_values(data: bytes, inputs: Mapping[str, int]) -> Values:
+    """The values of every element of one plane, given the other inputs of decode_plane."""
+    found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
+    header = SequenceHeader(
+        level=1,
+        width=1,
+        height=1,
+        entropy_precision=inputs["entropy_precision"],
+        lane_count=inputs["lane_count"],
+    )
+    plane(Reader(data, trace=_recorder(found)), header, "colors", "", inputs["count"], inputs["alphabet"])
+    return dict(found)
+
+
+def _note(found: defaultdict[str, tuple[int, set[Number]]], name: str, value: Any, times: int = 1) -> None:
+    count, some = found[name]
+    found[name] = count + times, some | set(np.unique(np.asarray(value)).tolist())
+
+
+def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[[Element], None]:
+    def record(element: Element) -> None:
+        name = element.name.rpartition(".")[2]
+        if name == "frame_number_step, offset_step":
+            _note(found, "frame_number_step", element.value[:, 0])
+            _note(found, "offset_step", element.value[:, 1])
+        elif name not in IGNORED:
+            value = element.value
+            end = " (end)" if (element.category, name) == ("end", "frame_count") else ""
+            _note(found, name + end, int.from_bytes(value, "little") % 2**63 if isinstance(value, bytes) else value)
+
+    return record
+
+
+def _note_codes(found: defaultdict[str, tuple[int, set[Number]]], codes: FrameCodes, reference_count: int) -> None:
+    """The planes of a frame by their roles, and the counts that decide what is there."""
+    if codes.survivors is not None:
+        _note(found, "reference_count", reference_count)
+        _note(found, "survivor_count", codes.survivor_count)
+        if reference_count:
+            _note(found, "survivor_map", codes.survivors.astype(np.int64))
+    for block in (codes.inter, codes.intra):
+        if block is not None:
+            for name, symbols in _planes(block):
+                _note(found, name, symbols, symbols.shape[1])
+
+
+def _planes(block: SplatBlock) -> Iterable[tuple[str, Any]]:
+    """The planes of a block by role, each (count, planes)."""
+    if block.positions is not None:
+        yield "position_high", block.positions >> 8
+        yield "position_low", block.positions & 255
+    if block.cholesky is not None:
+        yield "cholesky_code", block.cholesky
+    if block.colors is not None:
+        yield "color_index", block.colors

@@ -1,0 +1,205 @@
+"""The syntax elements of spec.md section 6, and which of their values the vectors have.
+
+An element goes by its name in spec.md, without the plane or channel that it is part of; `frame_count (end)` is that of
+the end chunk. A plane counts as an element by its role (`survivor_map`, `position_high`, ...), with its symbols as
+values; so do `reference_count` and `survivor_count`, on which the presence of others depends.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from conformance.element_values import Number, Values, plane_values, used, values
+from conformance.vectors import VECTORS
+
+Aspect = Literal["min", "max", "default", "reserved", "absent"]
+ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")
+__all__ = ["ELEMENTS", "UNCOVERED", "coverage", "element_rows", "uncovered_elements", "used"]
+
+MOST: Final = 2**32 - 1
+HALF: Final = 65504.0
+TINY: Final = 2.0**-126
+
+
+@dataclass(frozen=True)
+class Syntax:
+    """One syntax element.
+
+    Attributes
+    ----------
+    minimum, maximum
+        Ends of its range; None where the text gives none, or none that means anything for it alone.
+    default
+        The value that stands for "unknown" or "none".
+    absent
+        The element and its value with which this one is absent.
+    refused
+        Reserved values, and values beside the range, that a decoder must refuse.
+    """
+
+    minimum: Number | None = None
+    maximum: Number | None = None
+    default: int | None = None
+    absent: tuple[str, int] | None = None
+    refused: tuple[Number, ...] = ()
+
+    def aspects(self) -> dict[Aspect, tuple[tuple[str | None, Number], ...]]:
+        """What there is to cover: for each aspect the element (None: this one) and values that must occur."""
+        found: dict[Aspect, tuple[tuple[str | None, Number], ...]] = {}
+        single: tuple[tuple[Aspect, Number | None], ...] = (
+            ("min", self.minimum),
+            ("max", self.maximum),
+            ("default", self.default),
+        )
+        for aspect, value in single:
+            if value is not None:
+                found[aspect] = ((None, value),)
+        if self.refused:
+            found["reserved"] = tuple((None, value) for value in self.refused)
+        if self.absent is not None:
+            found["absent"] = (self.absent,)
+        return found
+
+
+def _flag() -> Syntax:
+    return Syntax(0, 1, absent=("splat_count", 0))
+
+
+ELEMENTS: Final[Mapping[str, Syntax]] = {
+    "magic": Syntax(),
+    "version_major": Syntax(1, 1, refused=(0, 2)),
+    "version_minor": Syntax(0, 255),
+    "chunk_type": Syntax(refused=tuple(b"ABXZ\x00@[`{\xe9")),
+    "chunk_length": Syntax(0, 1 << 28, refused=((1 << 20) + 1, (1 << 28) + 1, MOST)),
+    "chunk_crc": Syntax(),
+    "profile": Syntax(0, 0, refused=(1, 255)),
+    "level": Syntax(1, 5, refused=(0, 6)),
+    "flags": Syntax(0, 1, refused=(2, 128)),
+    "width": Syntax(1, 65535, refused=(0,)),
+    "height": Syntax(1, 65535, refused=(0,)),
+    "frame_rate_numerator": Syntax(1, MOST, refused=(0,)),
+    "frame_rate_denominator": Syntax(1, MOST, refused=(0,)),
+    "sample_aspect_numerator": Syntax(0, 65535, default=0),
+    "sample_aspect_denominator": Syntax(0, 65535, default=0),
+    "frame_count": Syntax(0, MOST, default=0),
+    "bit_depth": Syntax(8, 16, refused=(7, 17)),
+    "chroma_format": Syntax(0, 3, refused=(4, 255)),
+    "color_primaries": Syntax(0, 255),
+    "transfer_characteristics": Syntax(0, 255),
+    "matrix_coefficients": Syntax(0, 255),
+    "video_full_range_flag": Syntax(0, 1, refused=(2,)),
+    "chroma_sample_loc_type": Syntax(0, 5, refused=(6,)),
+    "cholesky_bits": Syntax(1, 12, refused=(0, 13)),
+    "color_stages": Syntax(1, 8, refused=(0, 9)),
+    "color_codewords": Syntax(1, 1024, refused=(0, 1025)),
+    "entropy_precision": Syntax(12, 16, refused=(11, 17)),
+    "lane_count": Syntax(1, 64, refused=(0, 65)),
+    "frame_number": Syntax(0, MOST),
+    "parameter_checksum": Syntax(absent=("flags", 0)),
+    "splat_count": Syntax(0, 1 << 22, refused=((1 << 14) + 1, (1 << 22) + 1, MOST)),
+    "new_splat_count": Syntax(0, 1 << 22, refused=((1 << 14) + 1, MOST)),
+    "survivor_map": Syntax(0, 1, absent=("reference_count", 0)),
+    "positions_present": _flag(),
+    "cholesky_present": _flag(),
+    "quantizer_present": _flag(),
+    "colors_present": _flag(),
+    "codebooks_present": _flag(),
+    "block_reserved": Syntax(0, 0, refused=(1, 2, 4)),
+    "position_high": Syntax(0, 0xFB, absent=("positions_present", 0)),
+    "position_low": Syntax(0, 255, absent=("positions_present", 0)),
+    "cholesky_scale": Syntax(TINY, absent=("quantizer_present", 0), refused=(0.0, -1.0, TINY - 2.0**-149)),
+    "cholesky_offset": Syntax(absent=("quantizer_present", 0)),
+    "cholesky_code": Syntax(0, 4095, absent=("cholesky_present", 0)),
+    "stage_count": Syntax(1, 8, absent=("codebooks_present", 0), refused=(0, 2)),
+    "codeword_count": Syntax(1, 1024, absent=("codebooks_present", 0), refused=(0, 2)),
+    "codeword": Syntax(-HALF, HALF, absent=("codebooks_present", 0)),
+    "color_index": Syntax(0, 1023, absent=("colors_present", 0)),
+    "plane_mode": Syntax(0, 2, refused=(3,)),
+    "symbol": Syntax(0, 4095, absent=("plane_mode", 2)),
+    "table_bits": Syntax(1, 16, absent=("plane_mode", 0), refused=(0, 31)),
+    "golomb_order": Syntax(0, 15, absent=("plane_mode", 0)),
+    "first_symbol": Syntax(0, 4094, absent=("plane_mode", 0)),
+    "last_symbol": Syntax(1, 4095, absent=("plane_mode", 0)),
+    "frequency": Syntax(0, 65535, absent=("plane_mode", 0)),
+    "word_count": Syntax(0, absent=("plane_mode", 0), refused=(MOST,)),
+    "lane_state": Syntax(65536, MOST, absent=("plane_mode", 0), refused=(65535, 0)),
+    "word": Syntax(absent=("word_count", 0)),
+    "entry_count": Syntax(0, absent=("index_length", 0)),
+    "frame_number_step": Syntax(0, absent=("entry_count", 0)),
+    "offset_step": Syntax(0, absent=("entry_count", 0)),
+    "frame_count (end)": Syntax(1, MOST, refused=(0,)),
+    "index_length": Syntax(0, default=0, refused=(1, MOST)),
+}
+"""All syntax elements, in the order of spec.md."""
+
+UNCOVERED: Final[Mapping[tuple[str, Aspect], str]] = {
+    ("chunk_length", "max"): "a chunk of 2^28 bytes would be larger than all vectors together",
+    ("frame_count", "max"): "a stream would need 2^32 - 1 frames",
+    ("frame_count (end)", "max"): "a stream would need 2^32 - 1 frames",
+    ("frame_number", "max"): "a stream would need 2^32 frames",
+    ("splat_count", "max"): "2^22 splats take more time than a vector may; 2^14, the limit of level 1, occurs",
+    ("new_splat_count", "max"): "2^22 splats take more time than a vector may; the limit of level 1 is exercised",
+}
+"""Aspects without a vector, and why."""
+
+
+def _of_vectors(folder: Path) -> tuple[dict[str, Values], dict[str, Values]]:
+    """The values in the legal and in the faulty streams and planes of a folder of vectors, by id."""
+    legal: dict[str, Values] = {}
+    faulty: dict[str, Values] = {}
+    for path in sorted(folder.glob("*/*/*/stream.gsvc")):
+        name = path.parent.relative_to(folder).as_posix()
+        (faulty if name.startswith("faulty/") else legal)[name] = values(path.read_bytes())
+    for path in sorted(folder.glob("*/decode_plane/*/manifest.json")):
+        inputs = json.loads(path.read_text(encoding="utf-8"))["inputs"]
+        numbers = {name: entry["value"] for name, entry in inputs.items() if "value" in entry}
+        data = np.load(path.parent / "data.npy").tobytes()
+        legal[path.parent.relative_to(folder).as_posix()] = plane_values(data, numbers)
+    return legal, faulty
+
+
+def coverage(legal: Mapping[str, Values], faulty: Mapping[str, Values]) -> dict[tuple[str, Aspect], list[str]]:
+    """For every aspect of every element the ids that have it; of several refused values each must be had by some."""
+    found: dict[tuple[str, Aspect], list[str]] = {}
+    for element, syntax in ELEMENTS.items():
+        for aspect, wanted in syntax.aspects().items():
+            there = faulty if aspect == "reserved" else legal
+            hits = [
+                [name for name, some in there.items() if value in some.get(other or element, (0, set()))[1]]
+                for other, value in wanted
+            ]
+            found[element, aspect] = sorted({name for some in hits for name in some}) if all(hits) else []
+    return found
+
+
+def element_rows(folder: Path = VECTORS) -> list[list[str]]:
+    """Rows of a table: element, then the vectors that have its min, max, default, reserved values, and lack it."""
+    found = coverage(*_of_vectors(folder))
+    return [
+        [f"`{element}`", *(_cell(element, aspect, syntax.aspects().get(aspect), found) for aspect in ASPECTS)]
+        for element, syntax in ELEMENTS.items()
+    ]
+
+
+def _cell(
+    element: str,
+    aspect: Aspect,
+    wanted: tuple[tuple[str | None, Number], ...] | None,
+    found: Mapping[tuple[str, Aspect], list[str]],
+) -> str:
+    if wanted is None:
+        return "–"
+    what = ", ".join(f"`{other}` {value}" if other else str(value) for other, value in wanted)
+    vectors = found[element, aspect]
+    return f"{what}: {len(vectors) or UNCOVERED.get((element, aspect), '**missing**')}"
+
+
+def uncovered_elements(folder: Path = VECTORS) -> list[str]:
+    """What no vector has without a stated reason, and reasons for what some vector has; a sentence each."""
+    found = coverage(*_of_vectors(folder))
+    missing = [f"no vector has the {a} of {e}" for (e, a), ids in found.items() if not ids and (e, a) not in UNCOVERED]
+    return missing + [f"the {a} of {e} has a vector and a reason to have none" for e, a in UNCOVERED if found[e, a]]

@@ -1,0 +1,47 @@
+"""Two stages behind the process protocol of GSVC's conformance kit (protocol.md); `--module` takes the functions alone.
+
+python -m conformance run --impl "python conformance/examples/minimal.py" --stage render_sum
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Values = dict[str, Any]
+
+
+def from_half(bits: Any) -> Values:
+    """The value of each binary16 pattern."""
+    return {"values": bits.view("<f2").astype("<f4")}
+
+
+def render_sum(parameters: Any, width: int, height: int) -> Values:
+    """(9-1) and (9-2)."""
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    total = np.zeros((height, width, 3))
+    for px, py, l11, l21, l22, *color in parameters.astype("f8"):
+        if 2.0**-126 <= l11 < np.inf and 2.0**-126 <= l22 < np.inf:
+            u1 = (x - px) / l11
+            u2 = (y - py - l21 * u1) / l22
+            sigma = (u1 * u1 + u2 * u2) / 2
+            total += np.where(sigma <= np.log(255), np.exp(-sigma), 0)[..., None] * color
+    return {"sum": total.astype("<f4")}
+
+
+def main(stage: str, in_dir: str, out_dir: str) -> int:
+    """Read the inputs, call the stage's function, write its outputs."""
+    functions: dict[str, Callable[..., Values]] = {"from_half": from_half, "render_sum": render_sum}
+    if stage not in functions:
+        return 77  # not supported
+    inputs = {path.stem: np.load(path) for path in Path(in_dir).glob("*.npy")}
+    inputs = {name: value.item() if value.ndim == 0 else value for name, value in inputs.items()}
+    for name, value in functions[stage](**inputs).items():
+        np.save(Path(out_dir, f"{name}.npy"), value)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(*sys.argv[1:]))

@@ -1,0 +1,280 @@
+"""What an output must be, and the judgement of an actual one: the comparators of the conformance kit.
+
+- `Exact`: the same numbers, type and shape; -0 and +0 are different where the output is of floating point, unless
+  `signed_zeros` is off.
+- `Decision`: the same numbers, or the recorded alternative where the decision lies within its own rounding error.
+- `Bounded`: finite, and within the bound of that very element; optionally the sums over groups of columns, too.
+- `Interval`: within the lowest and the highest value that the bounded class implies.
+- `Refusal`: the kind of error; its rule and bit offset where the implementation is asked for them.
+
+A judgement never depends on what was judged before. NaN, another type or another shape always fail.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+CheckClass = Literal["exact", "decision", "bounded", "interval", "refusal"]
+
+RELATIVE_L2: Final = 1e-5
+"""Most relative L2 error of a group of gradients: single elements may lose more to cancellation, all together not."""
+
+RELATIVE_BIAS: Final = 1e-6
+"""Most signed sum of the errors of a group, as a fraction of the sum of magnitudes: finds a factor that is wrong."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Whether an output is as expected.
+
+    Attributes
+    ----------
+    passed
+        The verdict.
+    message
+        A sentence for people: what differs, where, by how much; empty if passed.
+    ratio
+        The worst error as a multiple of what is allowed, or None for checks without a measure.
+    place
+        Index of the worst element, or None.
+    wrong
+        How many elements are wrong.
+    """
+
+    passed: bool
+    message: str = ""
+    ratio: float | None = None
+    place: tuple[int, ...] | None = None
+    wrong: int = 0
+
+
+def _form(expected: Array, actual: object) -> Judgement | None:
+    """The failure of something that is no array of the expected type and shape, or None."""
+    if not isinstance(actual, np.ndarray):
+        return Judgement(False, f"is {type(actual).__name__}, not an array of {expected.dtype} {expected.shape}")
+    if actual.dtype != expected.dtype:
+        return Judgement(False, f"has type {actual.dtype}; it must be {expected.dtype}")
+    if actual.shape != expected.shape:
+        return Judgement(False, f"has shape {actual.shape}; it must be {expected.shape}")
+    return None
+
+
+def _first(wrong: Array) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.argwhere(wrong)[0])
+
+
+def _differing(expected: Array, actual: Array, wrong: Array) -> Judgement:
+    place, count = _first(wrong), int(np.count_nonzero(wrong))
+    at = f" at {list(place)}" if place else ""
+    of = f" ({count} of {wrong.size} are wrong)" if wrong.size > 1 else ""
+    return Judgement(False, f"is {actual[place]!s}{at}, expected {expected[place]!s}{of}", None, place, count)
+
+
+def _bits(array: Array) -> Array:
+    """The array as integers of the same size, so that NaN and zeros compare by their bits."""
+    return array.view(f"u{array.dtype.itemsize}") if array.dtype.kind == "f" else array
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """The same bits. With `signed_zeros` off, -0 equals +0."""
+
+    value: Array
+    signed_zeros: bool = True
+    check: ClassVar[CheckClass] = "exact"
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare bit for bit."""
+        failure = _form(self.value, actual)
+        if failure or not isinstance(actual, np.ndarray):
+            return failure or Judgement(False)
+        expected, given = (np.ascontiguousarray(a).reshape(a.shape) for a in (self.value, actual))
+        wrong = _bits(expected) != _bits(given)
+        if not self.signed_zeros:
+            wrong &= ~((expected == 0) & (given == 0))
+        return _differing(expected, given, wrong) if wrong.any() else Judgement(True)
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store."""
+        return {"": self.value}
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """Discrete results of comparisons with rounding errors.
+
+    Attributes
+    ----------
+    value
+        What exact arithmetic decides.
+    alternative
+        The other legal result of each element, equal to `value` where the margin exceeds the guard; None: nowhere.
+    margin, guard
+        The least margin of all decisions without an alternative, and the largest error that it had to exceed, in the
+        unit of the decision; both for the reader.
+    """
+
+    value: Array
+    alternative: Array | None = None
+    margin: float | None = None
+    guard: float | None = None
+    check: ClassVar[CheckClass] = "decision"
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare with both."""
+        failure = _form(self.value, actual)
+        if failure or not isinstance(actual, np.ndarray):
+            return failure or Judgement(False)
+        wrong = actual != self.value
+        if self.alternative is not None:
+            wrong = wrong & (actual != self.alternative)
+        return _differing(self.value, actual, np.asarray(wrong)) if np.any(wrong) else Judgement(True)
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store."""
+        some = self.alternative is not None and not np.array_equal(self.alternative, self.value)
+        return {"": self.value, "alternative": self.alternative} if some and self.alternative is not None else {
+            "": self.value
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Bounded:
+    """Numbers with an error bound of their own.
+
+    Attributes
+    ----------
+    value
+        The oracle's, f8.
+    bound
+        f8, the same shape; infinite where any finite number is allowed.
+    dtype
+        The type that an implementation returns.
+    groups
+        Columns (of the last axis) whose errors are judged together too: relative L2 and signed bias.
+    """
+
+    value: Array
+    bound: Array
+    dtype: str = "<f4"
+    groups: tuple[tuple[int, int], ...] = field(default=())
+    check: ClassVar[CheckClass] = "bounded"
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare each element with its bound, then the groups."""
+        failure = _form(np.empty(self.value.shape, self.dtype), actual)
+        if failure or not isinstance(actual, np.ndarray):
+            return failure or Judgement(False)
+        if actual.size == 0:
+            return Judgement(True, ratio=0.0)
+        wide = actual.astype(np.float64)
+        finite = np.isfinite(wide)
+        if not finite.all():
+            place = _first(~finite)
+            return Judgement(False, f"is {actual[place]} at {list(place)}", np.inf, place, int(np.sum(~finite)))
+        error = abs(wide - self.value)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            ratio = np.where(error == 0, 0.0, error / np.asarray(self.bound, np.float64))
+        flat = int(np.argmax(ratio))
+        place = tuple(int(i) for i in np.unravel_index(flat, ratio.shape))
+        worst, wrong = float(ratio[place]), int(np.count_nonzero(~(ratio <= 1)))
+        if wrong:
+            return Judgement(False, self._sentence(actual, error, place, worst, wrong), worst, place, wrong)
+        return self._judge_groups(wide, worst, place)
+
+    def _sentence(self, actual: Array, error: Array, place: tuple[int, ...], worst: float, wrong: int) -> str:
+        at = f" at {list(place)}" if place else ""
+        return (
+            f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}: the error {error[place]:.3g} is {worst:.3g} "
+            f"times the bound {np.asarray(self.bound)[place]:.3g} ({wrong} of {actual.size} are wrong)"
+        )
+
+    def _judge_groups(self, wide: Array, worst: float, place: tuple[int, ...]) -> Judgement:
+        for first, end in self.groups:
+            expected, error = self.value[..., first:end], (wide - self.value)[..., first:end]
+            measures = {
+                "relative L2 error": (float(np.linalg.norm(error)), RELATIVE_L2 * float(np.linalg.norm(expected))),
+                "signed bias": (abs(float(np.sum(error))), RELATIVE_BIAS * float(np.sum(abs(expected)))),
+            }
+            for name, (measured, allowed) in measures.items():
+                if not measured <= allowed:
+                    ratio = measured / allowed if allowed else np.inf
+                    columns = f"columns {first}..{end - 1}"
+                    return Judgement(
+                        False, f"has a {name} of {columns} that is {ratio:.3g} times what is allowed", ratio, place, 0
+                    )
+        return Judgement(True, ratio=worst, place=place)
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store; a bound is rounded up to binary32."""
+        with np.errstate(over="ignore"):  # infinity is a larger bound
+            narrow = np.asarray(self.bound).astype("<f4")
+        low = narrow < self.bound
+        narrow = np.where(low, np.nextafter(narrow, np.float32(np.inf)), narrow).astype("<f4")
+        return {"": np.asarray(self.value, "<f8"), "bound": narrow}
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Integers (frames) that may be anything from `lowest` to `highest`; `value` is what the definition gives."""
+
+    value: Array
+    lowest: Array
+    highest: Array
+    check: ClassVar[CheckClass] = "interval"
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare with both ends."""
+        failure = _form(self.value, actual)
+        if failure or not isinstance(actual, np.ndarray):
+            return failure or Judgement(False)
+        wrong = (actual < self.lowest) | (actual > self.highest)
+        if not np.any(wrong):
+            return Judgement(True)
+        error = abs(actual.astype(np.int64) - self.value.astype(np.int64))
+        worst = tuple(int(i) for i in np.unravel_index(int(np.argmax(np.where(wrong, error, -1))), wrong.shape))
+        rms = float(np.sqrt(np.mean(np.square(error, dtype=np.float64))))
+        message = (
+            f"is {actual[worst]} at {list(worst)}, expected {self.lowest[worst]} to {self.highest[worst]} "
+            f"({int(np.count_nonzero(wrong))} of {wrong.size} are wrong; peak {int(error.max())}, RMS {rms:.3g} steps)"
+        )
+        return Judgement(False, message, None, worst, int(np.count_nonzero(wrong)))
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store."""
+        return {"": self.value, "lowest": self.lowest, "highest": self.highest}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """The outcome of reading a stream: "" or "KIND RULE BIT".
+
+    Attributes
+    ----------
+    value
+        The whole text.
+    in_full
+        Whether rule and bit are compared as well as the kind; so for gsvc_ref and the decoder inside spec.md.
+    """
+
+    value: str
+    in_full: bool = False
+    check: ClassVar[CheckClass] = "refusal"
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare kind, or everything."""
+        if not isinstance(actual, str):
+            return Judgement(False, f"is {type(actual).__name__}, not a text")
+        expected, given = self.value.split(), actual.split()
+        same = expected == given if self.in_full else expected[:1] == given[:1]
+        if same:
+            return Judgement(True)
+        wanted = self.value or "no error"
+        return Judgement(False, f"is {actual or 'no error'!r}, expected {wanted!r}", None, None, 1)
+
+
+Expectation = Exact | Decision | Bounded | Interval | Refusal
+EXPECTATIONS: Final = {kind.check: kind for kind in (Exact, Decision, Bounded, Interval, Refusal)}

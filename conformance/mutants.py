@@ -1,0 +1,246 @@
+"""Plausible bugs, as patches of the code inside spec.md: the vectors must find each, and a report names those it meets.
+
+A mutant is the code of spec.md with a few characters changed. It only runs on vectors that lead to a function which
+the change touches. What it answers tells two things: whether the vector *kills* it (its answer is judged wrong), and
+whether a failing implementation *looks like* it (its answer is what the implementation gave).
+"""
+
+import signal
+import sys
+import types
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from conformance import spec
+from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Judgement, Refusal
+from conformance.stage import Stage, Values
+from conformance.vectors import Vector
+
+SECONDS: Final = 10.0
+"""A mutant that takes longer on one vector is dead: it hangs."""
+
+ALIKE: Final = 0.1
+"""An answer looks like a mutant's if at most this fraction of its wrong elements differs from the mutant's too."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One plausible bug.
+
+    Attributes
+    ----------
+    name
+        A stable name, such as ``pixel-centre-at-integer``.
+    area
+        What it is about, such as ``rendering``.
+    sentence
+        What an implementation with this bug looks like, to stand after "looks like".
+    patches
+        Texts of spec.md's code and what stands there instead; each occurs exactly once.
+    """
+
+    name: str
+    area: str
+    sentence: str
+    patches: tuple[tuple[str, str], ...]
+
+    def namespace(self) -> dict[str, Any]:
+        """Its functions; raises LookupError if a patch does not fit spec.md any more."""
+        return _namespace(self)
+
+    def touched(self) -> frozenset[str]:
+        """The functions that the patches change, or that use what they change; those of a class as ``Bits.uv``."""
+        return _touched(self)
+
+
+def bug(area: str, name: str, sentence: str, *patches: tuple[str, str]) -> Mutant:
+    """A mutant in the order in which one thinks of it."""
+    return Mutant(name, area, sentence, patches)
+
+
+@cache
+def _namespace(mutant: Mutant) -> dict[str, Any]:
+    return spec.namespace(mutant.patches)
+
+
+@cache
+def _touched(mutant: Mutant) -> frozenset[str]:
+    original, mutated = _definitions(spec.namespace()), _definitions(mutant.namespace())
+    changed = {name for name in {*original, *mutated} if _text(original.get(name)) != _text(mutated.get(name))}
+    constants = {name for name in changed if not isinstance(original.get(name), types.FunctionType)}
+    users = {
+        name
+        for name, value in original.items()
+        if isinstance(value, types.FunctionType) and constants.intersection(_names(value.__code__))
+    }
+    return frozenset(changed | users)
+
+
+def _definitions(namespace: Mapping[str, Any]) -> dict[str, Any]:
+    """Functions, methods and constants by name."""
+    found: dict[str, Any] = {}
+    for name, value in namespace.items():
+        if isinstance(value, type):
+            found |= {f"{name}.{method}": member for method, member in vars(value).items()}
+        elif not name.startswith("__"):
+            found[name] = value
+    return {name: value for name, value in found.items() if not isinstance(value, types.ModuleType)}
+
+
+def _text(value: Any) -> Any:
+    """Something that differs when a definition does."""
+    if isinstance(value, types.FunctionType):
+        return _code(value.__code__), repr(value.__defaults__)
+    return repr(value)
+
+
+def _code(code: types.CodeType) -> Any:
+    constants = [_code(c) if isinstance(c, types.CodeType) else repr(c) for c in code.co_consts]
+    return code.co_code, code.co_names, constants
+
+
+def _names(code: types.CodeType) -> Iterator[str]:
+    """The global names that a function uses."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _names(constant)
+
+
+def called(stage: Stage, inputs: Values) -> frozenset[str]:
+    """The functions of spec.md that the inputs of a stage lead to: only mutants that touch one can answer otherwise."""
+    names = set()
+
+    def note(frame: types.FrameType, event: str, argument: object) -> None:
+        if event == "call":
+            names.add(frame.f_code.co_qualname.partition(".<locals>")[0])
+
+    function = spec.namespace()[stage.name]
+    sys.setprofile(note)
+    try:
+        with np.errstate(all="ignore"):
+            function(**inputs)
+    finally:
+        sys.setprofile(None)
+    return frozenset(names)
+
+
+class HangsError(Exception):
+    """A mutant took longer than SECONDS."""
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Raise `HangsError` after so many seconds; in the main thread of a process only."""
+
+    def ring(*_: object) -> None:
+        raise HangsError(f"more than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def answer(mutant: Mutant, stage: Stage, inputs: Values) -> Values | None:
+    """What a mutant gives for the inputs of a stage; None if it crashes or hangs."""
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"), time_limit(SECONDS):
+            warnings.simplefilter("ignore")
+            given: Values = mutant.namespace()[stage.name](**inputs)
+            return given
+    except Exception:
+        return None
+
+
+def judge(expected: Mapping[str, Expectation], outputs: Mapping[str, Any]) -> Iterator[Judgement]:
+    """The judgement of each output."""
+    return (expectation.judge(outputs.get(name)) for name, expectation in expected.items())
+
+
+def kills(vector: Vector, mutant: Mutant) -> bool:
+    """Whether a vector finds a mutant."""
+    outputs = answer(mutant, vector.stage, vector.inputs)
+    return outputs is None or not all(verdict.passed for verdict in judge(vector.expected, outputs))
+
+
+def killed_by(vectors: Iterable[Vector], mutants: Iterable[Mutant]) -> dict[str, list[str]]:
+    """For each vector's id the names of the mutants that it kills."""
+    mutants = list(mutants)
+    table = {}
+    for vector in vectors:
+        run = called(vector.stage, vector.inputs)
+        able = (mutant for mutant in mutants if run & mutant.touched())
+        table[vector.id] = [mutant.name for mutant in able if kills(vector, mutant)]
+    return table
+
+
+def diagnose(vector: Vector, outputs: Values) -> list[str]:
+    """What wrong outputs look like, the most likely first; empty if they look like no mutant."""
+    scores = []
+    run = called(vector.stage, vector.inputs)
+    for mutant in all_mutants():
+        if run & mutant.touched():
+            theirs = answer(mutant, vector.stage, vector.inputs)
+            score = None if theirs is None else _likeness(vector.expected, outputs, theirs)
+            if score is not None and score <= ALIKE:
+                scores.append((score, mutant.sentence))
+    return [sentence for _, sentence in sorted(scores)[:2]]
+
+
+def _likeness(expected: Mapping[str, Expectation], outputs: Values, theirs: Values) -> float | None:
+    """How many of the wrong elements stay wrong if the mutant's answer is taken as expected, as a fraction."""
+    wrong = still_wrong = 0
+    for name, expectation in expected.items():
+        mine, given = outputs.get(name), theirs.get(name)
+        now = expectation.judge(mine)
+        centred = _around(expectation, given)
+        if centred is None:
+            return None
+        then = centred.judge(mine)
+        wrong += now.wrong or (not now.passed)
+        still_wrong += then.wrong or (not then.passed)
+    return still_wrong / wrong if wrong else None
+
+
+def _around(expectation: Expectation, value: Any) -> Expectation | None:
+    """The expectation that a mutant's answer would fulfil, with the same tolerance."""
+    if isinstance(expectation, Refusal):
+        return replace(expectation, value=value) if isinstance(value, str) else None
+    if not isinstance(value, np.ndarray):
+        return None
+    if isinstance(expectation, Bounded):
+        same = value.shape == expectation.value.shape
+        wide = value.astype(np.float64)
+        return replace(expectation, value=wide, groups=()) if same else Bounded(wide, np.zeros(wide.shape))
+    if isinstance(expectation, Exact):
+        return replace(expectation, value=value)
+    if isinstance(expectation, Decision):
+        return Decision(value)
+    return _interval_around(expectation, value)
+
+
+def _interval_around(expectation: Interval, value: Any) -> Expectation:
+    if value.shape != expectation.value.shape or value.dtype != expectation.value.dtype:
+        return Exact(value)
+    peak = np.iinfo(value.dtype).max
+    below = expectation.value - np.minimum(expectation.lowest, expectation.value)
+    above = np.maximum(expectation.highest, expectation.value) - expectation.value
+    return Interval(value, value - np.minimum(below, value), value + np.minimum(above, peak - value))
+
+
+@cache
+def all_mutants() -> tuple[Mutant, ...]:
+    """All named mutants, area by area."""
+    from conformance.bugs import MUTANTS
+
+    return MUTANTS

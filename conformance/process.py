@@ -1,0 +1,180 @@
+"""The process protocol (protocol.md): a command that is started for each vector, and files in and out.
+
+Nothing that a command writes is trusted: files are measured before they are read, nothing in them is executed, and no
+process that it started outlives the vector.
+"""
+
+import io
+import os
+import shlex
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from conformance.implementations import Answer, Failure, Unsupported
+from conformance.stage import Port, Stage, Values
+from conformance.vectors import npy
+from gsvc_ref.errors import UsageError
+
+EXIT_UNSUPPORTED: Final = 77
+"""Exit status of a command that does not know a stage, or does not support what the inputs ask for."""
+MOST_BYTES: Final = 1 << 28
+"""Of one output file; larger ones are not loaded."""
+MOST_TEXT: Final = 1 << 12
+"""Bytes of an output text."""
+LOG_BYTES: Final = 4096
+"""How much of the end of a process's output is kept."""
+
+
+class ProcessImplementation:
+    """A command that is started as ``CMD STAGE IN_DIR OUT_DIR`` for each vector (protocol.md).
+
+    Parameters
+    ----------
+    command
+        As for a shell, but no shell sees it.
+    timeout
+        Seconds that it may take for one vector.
+    """
+
+    in_full: Final = False
+
+    def __init__(self, command: str, timeout: float) -> None:
+        try:
+            self._words = shlex.split(command)
+        except ValueError as error:
+            raise UsageError(f"the command {command!r} cannot be split into words: {error}") from None
+        if not self._words or shutil.which(self._words[0]) is None:
+            raise UsageError(f"there is no program {(self._words or [''])[0]!r}; give its path, such as ./decoder")
+        self.name, self._timeout = command, timeout
+
+    def run(self, stage: Stage, inputs: Values) -> Answer:
+        """Start the command and read what it wrote."""
+        with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
+            inside, outside = Path(folder, "in"), Path(folder, "out")
+            inside.mkdir()
+            outside.mkdir()
+            write_inputs(inside, inputs)
+            with tempfile.TemporaryFile() as printed:
+                words = [*self._words, stage.name, str(inside), str(outside)]
+                try:
+                    status = _status(words, printed, self._timeout)
+                except OSError as error:
+                    return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
+                log = _tail(printed)
+            if failure := self._failure(status, log):
+                return failure
+            try:
+                return {port.name: read_output(outside, port) for port in stage.outputs}
+            except (OSError, ValueError) as error:
+                return Failure("error", f"exit status 0, but {error}", log)
+
+    def _failure(self, status: int | None, log: str) -> Unsupported | Failure | None:
+        if status is None:
+            return Failure("timeout", f"no end after {self._timeout:g} s", log)
+        if status == EXIT_UNSUPPORTED:
+            return Unsupported(f"exit status {EXIT_UNSUPPORTED}")
+        if status < 0:
+            return Failure("crash", f"killed by {_signal_name(-status)}", log)
+        return Failure("error", f"exit status {status}", log) if status else None
+
+
+def write_inputs(folder: Path, inputs: Values) -> None:
+    """Write the inputs of a stage as files: NAME.gsvc for streams, NAME.npy for all else."""
+    for name, value in inputs.items():
+        if isinstance(value, bytes):
+            (folder / f"{name}.gsvc").write_bytes(value)
+        else:
+            dtype = {int: "<i8", float: "<f8"}.get(type(value))
+            (folder / f"{name}.npy").write_bytes(npy(np.asarray(value, dtype)))
+
+
+def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
+    """An output from its file.
+
+    Raises
+    ------
+    OSError, ValueError
+        It is missing, too large or not what its name says; with a message that begins with the file's name.
+    """
+    if port.type == "text":
+        return _read_file(folder / f"{port.name}.txt", MOST_TEXT).decode(errors="replace").strip()
+    name = f"{port.name}.npy"
+    data = _read_file(folder / name, MOST_BYTES)
+    file = io.BytesIO(data)
+    try:
+        header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, column_order, dtype = header[np.lib.format.read_magic(file)](file)
+    except Exception as error:  # whatever a hostile header makes of Python's parser
+        raise ValueError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
+    if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * _product(shape):
+        raise ValueError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
+    flat = np.frombuffer(data, dtype, offset=file.tell())
+    try:
+        return np.array(flat.reshape(shape, order="F" if column_order else "C"), order="C")
+    except (ValueError, OverflowError):  # an empty array with a length beyond any address
+        raise ValueError(f"{name} has the shape {shape}") from None
+
+
+def _product(shape: tuple[int, ...]) -> int:
+    """Elements of a shape; -1, which no file fits, for one that is no shape."""
+    count = 1
+    for length in shape:
+        count = count * length if length >= 0 <= count else -1
+    return count
+
+
+def _read_file(path: Path, most: int) -> bytes:
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        raise ValueError(f"there is no {path.name}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"{path.name} is no ordinary file")
+    if status.st_size > most:
+        raise ValueError(f"{path.name} has {status.st_size} bytes; at most {most} are read")
+    return path.read_bytes()
+
+
+def _status(words: list[str], printed: IO[bytes], timeout: float) -> int | None:
+    """Run a command in a process group of its own, which does not outlive it; its exit status, None over the time."""
+    process = subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=printed, stderr=subprocess.STDOUT, start_new_session=True
+    )
+    try:
+        return process.wait(timeout)
+    except subprocess.TimeoutExpired:
+        return None
+    finally:
+        _kill(process)
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        with suppress(ProcessLookupError, PermissionError):  # nobody is left; macOS says so of a group of zombies
+            os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _tail(printed: IO[bytes]) -> str:
+    size = printed.seek(0, os.SEEK_END)
+    printed.seek(max(0, size - LOG_BYTES))
+    return printed.read(LOG_BYTES).decode(errors="replace").strip()
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,90 @@
+"""A run of the suite as JSON, and back."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary
+from gsvc_ref.errors import UsageError
+
+FORMAT: Final = "gsvc-conformance-report/1"
+INFINITE: Final = "infinite"
+"""How JSON has a ratio that is not finite."""
+
+
+def to_object(report: Report) -> dict[str, Any]:
+    """A report for JSON; what can be derived from the results stands there too, for other programs."""
+    return {
+        "format": FORMAT,
+        "passed": report.passed,
+        "verdict": report.verdict,
+        "environment": dict(report.environment),
+        "command": report.command,
+        "selection": report.selection,
+        "notes": list(report.notes),
+        "classes": [
+            {**_summary_object(group), "verdict": group.verdict, "reason": group.reason} for group in report.groups()
+        ],
+        "stages": [_summary_object(stage) for stage in report.stages()],
+        "results": [_result_object(result) for result in report.results],
+    }
+
+
+def _summary_object(summary: Summary) -> dict[str, Any]:
+    counts: dict[str, int] = {outcome: summary.counts.get(outcome, 0) for outcome in OUTCOMES}
+    return {"name": summary.name, **counts, "ratio": _to_ratio(summary.ratio), "place": summary.place}
+
+
+def _result_object(result: Result) -> dict[str, Any]:
+    outputs = [
+        {"name": out.name, "check": out.check, "passed": out.passed, "message": out.message,
+         "ratio": _to_ratio(out.ratio), "place": None if out.place is None else list(out.place), "wrong": out.wrong}
+        for out in result.outputs
+    ]  # fmt: skip
+    return {
+        "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
+        "message": result.message, "outputs": outputs, "causes": list(result.causes), "log": result.log,
+        "seconds": round(result.seconds, 3),
+    }  # fmt: skip
+
+
+def from_object(value: Any) -> Report:
+    """A report from what `to_object` made.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    try:
+        if value["format"] != FORMAT:
+            raise UsageError(f"the format is {value['format']!r}, not {FORMAT!r}")
+        results = [_from_result(entry) for entry in value["results"]]
+        fields = (value["environment"], value["command"], value["selection"], value["notes"])
+        return Report(*fields, results)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"this is not a report that `run --json` wrote ({type(error).__name__}: {error})") from None
+
+
+def _from_result(entry: Mapping[str, Any]) -> Result:
+    if entry["outcome"] not in OUTCOMES or entry["id"].count("/") != 2:
+        raise UsageError(f"{entry['id']!r} has the outcome {entry['outcome']!r}; there are {', '.join(OUTCOMES)}")
+    outputs = tuple(
+        OutputResult(
+            out["name"], out["check"], out["passed"], out["message"], _from_ratio(out["ratio"]),
+            None if out["place"] is None else tuple(out["place"]), out["wrong"],
+        )
+        for out in entry["outputs"]
+    )  # fmt: skip
+    return Result(
+        entry["id"], entry["title"], entry["class"], entry["outcome"], entry["message"], outputs,
+        tuple(entry["causes"]), entry["log"], entry["seconds"],
+    )  # fmt: skip
+
+
+def _to_ratio(ratio: float | None) -> float | str | None:
+    return ratio if ratio is None or math.isfinite(ratio) else INFINITE
+
+
+def _from_ratio(value: Any) -> float | None:
+    return math.inf if value == INFINITE else value

@@ -1,0 +1,49 @@
+"""A run of the suite as JUnit XML, which continuous integration shows as tests."""
+
+import re
+from xml.etree import ElementTree as ET
+
+from conformance.results import FAULTS, Report, Result
+
+NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML 1.0 cannot hold, not even escaped."""
+
+
+def junit_xml(report: Report) -> str:
+    """The report: a suite for each stage, a test for each vector.
+
+    What must pass and is unsupported is a failure in a class that failed for it, and skipped elsewhere.
+    """
+    failed = {group.name for group in report.groups() if group.verdict == "failed"}
+    root = ET.Element("testsuites", name="GSVC conformance", tests=str(len(report.results)))
+    for stage in report.stages():
+        suite = ET.SubElement(root, "testsuite", name=stage.name, tests=str(stage.total))
+        tests = [_test(result, report, failed) for result in report.results if result.stage == stage.name]
+        suite.extend(tests)
+        for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
+            suite.set(name, str(sum(test.find(kind) is not None for test in tests)))
+        suite.set("time", f"{sum(float(test.get('time', 0)) for test in tests):.3f}")
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _test(result: Result, report: Report, failed: set[str]) -> ET.Element:
+    level, stage, slug = result.id.split("/")
+    test = ET.Element("testcase", classname=f"{level}.{stage}", name=slug, time=f"{result.seconds:.3f}")
+    if result.outcome == "pass":
+        return test
+    must = result.outcome == "unsupported" and result.level != "uncommon" and result.group in failed
+    wrong = result.outcome in FAULTS or must
+    kind = ("failure" if result.outcome == "fail" or must else "error") if wrong else "skipped"
+    entry = ET.SubElement(test, kind, message=_clean(f"{result.outcome}: {result.message}"))
+    if wrong:
+        entry.set("type", result.outcome)
+        causes = [f"looks like {cause}" for cause in result.causes]
+        entry.text = _clean("\n".join([result.title, *causes, f"again: {report.again(result.id)}"]))
+    if result.log:
+        ET.SubElement(test, "system-out").text = _clean(result.log)
+    return test
+
+
+def _clean(text: str) -> str:
+    return NOT_XML.sub("\ufffd", text)

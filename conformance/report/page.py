@@ -1,0 +1,153 @@
+"""A run of the suite as one HTML page that needs nothing else: no network, no scripts."""
+
+import html
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Final
+
+from conformance.report.console import ratio_text
+from conformance.report.pictures import KEY, Picture
+from conformance.results import OUTCOMES, Report, Result, Summary
+from gsvc_ref.report.data import Figure
+from gsvc_ref.report.page import cards_section, document, notes_section
+
+MOST_FAULTS: Final = 200
+"""How many wrong vectors are described; all of them stand in the table of vectors."""
+
+
+def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None = None) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    report
+        The report.
+    pictures
+        Of wrong vectors, by id.
+    """
+    title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
+    sections = [
+        f"<h1>{html.escape(title)}</h1>",
+        f'<p class="verdict {"good" if report.passed else "bad"}">{"Passed" if report.passed else "Failed"}</p>',
+        f"<p>{html.escape(report.verdict)}.</p>",
+        f"<pre>{html.escape(report.command)}</pre>",
+        cards_section(_cards(report)),
+        _classes(report.groups()),
+        _stages(report.stages()),
+        _faults(report, pictures or {}),
+        _waived(report.results),
+        _vectors(report.results),
+        notes_section(report.notes, report.environment),
+    ]
+    style = resources.files("conformance.report").joinpath("style.css").read_text(encoding="utf-8")
+    return document(title, sections).replace("</style>", f"{style}</style>", 1)
+
+
+def _cards(report: Report) -> list[Figure]:
+    count: dict[str, int] = {
+        outcome: sum(result.outcome == outcome for result in report.results) for outcome in OUTCOMES
+    }
+    ratios = [stage.ratio for stage in report.stages() if stage.ratio is not None]
+    cards = [
+        Figure("Vectors", f"{len(report.results):,}", "", report.selection and f"only {report.selection}"),
+        Figure("Pass", f"{count['pass']:,}"),
+        Figure("Wrong", f"{len(report.faults):,}", "", _split(count, ("fail", "error", "crash", "timeout"))),
+        Figure("Unsupported", f"{count['unsupported']:,}"),
+    ]
+    if count["waived"] or count["skipped"]:
+        excused = count["waived"] + count["skipped"]
+        cards.append(Figure("Excused", f"{excused:,}", "", _split(count, ("waived", "skipped"))))
+    if ratios:
+        cards.append(Figure("Worst error/bound", ratio_text(max(ratios)), "", "1 is allowed"))
+    return cards
+
+
+def _split(count: Mapping[str, int], names: Sequence[str]) -> str:
+    return ", ".join(f"{count[name]} {name}" for name in names if count[name])
+
+
+def _classes(groups: Sequence[Summary]) -> str:
+    rows = "".join(
+        f'<tr><td class="text">{html.escape(group.name)}</td>'
+        f'<td class="text"><span class="badge {_badge(group)}">{group.verdict}</span></td>'
+        f'<td class="text long">{html.escape(group.reason)}</td></tr>'
+        for group in groups
+    )
+    return f"<h2>Classes</h2>{_table(('class', 'verdict', 'because'), rows, 3)}"
+
+
+def _badge(group: Summary) -> str:
+    return {"passed": "good", "failed": "bad"}.get(str(group.verdict), "other")
+
+
+def _stages(stages: Sequence[Summary]) -> str:
+    rows = ""
+    for stage in stages:
+        excused = stage.counts.get("waived", 0) + stage.counts.get("skipped", 0)
+        numbers = (stage.total, stage.counts.get("pass", 0), stage.faults, stage.counts.get("unsupported", 0), excused)
+        cells = "".join(f"<td>{number or ''}</td>" for number in numbers)
+        mark = ' class="key"' if stage.faults else ""
+        rows += (
+            f'<tr{mark}><td class="text">{html.escape(stage.name)}</td>{cells}<td>{ratio_text(stage.ratio)}</td>'
+            f'<td class="text long">{html.escape(stage.place)}</td></tr>'
+        )
+    head = ("stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound", "where")
+    return f"<h2>Stages</h2>{_table(head, rows, 1)}"
+
+
+def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
+    faults = report.faults
+    if not faults:
+        return ""
+    left_out = len(faults) - MOST_FAULTS
+    more = f"<p>{left_out} more stand in the table of vectors.</p>" if left_out > 0 else ""
+    shown = "".join(
+        _fault(result, report.again(result.id), pictures.get(result.id, ())) for result in faults[:MOST_FAULTS]
+    )
+    return f'<h2>What is wrong</h2><p class="caption">{KEY}</p>{shown}{more}'
+
+
+def _fault(result: Result, command: str, pictures: Sequence[Picture]) -> str:
+    causes = "".join(f"<li>looks like {html.escape(cause)}</li>" for cause in result.causes)
+    figures = "".join(
+        f'<figure><img class="pixels" src="{picture.uri}" alt="{html.escape(picture.caption)}">'
+        f"<figcaption>{html.escape(picture.caption)}</figcaption></figure>"
+        for picture in pictures
+    )
+    return (
+        f'<section class="fault"><h3><span class="badge bad">{result.outcome}</span> {html.escape(result.id)}</h3>'
+        f"<p>{html.escape(result.title)}</p><p>{html.escape(result.message)}</p>"
+        + (f'<ul class="causes">{causes}</ul>' if causes else "")
+        + (f'<div class="grid3">{figures}</div>' if figures else "")
+        + (f'<pre class="log">{html.escape(result.log)}</pre>' if result.log else "")
+        + f"<pre>{html.escape(command)}</pre></section>"
+    )
+
+
+def _waived(results: Sequence[Result]) -> str:
+    waived = [result for result in results if result.outcome in ("waived", "skipped")]
+    items = "".join(f"<li>{html.escape(r.id)}, {r.outcome}: {html.escape(r.message)}</li>" for r in waived)
+    return f"<h2>What does not count</h2><ul>{items}</ul>" if items else ""
+
+
+def _vectors(results: Sequence[Result]) -> str:
+    rows = "".join(
+        f'<tr><td class="text">{html.escape(result.id)}</td><td class="text">{result.outcome}</td>'
+        f'<td>{ratio_text(result.ratio)}</td><td class="text long">{html.escape(result.title)}</td></tr>'
+        for result in results
+    )
+    head = ("vector", "result", "worst error/bound", "what it shows")
+    return (
+        f"<h2>Every vector</h2><details><summary>Table of {len(results):,} vectors</summary>"
+        f"{_table(head, rows, 2)}</details>"
+    )
+
+
+def _table(head: Sequence[str], rows: str, texts: int) -> str:
+    """A table whose first columns, and the last one, are texts."""
+    last = len(head) - 1
+    cells = "".join(
+        f'<th class="text">{name}</th>' if index < texts or index == last else f"<th>{name}</th>"
+        for index, name in enumerate(head)
+    )
+    return f'<div class="scroll"><table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table></div>'

@@ -1,0 +1,217 @@
+"""What a run of the suite found, as plain data: results, verdicts, the report."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, get_args
+
+from conformance.stage import stages
+
+Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
+OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
+FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
+"""Outcomes of something that is wrong."""
+
+Verdict = Literal["passed", "waived", "failed", "not claimed"]
+
+
+@dataclass(frozen=True)
+class OutputResult:
+    """The judgement of one output.
+
+    Attributes
+    ----------
+    name, check
+        The output and its class of check.
+    passed, message, ratio, place, wrong
+        As in `expectations.Judgement`.
+    """
+
+    name: str
+    check: str
+    passed: bool
+    message: str = ""
+    ratio: float | None = None
+    place: tuple[int, ...] | None = None
+    wrong: int = 0
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one vector.
+
+    Attributes
+    ----------
+    id, title
+        Of the vector; the id is ``level/stage/slug``.
+    group
+        The conformance class.
+    outcome
+        One of `OUTCOMES`.
+    message
+        Why it did not pass, a sentence; empty for a pass.
+    outputs
+        The judgement of each output; none where there was no answer.
+    causes
+        What the wrong outputs look like, the most likely first.
+    log
+        The end of what a process printed.
+    seconds
+        How long the implementation took.
+    """
+
+    id: str
+    title: str
+    group: str
+    outcome: Outcome
+    message: str = ""
+    outputs: tuple[OutputResult, ...] = ()
+    causes: tuple[str, ...] = ()
+    log: str = ""
+    seconds: float = 0.0
+
+    @property
+    def level(self) -> str:
+        """``core``, ``uncommon``, ``stress``, ``faulty`` or ``full``."""
+        return self.id.split("/")[0]
+
+    @property
+    def stage(self) -> str:
+        """The name of the stage."""
+        return self.id.split("/")[1]
+
+    @property
+    def ratio(self) -> float | None:
+        """The worst error as a multiple of its bound, of all outputs that have one."""
+        return max((output.ratio for output in self.outputs if output.ratio is not None), default=None)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A stage or a class of stages in numbers.
+
+    Attributes
+    ----------
+    name
+        Of the stage or class.
+    counts
+        Vectors by outcome.
+    ratio, place
+        The worst error/bound ratio of the bounded outputs, and where: ``id output [index]``.
+    verdict
+        Of a class; None for a stage.
+    reason
+        What the verdict rests on, a sentence.
+    """
+
+    name: str
+    counts: Mapping[Outcome, int]
+    ratio: float | None
+    place: str
+    verdict: Verdict | None = None
+    reason: str = ""
+
+    @property
+    def total(self) -> int:
+        """How many vectors."""
+        return sum(self.counts.values())
+
+    @property
+    def faults(self) -> int:
+        """How many of them are wrong."""
+        return sum(self.counts.get(outcome, 0) for outcome in FAULTS)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A run of the suite.
+
+    Attributes
+    ----------
+    environment
+        What was run on what: name and value.
+    command
+        The command that ran it; with ``--case ID`` behind it, it runs one vector again.
+    selection
+        What was selected, in words; empty for all.
+    notes
+        Sentences that a reader must know.
+    results
+        In the order of the vectors.
+    """
+
+    environment: Mapping[str, str]
+    command: str
+    selection: str
+    notes: Sequence[str]
+    results: Sequence[Result] = field(default=())
+
+    @property
+    def faults(self) -> list[Result]:
+        """What is wrong."""
+        return [result for result in self.results if result.outcome in FAULTS]
+
+    @property
+    def passed(self) -> bool:
+        """Whether at least one class passed (waivers apart) and none failed."""
+        verdicts = {group.verdict for group in self.groups()}
+        return "failed" not in verdicts and not verdicts.isdisjoint({"passed", "waived"})
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in a sentence."""
+        names: dict[str, list[str]] = {}
+        for group in self.groups():
+            names.setdefault(str(group.verdict), []).append(group.name)
+        parts = [f"{verdict}: {', '.join(names[verdict])}" for verdict in get_args(Verdict) if verdict in names]
+        of = f" (only {self.selection})" if self.selection else ""
+        return f"{'; '.join(parts)}{of}"
+
+    def again(self, vector: str) -> str:
+        """The command that runs one vector again."""
+        return f"{self.command} --case {vector}"
+
+    def stages(self) -> list[Summary]:
+        """Each stage in numbers, in the order of spec.md."""
+        names = [name for name in stages() if any(result.stage == name for result in self.results)]
+        return [_summary(name, [result for result in self.results if result.stage == name]) for name in names]
+
+    def groups(self) -> list[Summary]:
+        """Each conformance class with its verdict, in the order of spec.md."""
+        there = {result.group for result in self.results}
+        names = dict.fromkeys(stage.group for stage in stages().values() if stage.group in there)
+        return [_class(name, [result for result in self.results if result.group == name]) for name in names]
+
+
+def _summary(name: str, results: Sequence[Result]) -> Summary:
+    counts = Counter(result.outcome for result in results)
+    measured = [(out.ratio, result, out) for result in results for out in result.outputs if out.ratio is not None]
+    if not measured:
+        return Summary(name, counts, None, "")
+    ratio, result, output = max(measured, key=lambda entry: entry[0])
+    index = f" {list(output.place)}" if output.place else ""
+    return Summary(name, counts, ratio, f"{result.id} {output.name}{index}")
+
+
+def _class(name: str, results: Sequence[Result]) -> Summary:
+    """The verdict of a class: every core, stress and faulty vector passes; an uncommon one may be unsupported."""
+    summary = _summary(name, results)
+    faults = sum(result.outcome in FAULTS for result in results)
+    missing = [result for result in results if result.outcome == "unsupported" and result.level != "uncommon"]
+    excused = sum(result.outcome in ("waived", "skipped") for result in results)
+    verdict: Verdict
+    if not faults and not summary.counts.get("pass", 0):
+        verdict, reason = "not claimed", f"{summary.counts.get('unsupported', 0)} vectors are unsupported"
+        reason += f", {excused} waived or skipped" if excused else ""
+    elif faults or missing:
+        stages_missing = ", ".join(dict.fromkeys(result.stage for result in missing))
+        wrong = [f"{faults} of {len(results)} vectors are wrong"] if faults else []
+        wrong += [f"{len(missing)} that must pass are unsupported ({stages_missing})"] if missing else []
+        verdict, reason = "failed", "; ".join(wrong)
+    elif excused:
+        verdict, reason = "waived", f"{excused} of {len(results)} vectors are waived or skipped, the others pass"
+    else:
+        unsupported = summary.counts.get("unsupported", 0)
+        verdict, reason = "passed", f"{len(results) - unsupported} vectors pass"
+        reason += f", {unsupported} uncommon ones are unsupported" if unsupported else ""
+    return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason)

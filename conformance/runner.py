@@ -1,0 +1,134 @@
+"""The judgement of an implementation, vector by vector."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from conformance.expectations import Expectation, Refusal
+from conformance.implementations import Failure, Implementation, Unsupported
+from conformance.results import FAULTS, Outcome, OutputResult, Result
+from conformance.stage import Values
+from conformance.vectors import Vector
+
+Diagnose = Callable[[Vector, Values], list[str]]
+"""What wrong outputs look like, the most likely first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A vector, what was answered (None: nothing) and what became of it."""
+
+    vector: Vector
+    outputs: Values | None
+    result: Result
+
+
+def run_suite(
+    implementation: Implementation,
+    vectors: Iterable[Vector],
+    *,
+    waivers: Mapping[str, str] | None = None,
+    skips: Mapping[str, str] | None = None,
+    diagnose: Diagnose | None = None,
+    on_result: Callable[[Judged], object] | None = None,
+) -> list[Result]:
+    """Judge an implementation by vectors.
+
+    Parameters
+    ----------
+    implementation
+        Is given copies of the inputs.
+    vectors
+        In the order in which they are run.
+    waivers, skips
+        By id, why a vector that is wrong does not count, and why one is not run.
+    diagnose
+        Is asked about wrong outputs.
+    on_result
+        Is called after each vector.
+    """
+    results = []
+    for vector in vectors:
+        if vector.id in (skips or {}):
+            judged = Judged(vector, None, _result(vector, "skipped", (skips or {})[vector.id]))
+        else:
+            judged = judge_vector(implementation, vector, diagnose)
+        if vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
+            message = f"{(waivers or {})[vector.id]} (waived {judged.result.outcome}: {judged.result.message})"
+            judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
+        results.append(judged.result)
+        if on_result:
+            on_result(judged)
+    return results
+
+
+def judge_vector(implementation: Implementation, vector: Vector, diagnose: Diagnose | None = None) -> Judged:
+    """Ask for one vector's outputs and judge them."""
+    start = time.perf_counter()
+    answer = implementation.run(vector.stage, _copies(vector.inputs))
+    seconds = time.perf_counter() - start
+    if isinstance(answer, Unsupported):
+        return Judged(vector, None, _result(vector, "unsupported", answer.reason, seconds=seconds))
+    if isinstance(answer, Failure):
+        result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
+        return Judged(vector, None, result)
+    return Judged(vector, answer, judge_outputs(vector, answer, implementation.in_full, diagnose, seconds))
+
+
+def judge_outputs(
+    vector: Vector, outputs: Values, in_full: bool = False, diagnose: Diagnose | None = None, seconds: float = 0.0
+) -> Result:
+    """The result of a vector whose outputs are there.
+
+    Parameters
+    ----------
+    vector, outputs
+        The vector and all its outputs.
+    in_full
+        Whether rule and bit offset of refusals are judged, too.
+    diagnose
+        Is asked about wrong outputs.
+    seconds
+        What they took.
+    """
+    if refusal := _legal_refusal(vector, outputs):
+        return _result(vector, "unsupported", refusal, seconds=seconds)
+    judged = tuple(_judge(name, expected, outputs[name], in_full) for name, expected in vector.expected.items())
+    wrong = [output for output in judged if not output.passed]
+    if not wrong:
+        return _result(vector, "pass", "", judged, seconds)
+    message = "; ".join(f"{output.name} {output.message}" for output in wrong)
+    causes = tuple(diagnose(vector, outputs)) if diagnose else ()
+    return replace(_result(vector, "fail", message, judged, seconds), causes=causes)
+
+
+def _judge(name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
+    if in_full and isinstance(expectation, Refusal):
+        expectation = replace(expectation, in_full=True)
+    judgement = expectation.judge(actual)
+    return OutputResult(
+        name, expectation.check, judgement.passed, judgement.message, judgement.ratio, judgement.place, judgement.wrong
+    )
+
+
+def _legal_refusal(vector: Vector, outputs: Values) -> str:
+    """What is said of an uncommon stream that a decoder need not support; empty if it is not refused as unsupported."""
+    for name, expected in vector.expected.items():
+        if vector.level == "uncommon" and isinstance(expected, Refusal) and not expected.value:
+            given = outputs[name]
+            if isinstance(given, str) and given.split()[:1] == ["unsupported"]:
+                return f"{name} is {given!r}"
+    return ""
+
+
+def _result(
+    vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
+) -> Result:
+    title = str(vector.manifest["title"])
+    return Result(vector.id, title, vector.stage.group, outcome, message, outputs, seconds=seconds)
+
+
+def _copies(inputs: Values) -> Values:
+    return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in inputs.items()}

@@ -1,0 +1,155 @@
+"""Which vectors to run, and their reading: nothing is run that SHA256SUMS does not list or that was changed since."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from conformance.case import FULL, LEVELS
+from conformance.stage import stages
+from conformance.vectors import SUMS, Vector, from_files
+from gsvc_ref.errors import UsageError
+
+SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
+MANIFEST: Final = "manifest.json"
+ALL_LEVELS: Final = (*LEVELS, FULL)
+GENERATE: Final = "write them with: python -m conformance generate"
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Names of levels, stages and classes, and patterns of cases; an empty tuple selects everything.
+
+    A pattern is matched with the whole id and with its last part.
+    """
+
+    levels: tuple[str, ...] = ()
+    stages: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    patterns: tuple[str, ...] = ()
+
+    def holds(self, name: str) -> bool:
+        """Whether a vector is selected."""
+        level, stage, slug = name.split("/")
+        return (
+            (not self.levels or level in self.levels)
+            and (not self.stages or stage in self.stages)
+            and (not self.groups or stages()[stage].group in self.groups)
+            and (not self.patterns or matches(name, slug, patterns=self.patterns))
+        )
+
+    def __str__(self) -> str:
+        kinds = {"level": self.levels, "stage": self.stages, "class": self.groups, "case": self.patterns}
+        return ", ".join(f"{kind} {' or '.join(values)}" for kind, values in kinds.items() if values)
+
+
+def matches(*names: str, patterns: tuple[str, ...]) -> bool:
+    """Whether one of some names matches one of some patterns."""
+    return any(fnmatchcase(name, pattern) for name in names for pattern in patterns)
+
+
+class VectorFolder:
+    """The vectors of a folder, as its SHA256SUMS lists them.
+
+    Parameters
+    ----------
+    folder
+        With ``<level>/<stage>/<slug>/manifest.json`` and SHA256SUMS.
+
+    Raises
+    ------
+    UsageError
+        There are no vectors, or some of a stage that this kit does not know.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        if not (folder / SUMS).is_file():
+            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {GENERATE}")
+        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+        try:
+            self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
+        except ValueError:
+            raise UsageError(f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {GENERATE}") from None
+        self._parts: dict[str, list[str]] = {}
+        for name in self._sums:
+            self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
+        for name in self._parts:
+            parts = name.split("/")
+            if len(parts) != 3 or parts[0] not in ALL_LEVELS or parts[1] not in stages():
+                raise UsageError(f"{name} is a vector of a level or stage that this kit does not know: use the same "
+                                 "version of the kit and of the vectors")  # fmt: skip
+        place = {stage: index for index, stage in enumerate(stages())}
+        self.names = sorted(self._parts, key=lambda n: (ALL_LEVELS.index(n.split("/")[0]), place[n.split("/")[1]], n))
+
+    def select(self, selection: Selection) -> list[str]:
+        """The ids that are selected, by level and then by the order of the stages.
+
+        Raises
+        ------
+        UsageError
+            None is: running nothing must not look like success.
+        """
+        if chosen := [name for name in self.names if selection.holds(name)]:
+            return chosen
+        what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
+        raise UsageError(f"{what}; see python -m conformance list --cases")
+
+    def read(self, names: list[str]) -> Iterator[Vector]:
+        """Vectors by id, each when it is asked for.
+
+        Raises
+        ------
+        UsageError
+            A file is missing or was changed, or a manifest has fields that this kit does not know.
+        """
+        for name in names:
+            files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
+            if MANIFEST not in files:
+                raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
+            check_manifest(name, json.loads(files[MANIFEST]))
+            yield from_files(files)
+
+    def _file(self, name: str) -> bytes:
+        try:
+            data = (self.folder / name).read_bytes()
+        except FileNotFoundError:
+            raise UsageError(f"{self.folder / name} is missing; {GENERATE}") from None
+        if hashlib.sha256(data).hexdigest() != self._sums[name]:
+            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {GENERATE}")
+        return data
+
+
+@cache
+def _schema() -> Mapping[str, Any]:
+    schema: Mapping[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    return schema
+
+
+def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
+    """Refuse fields that this kit does not know: it might judge without what they say.
+
+    `verify` holds manifests against the whole schema.
+
+    Raises
+    ------
+    UsageError
+        The manifest has an unknown field or check, or is not that of the vector.
+    """
+    kinds = _schema()["$defs"]
+    problems = [f"the field {field}" for field in manifest.keys() - _schema()["properties"].keys()]
+    known = {field for kind in ("number", "stream", "array") for field in kinds[kind]["properties"]}
+    for port, entry in manifest["inputs"].items():
+        problems += [f"the field {field} of {port}" for field in entry.keys() - known]
+    for port, entry in manifest["outputs"].items():
+        kind = kinds.get(entry["check"], {}).get("properties", {})
+        problems += [f"the field {field} of {port} (check {entry['check']})" for field in entry.keys() - kind.keys()]
+    if problems:
+        raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
+                        "not know: use the same version of the kit and of the vectors")  # fmt: skip
+    if manifest["id"] != name:
+        raise UsageError(f"the manifest of {name} is that of {manifest['id']}")

@@ -1,0 +1,71 @@
+"""The code inside spec.md: its fenced Python blocks are a complete slow implementation when run in their order."""
+
+import re
+import types
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+SPEC: Final = Path(__file__).parents[1] / "spec.md"
+
+Patch = tuple[str, str]
+"""A text of the code, which occurs exactly once, and what stands there instead."""
+
+_BLOCK: Final = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@cache
+def blocks() -> tuple[str, ...]:
+    """The blocks in order, each behind as many empty lines as stand before it in spec.md, so that tracebacks fit."""
+    text = SPEC.read_text(encoding="utf-8")
+    return tuple("\n" * text.count("\n", 0, block.start(1)) + block[1] for block in _BLOCK.finditer(text))
+
+
+def source() -> str:
+    """All blocks, one after the other."""
+    return "\n\n".join(block.lstrip("\n") for block in blocks())
+
+
+def namespace(patches: Iterable[Patch] = ()) -> dict[str, Any]:
+    """What the code defines, by name.
+
+    Parameters
+    ----------
+    patches
+        Changes, made in order; without any it is the code as it stands, which is run only once.
+
+    Raises
+    ------
+    LookupError
+        The text of a patch does not occur exactly once.
+    """
+    patches = tuple(patches)
+    return _run([_compiled(block) for block in _patched(patches)]) if patches else _original()
+
+
+def _patched(patches: tuple[Patch, ...]) -> list[str]:
+    code = list(blocks())
+    for old, new in patches:
+        homes = [place for place, block in enumerate(code) for _ in range(block.count(old))]
+        if len(homes) != 1:
+            raise LookupError(f"{old!r} occurs {len(homes)} times in the code of spec.md, not once")
+        code[homes[0]] = code[homes[0]].replace(old, new)
+    return code
+
+
+@cache
+def _compiled(block: str) -> types.CodeType:
+    return compile(block, str(SPEC), "exec")
+
+
+@cache
+def _original() -> dict[str, Any]:
+    return _run([_compiled(block) for block in blocks()])
+
+
+def _run(codes: Iterable[types.CodeType]) -> dict[str, Any]:
+    names: dict[str, Any] = {"__name__": "spec"}
+    for code in codes:
+        exec(code, names)
+    return names

@@ -1,0 +1,211 @@
+"""Rendering: sums, frames, gradients and other sizes (spec.md sections 9 and 10.3)."""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
+from conformance.stage import Values, numbered, stage
+from gsvc_ref import rendering
+from gsvc_ref.rendering.bounds import EPS, ETA, WeightErrors, coverage_margin, gamma
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, footprint
+from gsvc_ref.rendering.deterministic import sum_plain
+from gsvc_ref.rendering.pictures import frame_type
+from gsvc_ref.rendering.strip_pictures import read_strip, write_frame
+from gsvc_ref.rendering.strips import ROW, aligned, strip_count
+from gsvc_ref.splats import Splats
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+
+GROUPS: Final = ((0, 2), (2, 5), (5, 8))
+"""Columns of gradients that are judged together: positions, Cholesky factors, colours."""
+
+WELL_CONDITIONED: Final = 1e-4
+"""Most sum of bounds of a group of gradients, relative to the gradients, with which they are judged together."""
+
+FEWEST_SPLATS: Final = 30
+"""Fewest splats whose gradients are judged together: errors of random sign need some to cancel."""
+
+SPLATS: Final = "parameters: f4 (N, 8); width: int; height: int"
+
+
+def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
+    """(9-2) in binary64 and the error bound of section 9.2; colours must not leave binary32 in any partial sum."""
+    return {"sum": Bounded(*rendering.render_exact_with_bound(Splats.from_array(parameters), width, height))}
+
+
+@stage(
+    "rendering",
+    inputs=SPLATS,
+    outputs="sum: f4 (H, W, 3)",
+    equations=("9-1", "9-2", *numbered(13, 1, 11)),
+    oracle=_bounded_sum,
+)
+def render_sum(parameters: F4, width: int, height: int) -> Values:
+    """The sum of the splats over a frame, before the clamp, within the error bound of binary32."""
+    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height)}
+
+
+def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
+    """Every operation of section 9.3 by NumPy, which rounds each on its own."""
+    return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
+
+
+@stage(
+    "deterministic", inputs=SPLATS, outputs="sum: f4 (H, W, 3)", equations=("9-3", "9-4", "9-5", "9-6"),
+    rules=("R-9.3-1",), oracle=_plain_sum,
+)  # fmt: skip
+def render_sum_deterministic(parameters: F4, width: int, height: int) -> Values:
+    """The sum of the splats over a frame, before the clamp, with the stated operations in the stated order."""
+    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height, precision="deterministic")}
+
+
+def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:
+    """R-9.1-1 in binary64, where the product p has no error.
+
+    A product in binary32 may be anything from p (1 - eps) to p (1 + eps), unless p itself is a binary32 number: where
+    these two round to different integers, both are legal.
+    """
+    product = np.clip(sum.astype(np.float64), 0, 1) * (2**bit_depth - 1)  # (H, W, 3) f8
+    inexact = product != product.astype(np.float32)
+    value, low, high = np.rint(product), np.rint(product * (1 - EPS)), np.rint(product * (1 + EPS))
+    other = np.where(inexact, np.where(low != value, low, high), value)
+    kind = frame_type(bit_depth)
+    margins = abs(product - np.floor(product) - 0.5)[inexact & (other == value)]
+    return {
+        "frame": Decision(
+            value.astype(kind), other.astype(kind), float(margins.min(initial=0.5)), EPS * (2**bit_depth - 1)
+        )
+    }
+
+
+@stage(
+    "rendering", inputs="sum: f4 (H, W, 3); bit_depth: int", outputs="frame: u1|u2 (H, W, 3)",
+    rules=("R-9.1-1",), oracle=_rounded,
+)  # fmt: skip
+def to_frame(sum: F4, bit_depth: int) -> Values:
+    """Clamp a sum, scale it to the peak and round half to even."""
+    return {"frame": rendering.to_frame(sum, bit_depth)}
+
+
+def _rounded_in_binary32(sum: F4, bit_depth: int) -> dict[str, Expectation]:
+    """(9-7) operation by operation; a comparison with a NaN fails."""
+    v = np.where(sum >= 1, np.float32(1), np.where(sum > 0, sum, np.float32(0)))
+    return {"frame": Exact(np.rint(v * np.float32(2**bit_depth - 1)).astype(frame_type(bit_depth)))}
+
+
+@stage(
+    "deterministic", inputs="sum: f4 (H, W, 3); bit_depth: int", outputs="frame: u1|u2 (H, W, 3)", equations=("9-7",),
+    rules=("R-9.1-1", "R-9.3-1"), oracle=_rounded_in_binary32,
+)  # fmt: skip
+def to_frame_deterministic(sum: F4, bit_depth: int) -> Values:
+    """Clamp a sum, scale it to the peak in binary32 and round half to even; what is no number is black."""
+    height, width, _ = sum.shape
+    frame = np.empty(sum.shape, frame_type(bit_depth))
+    rows, strip = np.ascontiguousarray(sum).reshape(height, -1), aligned((height * ROW,))
+    for s in range(strip_count(width)):
+        read_strip(rows, s, strip)
+        write_frame(strip, s, 0, height, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
+    return {"frame": frame}
+
+
+def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: int) -> dict[str, Expectation]:
+    """R-9.1-1 of the exact sum C, and of all that the bound b of section 9.2 allows.
+
+    A renderer may have any sum within C - b .. C + b. The clamp is exact, the product with the peak has a relative
+    error of at most eps and may lose ETA to underflow (which no rounding to an integer sees), and rounding to an
+    integer keeps the order: so the frame lies between the roundings of clamp(C - b) peak (1 - eps) and
+    clamp(C + b) peak (1 + eps), which is never rounded above the peak.
+    """
+    C, bound = rendering.render_exact_with_bound(Splats.from_array(parameters), width, height)
+    peak = 2**bit_depth - 1
+    kind = frame_type(bit_depth)
+    value = np.rint(np.clip(C, 0, 1) * peak)
+    lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
+    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))
+    return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
+
+
+@stage(
+    "rendering", inputs=SPLATS + "; bit_depth: int", outputs="frame: u1|u2 (H, W, 3)",
+    equations=("9-1", "9-2", *numbered(13, 1, 11), "13-18"), rules=("R-9.1-1",), oracle=_frames_of_bounded_sums,
+)  # fmt: skip
+def render_frame(parameters: F4, width: int, height: int, bit_depth: int) -> Values:
+    """The frame of a set of splats: sum, clamp, scale, round."""
+    return {"frame": rendering.render_frame(Splats.from_array(parameters), width, height, bit_depth)}
+
+
+def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
+    """The derivative of (9-2) in binary64, its error bounds, and the groups that are judged together.
+
+    The bound b of a gradient adds the errors of P + 30 or more roundings, P the pixels covered, as if each were eps =
+    2^-23 of the sum of magnitudes and all had one sign. To nearest with signs at random, they have a root mean square
+    of eps / sqrt(12) each, and together at most b / sqrt(12 (P + 30)) < b / 19. If the b of a group have an L2 norm of
+    at most 1e-4 of that of the gradients, the relative L2 error is therefore about 5e-6 at most, half of what is
+    allowed; over 30 splats or more the signed sum falls by sqrt(30) again, to 1e-6 of the L1 norm. (Measured errors are
+    five times below both and more: partial sums rarely reach the sum of magnitudes.) Without these conditions, or where
+    a pixel may be covered or not, cancellation or one pixel alone can legally exceed the limits.
+    """
+    splats = Splats.from_array(parameters)
+    gradients, bound = rendering.exact_gradients_with_bound(splats, residual)
+    height, width = residual.shape[:2]
+    clear = bool(np.all(edge_margins(parameters, width, height) > 1))
+    groups = tuple(
+        group for group in GROUPS if clear and _together(gradients[:, slice(*group)], bound[:, slice(*group)])
+    )
+    return {"gradients": Bounded(gradients, bound, groups=groups)}
+
+
+def _together(gradients: F8, bound: F8) -> bool:
+    """Whether a group of gradients is conditioned well enough for relative L2 and bias."""
+    enough = np.count_nonzero(np.any(gradients != 0, axis=1)) >= FEWEST_SPLATS
+    norms = (np.linalg.norm(part.ravel(), order) for order in (1, 2) for part in (bound, gradients))
+    of_1, gradients_1, of_2, gradients_2 = (float(norm) for norm in norms)
+    return bool(enough and of_1 <= WELL_CONDITIONED * gradients_1 and of_2 <= WELL_CONDITIONED * gradients_2)
+
+
+@stage(
+    "gradients", inputs="parameters: f4 (N, 8); residual: f4 (H, W, 3)", outputs="gradients: f4 (N, 8)",
+    equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)), rules=("R-10.3-1",), oracle=_bounded_gradients,
+)  # fmt: skip
+def render_gradients(parameters: F4, residual: F4) -> Values:
+    """The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed."""
+    return {"gradients": rendering.render_gradients(Splats.from_array(parameters), residual)}
+
+
+@stage(
+    "deterministic",
+    inputs="parameters: f4 (N, 8); width: int; height: int; new_width: int; new_height: int",
+    outputs="parameters: f4 (N, 8)",
+    equations=("9-8",),
+    rules=("R-9.4-1",),
+)
+def scale_parameters(parameters: F4, width: int, height: int, new_width: int, new_height: int) -> Values:
+    """The splats of a frame for a frame of another size, every factor and product rounded to binary32."""
+    return {"parameters": Splats.from_array(parameters).scaled(new_width / width, new_height / height).to_array()}
+
+
+def edge_margins(parameters: F4, width: int, height: int) -> F8:
+    """How far each splat's decisions of coverage are from their edge, in units of their own rounding error.
+
+    Returns
+    -------
+    (N,) f8: the least |sigma - ln 255| over its error (`gsvc_ref.rendering.bounds`) of any pixel of the frame.
+    """
+    margins = np.full(len(parameters), np.inf)
+    for n, splat in enumerate(parameters.astype(np.float64)):
+        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
+        if pixels is not None:
+            distance = abs(pixels.sigma - SUPPORT_SIGMA)
+            margins[n] = np.min(distance / sigma_error(splat, pixels))
+    return margins
+
+
+def sigma_error(splat: F8, pixels: Footprint) -> Any:
+    """The error of sigma - ln 255 over the footprint of a splat (8,) f8, as `bounds` derives it: (h, w) f8."""
+    errors = WeightErrors(splat, pixels)
+    d1, d2 = errors.delta_1, errors.delta_2
+    w = abs(pixels.u1) * d1 + abs(pixels.u2) * d2 + (d1**2 + d2**2) / 2
+    return w + gamma(2) * (pixels.sigma + w) + EPS * SUPPORT_SIGMA + ETA

@@ -1,0 +1,51 @@
+"""Random legal streams with what must come of them, for soak tests: `python -m conformance streams`.
+
+They are those of gsvc_ref's Hypothesis strategy `streams`, made from seeds.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from conformance.element_values import used
+from conformance.stages.bitstream import decode_stream_deterministic, reconstruct_stream
+from conformance.vectors import npy
+from gsvc_ref.testing.random_streams import Stream, random_stream
+
+MOST_PIXELS: Final = 4096
+"""Of a frame: any shape, from 4096x1 to 1x4096, so that sixty streams take a few megabytes."""
+
+
+def stream_of(seed: int, number: int) -> Stream:
+    """Stream `number` of a seed, the same for any count."""
+    return random_stream(seed << 32 | number, max_pixels=MOST_PIXELS)
+
+
+def write_streams(seed: int, count: int, folder: Path) -> None:
+    """Write `count` streams of a seed, and index.json.
+
+    Of each there are NAME.gsvc; NAME.counts.npy and NAME.parameters.npy as reconstruct_stream has them; and
+    NAME.frames.npy as decode_stream_deterministic has them. index.json lists for each its name, the SHA-256 of the
+    stream, its header, and how often each syntax element occurs in it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    entries: list[dict[str, Any]] = []
+    for number in range(count):
+        stream = stream_of(seed, number)
+        name = f"stream-{seed}-{number:04}"
+        expected = {**reconstruct_stream(stream.data), **decode_stream_deterministic(stream.data)}
+        (folder / f"{name}.gsvc").write_bytes(stream.data)
+        for part in ("counts", "parameters", "frames"):
+            (folder / f"{name}.{part}.npy").write_bytes(npy(np.asarray(expected[part])))
+        entries.append(
+            {
+                "name": name,
+                "sha256": hashlib.sha256(stream.data).hexdigest(),
+                "header": vars(stream.header),
+                "elements": {element: times for element, (_, _, times) in used(stream.data).items()},
+            }
+        )
+    (folder / "index.json").write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")

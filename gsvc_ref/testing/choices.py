@@ -1,0 +1,44 @@
+"""Where random data comes from: one interface over Hypothesis, which shrinks what fails, and over a plain seed."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+class Choices(ABC):
+    """What a generator of random data asks for; all follows from `integer`."""
+
+    @abstractmethod
+    def integer(self, lowest: int, highest: int) -> int:
+        """An integer in lowest..highest."""
+
+    def pick(self, options: Sequence[T]) -> T:
+        """One of some options; Hypothesis shrinks towards the first."""
+        return options[self.integer(0, len(options) - 1)]
+
+    def boolean(self) -> bool:
+        """False or true."""
+        return self.pick((False, True))
+
+    def generator(self) -> np.random.Generator:
+        """A generator of a seed of its own, to paint bulk data with."""
+        return np.random.default_rng(self.integer(0, 2**32 - 1))
+
+    def binary(self, longest: int) -> bytes:
+        """At most `longest` bytes."""
+        return bytes(self.integer(0, 255) for _ in range(self.integer(0, longest)))
+
+
+class SeededChoices(Choices):
+    """Choices that a seed determines."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def integer(self, lowest: int, highest: int) -> int:
+        """An integer in lowest..highest."""
+        return int(self._rng.integers(lowest, highest, endpoint=True))

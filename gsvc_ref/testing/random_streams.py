@@ -1,0 +1,215 @@
+"""Random legal streams with what they stand for, from any `Choices`; nothing here needs Hypothesis."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
+from gsvc_ref.reconstruction import (
+    BlockKind,
+    Codebooks,
+    FrameCodes,
+    FrameType,
+    Kept,
+    Quantizer,
+    SplatBlock,
+    State,
+    reconstruct,
+)
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing.choices import Choices, SeededChoices
+from gsvc_ref.testing.faults import Lie, write_stream
+
+U2 = NDArray[np.uint16]
+
+MOST_SPLATS = 256
+"""Every level allows so many splats of any size on frames of any size: its work is 256 times its pixels."""
+
+FEW_SPLATS = 8
+"""So few that no plane is worth entropy coding, and that a stream can be read by eye."""
+
+MOST_PIXELS = 1 << 17
+"""Pixels of a frame of level 1."""
+
+SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
+"""Kinds of planes that make an encoder use every `plane_mode`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A legal stream.
+
+    Attributes
+    ----------
+    data
+        Its bytes.
+    header, frames
+        What they say.
+    splats
+        What they stand for: the splats of each frame, bit for bit.
+    """
+
+    data: bytes
+    header: SequenceHeader
+    frames: list[FrameCodes]
+    splats: list[Splats]
+
+
+def random_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MOST_PIXELS) -> Stream:
+    """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis."""
+    return make_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
+
+
+def make_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
+    """A legal stream with anything that the syntax allows.
+
+    Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,
+    parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version.
+    """
+    header = make_header(choices, max_pixels=max_pixels)
+    state = State.initial(header.width, header.height)
+    codes: list[FrameCodes] = []
+    splats: list[Splats] = []
+    for number in range(choices.integer(1, max_frames)):
+        codes.append(make_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count))
+        state = reconstruct(codes[-1], state)
+        splats.append(state.splats)
+    ancillary = {
+        choices.integer(0, len(codes) - 1): (choices.pick("abz"), choices.binary(9))
+        for _ in range(choices.integer(0, 2))
+    }
+    header = replace(header, frame_count=choices.pick((0, len(codes))))
+    elements = [Lie("frame_count", header.frame_count)]
+    if choices.integer(0, 7) == 7:
+        elements.append(Lie("version_minor", choices.integer(1, 255)))
+        elements.append(Lie("lane_count", bytes([header.lane_count]) + choices.binary(5)))
+    data = write_stream(header, codes, index=choices.boolean(), ancillary=ancillary, lies=elements)
+    return Stream(data, header, codes, splats)
+
+
+def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
+    """A legal sequence header; all elements but the size take their whole range."""
+    width = choices.integer(1, choices.pick((64, min(65535, max_pixels))))
+    height = choices.integer(1, min(65535, max(1, max_pixels // width)))
+    known_aspect = choices.boolean()
+    return SequenceHeader(
+        level=choices.integer(level_for(width, height), max(LEVELS)),
+        parameter_checksum_flag=choices.boolean(),
+        width=width,
+        height=height,
+        frame_rate_numerator=choices.pick((25, 30000, choices.integer(1, 2**32 - 1))),
+        frame_rate_denominator=choices.pick((1, 1001, choices.integer(1, 2**32 - 1))),
+        sample_aspect_numerator=choices.integer(1, 65535) if known_aspect else 0,
+        sample_aspect_denominator=choices.integer(1, 65535) if known_aspect else 0,
+        bit_depth=choices.integer(8, 16),
+        chroma_format=choices.integer(0, 3),
+        color_primaries=choices.integer(0, 255),
+        transfer_characteristics=choices.integer(0, 255),
+        matrix_coefficients=choices.integer(0, 255),
+        video_full_range_flag=choices.integer(0, 1),
+        chroma_sample_loc_type=choices.integer(0, 5),
+        cholesky_bits=choices.integer(1, 12),
+        color_stages=choices.integer(1, 8),
+        color_codewords=choices.integer(1, choices.pick((16, 1024))),
+        entropy_precision=choices.integer(12, 16),
+        lane_count=choices.integer(1, choices.pick((4, 64))),
+    )
+
+
+def make_frame(
+    choices: Choices, header: SequenceHeader, state: State, *, types: str = "IPR", max_count: int = 120
+) -> FrameCodes:
+    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MOST_SPLATS` in all."""
+    options: list[FrameType] = [letter for letter in ("I", "P", "R") if letter in types]
+    frame_type = choices.pick(options)
+    if frame_type == "R":
+        return FrameCodes.repeated_frame()
+    survivors = np.zeros(0, np.bool_)
+    inter = None
+    if frame_type == "P":
+        share = choices.pick((0.0, 0.5, 0.9, 1.0))
+        survivors = choices.generator().random(len(state.splats)) < share
+        if survivors.any():
+            inter = _block(choices, header, int(np.count_nonzero(survivors)), "inter", state.inter)
+    room = min(max_count, MOST_SPLATS - int(np.count_nonzero(survivors)))
+    count = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    kept = Kept() if frame_type == "I" else state.intra
+    intra = _block(choices, header, count, "intra", kept) if count else None
+    return FrameCodes.intra_frame(intra) if frame_type == "I" else FrameCodes.predicted_frame(survivors, inter, intra)
+
+
+def _block(choices: Choices, header: SequenceHeader, count: int, kind: BlockKind, kept: Kept) -> SplatBlock:
+    """A block that uses what is kept whenever it may and the choices like it to."""
+
+    def present() -> bool:
+        return kind == "intra" or choices.boolean()
+
+    positions = _positions(choices, count, kind) if present() else None
+    cholesky = colors = quantizer = codebooks = None
+    if present():
+        cholesky = _columns(choices, count, (1 << header.cholesky_bits,) * 3)
+        if kept.quantizer is None or choices.boolean():
+            quantizer = _quantizer(choices)
+    if present():
+        if kept.codebooks is None or choices.boolean():
+            codebooks = _codebooks(choices, header)
+        books = codebooks or kept.codebooks or ()
+        colors = _columns(choices, count, tuple(len(book) for book in books))
+    return SplatBlock(positions, cholesky, colors, quantizer, codebooks)
+
+
+def _positions(choices: Choices, count: int, kind: BlockKind) -> U2:
+    """Binary16 patterns (count, 2) u2, finite: plausible ones, all alike, or any."""
+    rng = choices.generator()
+    style = choices.pick(("plausible", "alike", "any"))
+    if style == "any":
+        signs = rng.choice(np.array([0, 0x8000], np.uint16), (count, 2))
+        bits: U2 = rng.integers(0, 0x7C00, (count, 2), np.uint16) | signs
+        return bits
+    spread = 1.0 if kind == "intra" else 2.0**-6
+    values = rng.uniform(-spread, spread, (count, 2)).astype(np.float16)
+    if style == "alike":
+        values[:] = values[0]
+    return values.view(np.uint16)
+
+
+def _quantizer(choices: Choices) -> Quantizer:
+    """Scales and offsets that are plausible, tiny or huge, but cannot overflow within a few frames."""
+    rng = choices.generator()
+    exponent = choices.pick((-126, -130 + 64, -6, 0, 60))
+    scale = np.ldexp(rng.uniform(1, 2, 3), exponent)
+    return Quantizer(scale.astype(np.float32), (rng.normal(0, 8, 3) * scale).astype(np.float32))
+
+
+def _codebooks(choices: Choices, header: SequenceHeader) -> Codebooks:
+    rng = choices.generator()
+    spread = choices.pick((0.0, 0.3, 6e4))
+    stages = choices.integer(1, header.color_stages)
+    sizes = [choices.integer(1, header.color_codewords) for _ in range(stages)]
+    return tuple(rng.uniform(-spread, spread, (size, 3)).astype(np.float16) for size in sizes)
+
+
+def _columns(choices: Choices, count: int, alphabets: tuple[int, ...]) -> U2:
+    """(count, len(alphabets)) u2, each column a plane of a kind of its own."""
+    rng = choices.generator()
+    columns = np.empty((count, len(alphabets)), np.uint16)
+    for k, alphabet in enumerate(alphabets):
+        columns[:, k] = paint_symbols(rng, choices.pick(SYMBOL_KINDS), count, alphabet)
+    return columns
+
+
+def paint_symbols(rng: np.random.Generator, kind: str, count: int, alphabet: int) -> U2:
+    """Symbols (count,) u2 below `alphabet` of one kind: constant, uniform, peaked, sparse or rare."""
+    if kind == "constant":
+        return np.full(count, rng.integers(alphabet), np.uint16)
+    if kind == "uniform":
+        return rng.integers(0, alphabet, count, np.uint16)
+    if kind == "peaked":
+        spread = rng.normal(rng.integers(alphabet), max(1.0, alphabet / 12), count)
+        return np.clip(np.rint(spread), 0, alphabet - 1).astype(np.uint16)
+    if kind == "sparse":
+        return rng.choice(rng.integers(0, alphabet, 3, np.uint16), count)
+    symbols = np.full(count, rng.integers(alphabet), np.uint16)
+    symbols[rng.integers(count)] = rng.integers(alphabet)
+    return symbols

@@ -1,0 +1,22 @@
+import importlib
+from pathlib import Path
+
+import pytest
+import toy_stages
+
+USERS = ("vectors", "results", "selection", "commands", "commands.list", "commands.verify", "reference")
+"""Modules that have `stages` by name."""
+
+
+@pytest.fixture
+def toys(monkeypatch) -> dict:
+    """The toy stages in place of all others."""
+    for name in USERS:
+        monkeypatch.setattr(importlib.import_module(f"conformance.{name}"), "stages", lambda: toy_stages.STAGES)
+    return toy_stages.STAGES
+
+
+@pytest.fixture
+def folder(toys, tmp_path) -> Path:
+    """Vectors of the toy stages."""
+    return toy_stages.write_vectors(tmp_path / "vectors")

@@ -1,0 +1,26 @@
+"""Every case: what it asserts holds, and gsvc_ref's own answer is judged as right, to the rule and bit of a refusal."""
+
+from dataclasses import replace
+
+import pytest
+
+from conformance.case import LEVELS, cases
+from conformance.cases import FLAGS
+from conformance.expectations import Refusal
+
+CASES = [case for case in cases().values() if case.level in LEVELS]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
+def test_case(case):
+    inputs, expected = case.run()
+    assert list(inputs) == [port.name for port in case.stage.inputs]
+    assert list(expected) == [port.name for port in case.stage.outputs]
+    assert case.title.endswith(".")
+    assert set(case.flags) <= FLAGS.keys()
+    outputs = case.stage.reference(**inputs)
+    assert list(outputs) == list(expected)
+    for name, expectation in expected.items():
+        strict = replace(expectation, in_full=True) if isinstance(expectation, Refusal) else expectation
+        verdict = strict.judge(outputs[name])
+        assert verdict.passed, f"{name} {verdict.message}"

@@ -1,0 +1,287 @@
+"""The commands of ``python -m conformance``: what they print, write and return."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import toy_stages
+from toy_stages import INPUTS, REFERENCE, good_program, write_program
+
+from conformance import reference
+from conformance.__main__ import COMMANDS, main
+from conformance.commands import list as listing
+from conformance.report.json import from_object
+from conformance.vectors import set_hash
+
+ROOT = Path(__file__).parents[2]
+QUIET = ["--quiet", "--no-diagnosis"]
+
+
+@pytest.fixture
+def toy_module(monkeypatch):
+    """Puts functions into an importable module and returns its name."""
+
+    def make(**changes) -> str:
+        module = type(sys)("toy_implementation")
+        vars(module).update({**REFERENCE, **changes})
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        return module.__name__
+
+    return make
+
+
+def wrong_halves(values):
+    return {**toy_stages.halve(values), "count": np.asarray(0)}
+
+
+def wrong_frames(width, height, bit_depth):
+    return {"frame": toy_stages.paint(width, height, bit_depth)["frame"][::-1].copy()}
+
+
+def run(folder, *words) -> int:
+    return main(["run", *words, "--vectors", str(folder), *QUIET])
+
+
+def test_every_command_has_help(capsys):
+    for name, sentence in COMMANDS.items():
+        assert main([name, "--help"]) == 0
+        out = capsys.readouterr().out
+        assert sentence[1:] in " ".join(out.split())
+    assert main(["--help"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in COMMANDS)
+
+
+def test_wrong_use(capsys):
+    for words in (
+        [],
+        ["fly"],
+        ["run"],
+        ["run", "--reference", "--spec"],
+        ["--quiet", "run"],
+        ["run", "--level", "easy"],
+    ):
+        assert main(words) == 2
+        assert "conformance" in capsys.readouterr().err
+
+
+def test_only_the_module_of_the_command_is_imported():
+    code = "import sys; from conformance.__main__ import build_parser; build_parser('streams'); print(*sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert "conformance.commands.streams" in out
+    assert "conformance.commands.run" not in out
+    assert "numba" not in out.split()
+
+
+def test_a_run_that_passes(folder, toy_module, capsys):
+    assert run(folder, "--module", toy_module()) == 0
+    out = capsys.readouterr().out
+    assert out.endswith("PASSED\n")
+    assert "class training      passed: 3 vectors pass" in out
+
+
+def test_the_reference_is_the_stages_own(folder, capsys):
+    assert run(folder, "--reference") == 0
+    assert reference.halve is toy_stages.halve
+    with pytest.raises(AttributeError):
+        reference.__getattr__("no_such_stage")
+
+
+def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy_module, capsys):
+    name = toy_module(halve=wrong_halves)
+    assert run(folder, "--module", name) == 1
+    out = capsys.readouterr().out
+    assert "FAIL core/halve/one_to_six: The vector one_to_six." in out
+    assert "count is 0, expected 6" in out
+    (again,) = re.findall(r"again: python -m conformance (.*)", out)
+    assert again == f"run --module {name} --vectors {folder} --case core/halve/one_to_six"
+    assert main([*again.split(), *QUIET]) == 1
+    out = capsys.readouterr().out
+    assert "core/halve/one_to_six" in out
+    assert re.search(r"class quantization\s+failed \(only case core/halve/one_to_six\)", out)
+
+
+def test_a_run_of_a_command(folder, tmp_path, capsys):
+    assert run(folder, "--impl", good_program(tmp_path), "--level", "core", "--stage", "halve", "--timeout", "50") == 0
+    broken = write_program(tmp_path, "raise SystemExit(1)")
+    assert run(folder, "--impl", broken, "--stage", "halve", "--timeout", "50") == 1
+    assert f"--impl '{broken}' --timeout 50 --vectors" in capsys.readouterr().out
+
+
+def test_missing_vectors_and_empty_selections_are_no_success(folder, toy_module, tmp_path, capsys):
+    name = toy_module()
+    assert run(tmp_path / "nowhere", "--module", name) == 2
+    assert "python -m conformance generate" in capsys.readouterr().err
+    assert run(folder, "--module", name, "--case", "unicorn") == 2
+    assert run(folder, "--module", name, "--stage", "unicorn") == 2
+    assert "there is no stage 'unicorn'" in capsys.readouterr().err
+    assert run(folder, "--module", "no_such_module") == 2
+    assert run(folder, "--impl", "/no/such/program") == 2
+    assert run(folder, "--module", name, "--html", str(tmp_path / "no" / "page.html")) == 2
+
+
+def test_waivers_and_skips(folder, toy_module, tmp_path, capsys):
+    name, waivers = toy_module(halve=wrong_halves), tmp_path / "waivers.json"
+    waivers.write_text('{"core/halve/one_to_six": "bug 12", "core/scale/by_two": "old", "core/scale/gone": "older"}')
+    assert run(folder, "--module", name, "--waivers", str(waivers)) == 0
+    out = capsys.readouterr().out
+    assert "waived: core/halve/one_to_six: bug 12" in out
+    assert "note: core/scale/by_two passes and needs no waiver" in out
+    assert "note: there is a waiver for core/scale/gone, which is no vector" in out
+    assert run(folder, "--module", name, "--skip", "core/halve/*") == 0
+    for text in ("[]", "{", '{"core/halve/one_to_six": ""}', '{"core/halve/one_to_six": 3}'):
+        waivers.write_text(text)
+        assert run(folder, "--module", name, "--waivers", str(waivers)) == 2
+        assert str(waivers) in capsys.readouterr().err
+
+
+def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsys):
+    name = toy_module(paint=wrong_frames, halve=wrong_halves)
+    files = {kind: str(tmp_path / f"report.{kind}") for kind in ("json", "junit", "html")}
+    kept = tmp_path / "kept"
+    options = [word for kind, path in files.items() for word in (f"--{kind}", path)]
+    assert run(folder, "--module", name, *options, "--keep", str(kept)) == 1
+    printed = capsys.readouterr().out
+    value = json.loads(Path(files["json"]).read_text())
+    assert value["environment"]["vectors"] == set_hash(folder)
+    assert value["environment"]["implementation"] == name
+    assert len(from_object(value).results) == len(INPUTS)
+    assert ET.parse(files["junit"]).getroot().get("tests") == str(len(INPUTS))
+    page = Path(files["html"]).read_text()
+    assert page.count('src="data:image/png') == 2 * 3  # expected, actual and error of both frames
+    assert sorted(path.name for path in (kept / "core/paint/odd_size/in").iterdir()) == [
+        "bit_depth.npy",
+        "height.npy",
+        "width.npy",
+    ]
+    kept_frame = np.load(kept / "core/paint/odd_size/out/frame.npy")
+    assert np.array_equal(kept_frame, wrong_frames(7, 5, 8)["frame"])
+    assert (kept / "core/paint/odd_size/expected/frame.lowest.npy").is_file()
+    assert not (kept / "core/scale").exists()
+
+    again = tmp_path / "again.html"
+    assert main(["report", files["json"], "--html", str(again)]) == 1
+    assert capsys.readouterr().out == printed
+    assert "data:image/png" not in again.read_text()
+    words = ["report", files["json"], "--html", str(again), "--junit", str(tmp_path / "again.xml")]
+    assert main([*words, "--keep", str(kept), "--vectors", str(folder)]) == 1
+    assert again.read_text() == page
+    assert (tmp_path / "again.xml").read_text() == Path(files["junit"]).read_text()
+
+
+def test_a_report_of_something_else(tmp_path, capsys):
+    for text in ("{}", "not json"):
+        (tmp_path / "x.json").write_text(text)
+        assert main(["report", str(tmp_path / "x.json")]) == 2
+        assert "x.json" in capsys.readouterr().err
+    assert main(["report", str(tmp_path / "none.json")]) == 2
+
+
+def test_kept_files_of_a_module_that_returns_nonsense(folder, toy_module, tmp_path):
+    nonsense = toy_module(halve=lambda values: {"half": [object()], "count": None})
+    assert run(folder, "--module", nonsense, "--keep", str(tmp_path / "kept"), "--html", str(tmp_path / "p.html")) == 1
+    assert (tmp_path / "kept/core/halve/one_to_six/in/values.npy").is_file()
+
+
+def test_list(toys, folder, capsys):
+    assert main(["list", "--stage", "paint"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "paint (rendering): The toy paint.",
+        "    (width: int; height: int; bit_depth: int) -> frame: u1|u2 (H, W, 3)",
+    ]
+
+
+def test_list_of_cases_and_json(folder, monkeypatch, capsys):
+    monkeypatch.setattr(listing, "cases", lambda: {name: toy_stages.case_of(name) for name in INPUTS})
+    assert main(["list", "--cases", "--level", "faulty"]) == 0
+    assert capsys.readouterr().out == "faulty/parse/bad_letter: The vector bad_letter.\n"
+    assert main(["list", "--json", "--vectors", str(folder)]) == 0
+    value = json.loads(capsys.readouterr().out)
+    assert [case["id"] for case in value["cases"]] == list(INPUTS)
+    halve = next(stage for stage in value["stages"] if stage["name"] == "halve")
+    assert [(port["name"], port["checks"]) for port in halve["outputs"]] == [
+        ("half", ["decision"]),
+        ("count", ["exact"]),
+    ]
+
+
+def test_list_in_markdown(folder, tmp_path, capsys):
+    assert main(["list", "--markdown", "--vectors", str(folder)]) == 0
+    table = capsys.readouterr().out
+    assert "`frame: u1\\|u2 (H, W, 3)`: interval |" in table
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{listing.BEGIN}\nold\n{listing.END}\nafter\n")
+    for _ in range(2):
+        assert main(["list", "--markdown", str(page), "--vectors", str(folder)]) == 0
+        assert page.read_text() == f"before\n{listing.BEGIN}\n\n{table}\n{listing.END}\nafter\n"
+    page.write_text("no markers")
+    assert main(["list", "--markdown", str(page), "--vectors", str(folder)]) == 2
+
+
+def test_verify(folder, monkeypatch, capsys):
+    found: list[str] = []
+    monkeypatch.setattr("conformance.coverage.verify", lambda vectors: found)
+    assert main(["verify", "--vectors", str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0].split() == ["stage", "core", "uncommon", "stress", "faulty"]
+    assert f"{len(INPUTS)} vectors, " in out
+    assert set_hash(folder) in out
+    assert out.endswith("nothing is wrong\n")
+    found.append("a flag has no vector")
+    assert main(["verify", "--vectors", str(folder)]) == 1
+    assert "a flag has no vector\n1 problem\n" in capsys.readouterr().out
+
+
+def test_generate(folder, monkeypatch, capsys):
+    monkeypatch.setattr("conformance.generate.generate", lambda folder, on_case: len(INPUTS))
+    assert main(["generate", "--vectors", str(folder), "--quiet"]) == 0
+    assert f"SHA-256 of the set {set_hash(folder)}" in capsys.readouterr().out
+    for found, status in (([], 0), (["core/x differs", "to write them again: ..."], 1)):
+        monkeypatch.setattr("conformance.generate.differences", lambda folder, on_case, found=found: found)
+        assert main(["generate", "--check", "--vectors", str(folder), "--quiet"]) == status
+        assert all(line in capsys.readouterr().out for line in found[:1])
+    assert main(["generate", "--check", "--vectors", str(folder / "none"), "--quiet"]) == 2
+
+
+class ToyMutant:
+    def __init__(self, name, functions) -> None:
+        self.name, self.sentence, self._functions = name, f"a bug called {name}", frozenset(functions)
+
+    def touched(self) -> frozenset[str]:
+        return self._functions
+
+
+def test_mutants(folder, monkeypatch, capsys):
+    mutants = (
+        ToyMutant("found-early", {"scale"}),
+        ToyMutant("found-late", {"halve", "parse"}),
+        ToyMutant("alive", {"paint"}),
+    )
+    killed = {"found-early": "core/scale/by_two", "found-late": "faulty/parse/bad_letter"}
+    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
+    monkeypatch.setattr("conformance.mutants.called", lambda stage, inputs: frozenset({stage.name}))
+    monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
+    words = ["mutants", "--vectors", str(folder), "--quiet"]
+    assert main(words) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "alive SURVIVES: a bug called alive",
+        "found-early: core/scale/by_two",
+        "found-late: faulty/parse/bad_letter",
+        "",
+        "3 mutants: 1 of 3 mutants survive",
+    ]
+    assert main([*words, "--mutant", "found-*"]) == 0
+    assert "every mutant is found" in capsys.readouterr().out
+    assert main([*words, "--mutant", "found-*", "--level", "core", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == {"found-early": ["core/scale/by_two"], "found-late": []}
+    assert main([*words, "--mutant", "none"]) == 2
+
+
+def test_streams_asks_for_sensible_numbers(tmp_path):
+    assert main(["streams", str(tmp_path), "--count", "0"]) == 2
+    assert main(["streams", str(tmp_path), "--seed", "-1"]) == 2

@@ -1,0 +1,71 @@
+"""The table of syntax elements is that of spec.md, what a stream uses is found, and the cases cover it."""
+
+import re
+
+import numpy as np
+import pytest
+
+from conformance.case import of_stage
+from conformance.cases.building import overview_bytes
+from conformance.element_values import plane_values, used, values
+from conformance.elements import ELEMENTS, UNCOVERED, coverage
+from conformance.spec import SPEC
+from conformance.stage import stages
+
+
+def test_elements_are_those_of_the_spec():
+    text = SPEC.read_text(encoding="utf-8")
+    section = text[text.index("\n## 6 ") : text.index("\n## 7 ")]
+    headings = re.findall(r"^#### (.*)$", section, re.MULTILINE)
+    names = [part.replace("`", "") for heading in headings for part in heading.split(", ")]
+    assert sorted(names) == sorted(ELEMENTS)
+
+
+def test_what_the_overview_uses():
+    elements = used(overview_bytes())
+    assert elements["width"] == (16, 16, 1)
+    assert elements["chunk_type"] == (ord("E"), ord("R"), 5)
+    assert elements["cholesky_code"] == (8, 16, 3)
+    assert elements["cholesky_scale"] == (0.25, 0.25, 3)
+    assert elements["frame_count"] == elements["frame_count (end)"] == (3, 3, 1)
+    assert elements["reference_count"] == (1, 1, 1)
+    assert "parameter_checksum" not in elements
+    assert "entry_count" not in elements
+
+
+def test_values_stop_at_a_fault():
+    found = values(overview_bytes()[:-1])
+    assert found["frame_number"] == (3, {0, 1, 2})
+    assert "frame_count (end)" not in found
+
+
+def test_elements_of_a_plane():
+    found = plane_values(b"\x48", {"count": 2, "alphabet": 8, "entropy_precision": 12, "lane_count": 1})
+    assert found == {"plane_mode": (1, {1}), "symbol": (1, {1, 0})}
+
+
+@pytest.fixture(scope="module")
+def covered():
+    """The coverage of the cases themselves, so that it does not wait for vectors/ to be written."""
+    legal, faulty = {}, {}
+    for stage in stages().values():
+        for case in of_stage(stage.name):
+            if case.level == "full":
+                continue
+            if any(port.type == "stream" for port in stage.inputs):
+                inputs = next(run(case))
+                (faulty if case.level == "faulty" else legal)[case.id] = values(inputs["stream"])
+            elif stage.name == "decode_plane":
+                inputs = next(run(case))
+                numbers = {name: value for name, value in inputs.items() if name != "data"}
+                legal[case.id] = plane_values(np.asarray(inputs["data"]).tobytes(), numbers)
+    return coverage(legal, faulty)
+
+
+def run(case):
+    extra = {} if case.seed is None else {"rng": np.random.default_rng(case.seed)}
+    return case.function(**case.arguments, **extra)
+
+
+def test_every_aspect_of_every_element_has_a_case_or_a_reason(covered):
+    assert {key for key, ids in covered.items() if not ids} == set(UNCOVERED)

@@ -1,0 +1,182 @@
+"""protocol.md and its examples: what stands there is true, complete, and works; manifests follow their schema."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from toy_stages import INPUTS
+
+from conformance.commands.list import BEGIN, END, markdown
+from conformance.expectations import Exact
+from conformance.implementations import ModuleImplementation, Unsupported, load_module
+from conformance.process import EXIT_UNSUPPORTED, MOST_BYTES, ProcessImplementation
+from conformance.results import OUTCOMES
+from conformance.runner import judge_vector
+from conformance.selection import SCHEMA
+from conformance.stage import stages
+from conformance.vectors import VECTORS, Vector
+
+ROOT = Path(__file__).parents[2]
+PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")
+EXAMPLES = ROOT / "conformance" / "examples"
+
+
+def test_the_table_of_stages_is_that_of_the_code():
+    between = PROTOCOL.partition(BEGIN)[2].partition(END)[0].strip()
+    assert between == markdown(VECTORS), "write it again: python -m conformance list --markdown conformance/protocol.md"
+
+
+@pytest.mark.parametrize("name", ["minimal.c", "minimal.py"])
+def test_examples_are_quoted_in_full(name):
+    assert f"```{name.partition('.')[2].replace('py', 'python')}\n{(EXAMPLES / name).read_text()}```" in PROTOCOL
+
+
+def test_what_the_protocol_says_of_the_code():
+    for outcome in OUTCOMES:
+        assert f"| {outcome} |" in PROTOCOL
+    assert f"| {EXIT_UNSUPPORTED} |" in PROTOCOL
+    assert MOST_BYTES == 256 << 20
+    assert "256 MiB" in PROTOCOL
+    for command in re.findall(r"python -m conformance (\w+)", PROTOCOL):
+        assert (ROOT / "conformance" / "commands" / f"{command}.py").is_file()
+
+
+# Examples
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory) -> str:
+    """minimal.c, compiled without a warning."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    program = tmp_path_factory.mktemp("example") / "minimal"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O2"]
+    subprocess.run([compiler, *flags, "-o", str(program), str(EXAMPLES / "minimal.c"), "-lm"], check=True)
+    return str(program)
+
+
+@pytest.fixture
+def python() -> str:
+    return f"{sys.executable} {EXAMPLES / 'minimal.py'}"
+
+
+@pytest.fixture
+def module(monkeypatch) -> ModuleImplementation:
+    monkeypatch.syspath_prepend(EXAMPLES)
+    return load_module("minimal")
+
+
+@pytest.fixture(params=["compiled", "python", "module"])
+def example(request):
+    """Each example behind the process protocol, and the one in Python as a module."""
+    found = request.getfixturevalue(request.param)
+    return found if isinstance(found, ModuleImplementation) else ProcessImplementation(found, 60)
+
+
+def vector(stage, inputs, expected) -> Vector:
+    return Vector(f"core/{stage}/x", {"title": "x"}, stages()[stage], inputs, expected)
+
+
+@pytest.mark.parametrize("count", [0, 1, 63488])
+def test_examples_read_half_precision(example, count):
+    bits = np.arange(65536, dtype="<u2")
+    bits = bits[~np.isnan(bits.view("<f2"))][::-1][:count].copy()
+    expected = {"values": Exact(bits.view("<f2").astype("<f4"))}
+    result = judge_vector(example, vector("from_half", {"bits": bits}, expected)).result
+    assert result.outcome == "pass", result.message
+
+
+@pytest.mark.parametrize("count", [0, 9])
+def test_examples_render(example, count):
+    rng = np.random.default_rng(20)
+    parameters = rng.uniform((0, 0, 0.5, -3, 0.5, -1, -1, -1), (21, 13, 5, 3, 5, 1, 1, 1), (count, 8)).astype("<f4")
+    if count:
+        parameters[3, 2] = 0  # degenerate: covers nothing
+        parameters[4, 4] = 1e-40
+    inputs = {"parameters": parameters, "width": 21, "height": 13}
+    result = judge_vector(example, vector("render_sum", inputs, stages()["render_sum"].oracle(**inputs))).result
+    assert result.outcome == "pass", result.message
+
+
+def test_examples_do_not_support_other_stages(example):
+    assert isinstance(example.run(stages()["metrics"], {"bit_depth": 8}), Unsupported)
+
+
+# Manifests
+
+
+def validator() -> Draft202012Validator:
+    return Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
+
+
+def objects(schema):
+    """All parts of a schema that describe objects."""
+    if isinstance(schema, dict):
+        if schema.get("type") == "object":
+            yield schema
+        for part in schema.values():
+            yield from objects(part)
+    elif isinstance(schema, list):
+        for part in schema:
+            yield from objects(part)
+
+
+def test_the_schema_is_one_and_lets_nothing_else_in():
+    schema = validator().schema
+    Draft202012Validator.check_schema(schema)
+    found = list(objects(schema))
+    assert len(found) > 5
+    for part in found:
+        assert "additionalProperties" in part
+        assert part["additionalProperties"] is False or "propertyNames" in part
+
+
+def test_manifests_follow_the_schema(folder):
+    for name in INPUTS:
+        assert list(validator().iter_errors(json.loads((folder / name / "manifest.json").read_text()))) == []
+
+
+CHANGES = {
+    "another field": lambda m: m.update(more=1),
+    "no title": lambda m: m.pop("title"),
+    "empty title": lambda m: m.update(title=""),
+    "id of another form": lambda m: m.update(id="core/scale"),
+    "level that is none": lambda m: m.update(id="easy/scale/by_two"),
+    "no outputs": lambda m: m.update(outputs={}),
+    "class that is none": lambda m: m.update({"class": "sound"}),
+    "twice the same rule": lambda m: m.update(rules=["R-3.1-1", "R-3.1-1"]),
+    "input with more": lambda m: m["inputs"]["factor"].update(unit="px"),
+    "path that leaves the folder": lambda m: m["inputs"]["values"].update(file="../values.npy"),
+    "dtype of objects": lambda m: m["inputs"]["values"].update(dtype="|O"),
+    "big-endian": lambda m: m["inputs"]["values"].update(dtype=">f4"),
+    "hash cut short": lambda m: m["inputs"]["values"].update(sha256="00"),
+    "no bound": lambda m: m["outputs"]["scaled"].pop("bound"),
+    "bounds of another model": lambda m: m["outputs"]["scaled"].update(model="fp16/1"),
+    "check that is none": lambda m: m["outputs"]["scaled"].update(check="fuzzy"),
+    "field of another check": lambda m: m["outputs"]["scaled"].update(guard=1.0),
+    "half a fault": lambda m: m.update(fault={"lie": "x"}),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_a_manifest_with_something_wrong_does_not(folder, change):
+    manifest = json.loads((folder / "core/scale/by_two/manifest.json").read_text())
+    change(manifest)
+    assert list(validator().iter_errors(manifest))
+
+
+@pytest.mark.parametrize(
+    "value", ["malformed", "broken R-6.2-2 412", "malformed R-6.2-2", "malformed R-6.2-2 412 more"]
+)
+def test_a_refusal_has_kind_rule_and_bit(folder, value):
+    manifest = json.loads((folder / "faulty/parse/bad_letter/manifest.json").read_text())
+    assert not list(validator().iter_errors(manifest))
+    manifest["outputs"]["error"]["value"] = value
+    assert list(validator().iter_errors(manifest))

@@ -1,0 +1,183 @@
+"""spec.md as a text: its parts agree with each other and with the code."""
+
+import ast
+import inspect
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance import spec
+from conformance.stage import Port, stages
+from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
+
+TEXT = spec.SPEC.read_text(encoding="utf-8")
+TAG = re.compile(r"\[(paper|upstream|ours)\b[^\]]*\]")
+LONGEST_FUNCTION = 35
+
+
+def headings(level: int) -> list[str]:
+    return re.findall(rf"^{'#' * level} (.*)$", TEXT, re.MULTILINE)
+
+
+def clauses() -> Iterator[tuple[str, str]]:
+    """Heading and text of each part that has no headings of the second or third level in it."""
+    parts = re.split(r"^#{2,3} (.*)$", TEXT, flags=re.MULTILINE)
+    return zip(parts[1::2], parts[2::2], strict=True)
+
+
+def section(heading: str) -> str:
+    return next(text for name, text in clauses() if name.startswith(heading))
+
+
+def test_contents_link_every_section() -> None:
+    def anchor(heading: str) -> str:
+        return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+    contents = TEXT[TEXT.index("Contents:") : TEXT.index("## 1 Scope")]
+    assert re.findall(r"\[([^\]]*)\]\(#([^)]*)\)", contents) == [(name, anchor(name)) for name in headings(2)]
+
+
+def test_every_clause_says_where_it_comes_from() -> None:
+    untagged = [heading for heading, text in clauses() if text.strip() and not TAG.search(text)]
+    assert untagged == ["2 Symbols"]
+
+
+def test_every_must_has_an_id() -> None:
+    prose = re.sub(r"^```.*?^```$", "", TEXT, flags=re.MULTILINE | re.DOTALL)
+    for paragraph in re.split(r"\n\n|(?=\*\*R-)", prose):
+        if "MUST" in paragraph:
+            assert paragraph.startswith("**R-"), paragraph
+
+
+def test_every_syntax_element_has_a_heading() -> None:
+    for number in range(1, 9):
+        text = section(f"6.{number} ")
+        rows = re.findall(r"^\| (?!---)(.*?) \|", text, re.MULTILINE)
+        in_table = [name for row in rows for name in re.findall(r"`(\w+)`(?= |,|\[|$)", _elements_of(row))]
+        described = [name for title in re.findall(r"^#### (.*)$", text, re.MULTILINE) for name in _names(title)]
+        assert sorted(set(in_table)) == sorted(described), number
+
+
+def _elements_of(row: str) -> str:
+    """A row of a table without its conditions and what is called."""
+    row = re.sub(r"(if|for) \((?:[^()]|\([^()]*\))*\)", "", row)
+    return re.sub(r"\w+\(.*?\).*|= [\dA-F ]+\(.*", "", row)
+
+
+def _names(title: str) -> list[str]:
+    return re.findall(r"`(\w+)`", title)
+
+
+def test_annex_b_lists_all_elements_and_equations() -> None:
+    annex = section("Annex B")
+    elements = re.findall(r"`(\w+)`", annex.partition("Syntax elements:")[2].partition("Equations:")[0])
+    assert elements == [name for title in headings(4) for name in _names(title)]
+    numbered = Counter(int(a) for a, _ in set(re.findall(r"\((\d+)-(\d+)\)", TEXT)))
+    listed = {}
+    for of, first, last in re.findall(r"\((\d+)-(\d+)\)(?: to \(\d+-(\d+)\))?", annex):
+        assert first == "1"
+        listed[int(of)] = int(last or first)
+    assert listed == dict(numbered)
+
+
+def test_annex_a_lists_all_constants_of_the_code() -> None:
+    names = spec.namespace()
+    rows = {
+        row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| (.*?) \| ?(.*?) ?\|", section("Annex A"), re.MULTILINE)
+    }
+    constants = {name: value for name, value in names.items() if name.isupper()}
+    assert rows.keys() == constants.keys()
+    for name, value in constants.items():
+        if isinstance(value, (float, np.floating)):
+            assert float(rows[name][0]) == value, name
+            assert float.fromhex(rows[name][1].strip("`")) == value, name
+        elif isinstance(value, int):
+            assert int(rows[name][0], 0) == value, name
+
+
+def test_kinds_are_those_of_gsvc_ref() -> None:
+    for rule in set(re.findall(r"\bR-[\d.]+-\d+\b", TEXT)):
+        assert spec.namespace()["kind_of"](rule) == kind_of(rule), rule
+
+
+def test_classes_and_ports_are_those_of_the_stages() -> None:
+    rows = re.findall(r"^\| `(\w+)` \| (`.*`) \|$", section("13.1"), re.MULTILINE)
+    classes = {name: sorted(_names(row)) for name, row in rows}
+    groups: dict[str, list[str]] = {}
+    for stage in stages().values():
+        groups.setdefault(stage.group, []).append(stage.name)
+    assert classes == {group: sorted(names) for group, names in groups.items()}
+
+    def text(ports: tuple[Port, ...]) -> str:
+        return "; ".join(f"`{p.name}` {p.type.replace('|', ' or ')} {p.shape}".strip() for p in ports)
+
+    table = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", section("13.9"), re.MULTILINE)
+    assert table == [(s.name, text(s.inputs), text(s.outputs)) for s in stages().values()]
+    for stage in stages().values():
+        assert list(inspect.signature(spec.namespace()[stage.name]).parameters) == [p.name for p in stage.inputs]
+
+
+def test_overview_stream() -> None:
+    data = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
+    overview = section("4 Overview")
+    block = re.search(r"^```hex\n(.*?)^```$", overview, re.MULTILINE | re.DOTALL)
+    assert block is not None
+    assert bytes.fromhex(block[1]) == data
+    rows = re.findall(r"^\| (\d+) \| ((?:[\dA-F]{2} ?)+) \|", overview, re.MULTILINE)
+    offset = 0
+    for start, part in rows:
+        assert int(start) == offset
+        assert bytes.fromhex(part) == data[offset : offset + len(bytes.fromhex(part))]
+        offset += len(bytes.fromhex(part))
+    assert offset == len(data)
+    shown = re.findall(r"^\| \d \([IPR]\) \| (.*) \|$", overview, re.MULTILINE)
+    parameters = [[float(n) for cell in row.split("|") for n in cell.split("=")[-1].split(",")] for row in shown]
+    decoded = spec.namespace()["reconstruct_stream"](stream=data)
+    assert decoded["parameters"].tolist() == parameters
+    assert decoded["error"] == ""
+
+
+def test_code_stands_alone() -> None:
+    tree = ast.parse(spec.source())
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    assert imported == {"math", "struct", "fractions", "numpy"}
+    first = ast.parse(spec.blocks()[0])
+    assert all(isinstance(node, (ast.Import, ast.ImportFrom)) for node in first.body)
+
+
+def test_code_is_fit_to_be_read() -> None:
+    """Functions of a screen at most, lines of 120 characters, no name defined twice."""
+    tree = ast.parse(spec.source())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            assert node.end_lineno is not None
+            assert node.end_lineno - node.lineno < LONGEST_FUNCTION, node.name
+    assert max(map(len, spec.source().splitlines())) <= 120
+    defined = [node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
+    defined += [
+        t.id for node in tree.body if isinstance(node, ast.Assign) for t in node.targets if isinstance(t, ast.Name)
+    ]
+    assert [name for name, count in Counter(defined).items() if count > 1] == []
+
+
+def test_tracebacks_name_lines_of_spec_md() -> None:
+    lines = TEXT.splitlines()
+    function = spec.namespace()["read_chunk"]
+    assert Path(function.__code__.co_filename) == spec.SPEC
+    assert lines[function.__code__.co_firstlineno - 1].startswith("def read_chunk(")
+
+
+def test_patched_code_is_run_anew() -> None:
+    patched = spec.namespace([("LOWEST_STATE = 2**16", "LOWEST_STATE = 2**15")])
+    assert patched["LOWEST_STATE"] == 2**15
+    assert spec.namespace()["LOWEST_STATE"] == 2**16
+    assert spec.namespace() is spec.namespace()
+    for text in ("no such text", "raise Fault"):
+        with pytest.raises(LookupError):
+            spec.namespace([(text, "")])
