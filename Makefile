@@ -22,8 +22,9 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest
 
-vectors: .venv/.ready-test            ## write vectors/ again from the cases in conformance/ (about NN minutes)
+vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (about a minute)
 	$(BIN)/python -m conformance generate
+	$(BIN)/python -m conformance list --markdown conformance/protocol.md
 	$(BIN)/python -m conformance verify
 
 lint: .venv/.ready-lint            ## check style and types

@@ -154,7 +154,7 @@ def equal_splats(count: int, factor: float = 1.0, color: float = 2.0**-14) -> Sp
 
 @on("core", "decode_stream_deterministic", flags=["limit", "many"], rules=["R-5-2"])
 def as_many_splats_as_allowed() -> Inputs:
-    """An I-frame of 2^14 splats, all degenerate, then one goes and a visible one comes: the most that level 1 allows."""
+    """An I-frame of 2^14 degenerate splats, then one goes and a visible one comes: the most that level 1 allows."""
     most = LEVELS[1].splats
     frames = [FrameCodes.intra_frame(equal_splats(most, 0)),
               predicted([0] + [1] * (most - 1), SplatBlock(), equal_splats(1, color=1))]  # fmt: skip

@@ -68,7 +68,7 @@ def crowd(rng: np.random.Generator, width: int, height: int, count: int) -> F4:
 def sequence(rng: np.random.Generator, width: int, height: int, count: int, frames: int) -> bytes:
     """A stream of P-frames that move, lose a few splats and get as many; now and then an I-frame or an R-frame."""
     header = SequenceHeader(
-        level=level_for(width, height, splats=count, work=count * width * height),
+        level=level_for(width, height, splats=count, work=100 * width * height),
         parameter_checksum_flag=True,
         width=width,
         height=height,
@@ -87,7 +87,7 @@ def _frame(rng: np.random.Generator, number: int, width: int, height: int, count
         return FrameCodes.repeated_frame()
     survivors = rng.random(count) < 0.97
     stay = int(np.count_nonzero(survivors))
-    own = number % 150 == 1 or number % 40 == 0
+    own = number % 150 in (1, 2) or number % 40 == 0  # the first after an I-frame may be repeated
     return FrameCodes.predicted_frame(
         survivors, _inter(rng, stay, own=own), _intra(rng, width, height, count - stay, own=False)
     )

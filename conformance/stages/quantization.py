@@ -43,7 +43,7 @@ def lsq_quantize_oracle(x: F4, scale: F4, offset: F4, bits: int) -> Expected:
     "quantization",
     inputs="x: f4 (N, C); scale: f4 (C,); offset: f4 (C,); bits: int",
     outputs="codes: u2 (N, C)",
-    equations=("10-15", "10-16"),
+    equations=("10-15", "10-16", "13-17"),
     rules=("R-10.5-1",),
     oracle=lsq_quantize_oracle,
 )
@@ -95,7 +95,7 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     "quantization",
     inputs="x: f4 (N, C); scale: f4 (C,); offset: f4 (C,); bits: int; grad_output: f4 (N, C)",
     outputs="grad_x: f4 (N, C); grad_scale: f4 (C,); grad_offset: f4 (C,)",
-    equations=("10-18", "10-19"),
+    equations=("10-18", "10-19", "13-17"),
     rules=("R-10.5-2",),
     oracle=lsq_gradients_oracle,
 )
@@ -137,7 +137,7 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
     "quantization",
     inputs="x: f4 (N, 3); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="indices: u2 (N, M)",
-    equations=("10-20",),
+    equations=("10-20", "13-17"),
     rules=("R-10.6-1",),
     oracle=rvq_assign_oracle,
 )
@@ -151,7 +151,7 @@ def rvq_assign(x: F4, codebook_sizes: I8, codebooks: F4) -> Values:
     inputs="x: f4 (N, 3); indices: u2 (N, M); codebook_sizes: i8 (M,); codebooks: f4 (K, 3); counts: f8 (K,); "
     "sums: f8 (K, 3); uniforms: f8 (D,); decay: float; smoothing: float; dead_count: float",
     outputs="counts: f8 (K,); sums: f8 (K, 3); codebooks: f4 (K, 3)",
-    equations=("10-22", "10-23", "10-24"),
+    equations=("10-22", "10-23", "10-24", "13-17"),
     rules=("R-10.6-3",),
     oracle=rvq_update_oracle,
 )
@@ -201,7 +201,7 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
     "quantization",
     inputs="x: f4 (N, 3); indices: u2 (N, M); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="loss: f8 (); grad_x: f4 (N, 3)",
-    equations=("10-21",),
+    equations=("10-21", "13-17"),
     rules=("R-10.6-2",),
     oracle=commitment_oracle,
 )

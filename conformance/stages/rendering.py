@@ -168,7 +168,8 @@ def _together(gradients: F8, bound: F8) -> bool:
 
 @stage(
     "gradients", inputs="parameters: f4 (N, 8); residual: f4 (H, W, 3)", outputs="gradients: f4 (N, 8)",
-    equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)), rules=("R-10.3-1",), oracle=_bounded_gradients,
+    equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)), rules=("R-10.3-1",),
+    oracle=_bounded_gradients,
 )  # fmt: skip
 def render_gradients(parameters: F4, residual: F4) -> Values:
     """The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed."""

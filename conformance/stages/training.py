@@ -39,7 +39,7 @@ def loss_oracle(picture: F4, target: F4) -> Expected:
     "training",
     inputs="picture: f4 (H, W, 3); target: f4 (H, W, 3)",
     outputs="loss: f8 (); residual: f4 (H, W, 3)",
-    equations=("10-1", "10-2"),
+    equations=("10-1", "10-2", "13-17"),
     rules=("R-10.2-1",),
     oracle=loss_oracle,
 )
@@ -94,7 +94,7 @@ def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
     "training",
     inputs="values: f4 (N, 9); gradients: f4 (N, 8)",
     outputs="gradients: f4 (N, 9)",
-    equations=("10-11",),
+    equations=("10-11", "13-17"),
     rules=("R-10.3-2",),
     oracle=weighted_gradients_oracle,
 )
@@ -185,7 +185,7 @@ def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed
     "previous: f4 (N, P); steps: i8 (N,); rates: f4 (P,); units: f4 (P,); "
     "beta1: float; beta2: float; beta3: float; epsilon: float",
     outputs="parameters: f4 (N, P); m: f4 (N, P); v: f4 (N, P); n: f4 (N, P); previous: f4 (N, P); steps: i8 (N,)",
-    equations=("10-13", "10-14"),
+    equations=("10-13", "10-14", "13-17"),
     rules=("R-10.4-2",),
     oracle=adan_oracle,
 )

@@ -1,0 +1,139 @@
+"""The golden vectors: they are what the cases make, nothing is uncovered, and they find what is wrong."""
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from conformance import spec
+from conformance.coverage import verify
+from conformance.expectations import Bounded, Refusal
+from conformance.generate import differences, same
+from conformance.implementations import Unsupported, from_namespace
+from conformance.mutants import Mutant, all_mutants, answer, bug, diagnose, killed_by
+from conformance.reference import namespace as reference
+from conformance.results import Report
+from conformance.runner import run_suite
+from conformance.vectors import load, npy
+
+
+@pytest.fixture(scope="module")
+def vectors():
+    return list(load())
+
+
+def failures(implementation, vectors):
+    results = run_suite(implementation, vectors)
+    assert len(results) == len(vectors)
+    return [f"{result.id}: {result.message}" for result in results if result.outcome != "pass"]
+
+
+def verdicts(implementation, vectors):
+    report = Report({}, "", "", (), run_suite(implementation, vectors))
+    assert not report.passed
+    return {group.name: group.verdict for group in report.groups()}
+
+
+def test_the_cases_make_these_vectors():
+    assert differences() == []
+
+
+def test_nothing_is_uncovered():
+    assert verify() == []
+
+
+def test_gsvc_ref_passes(vectors):
+    assert failures(replace(from_namespace("gsvc_ref", reference()), in_full=True), vectors) == []
+
+
+def test_the_code_of_the_spec_passes(vectors):
+    assert failures(replace(from_namespace("spec.md", spec.namespace()), in_full=True), vectors) == []
+
+
+class Careless:
+    """Answers every stage with zeros of the right form, and accepts every stream."""
+
+    name, in_full = "careless", False
+
+    def __init__(self, expected):
+        self.expected = expected
+
+    def run(self, stage, inputs):
+        return {name: zeros(expectation) for name, expectation in next(self.expected).items()}
+
+
+def zeros(expectation):
+    if isinstance(expectation, Refusal):
+        return ""
+    return np.zeros_like(expectation.value, expectation.dtype if isinstance(expectation, Bounded) else None)
+
+
+class Refusing:
+    """Supports nothing, or refuses every stream."""
+
+    name, in_full = "refusing", False
+
+    def run(self, stage, inputs):
+        if stage.name == "reconstruct_stream":
+            return {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32), "error": "malformed"}
+        return Unsupported("nothing is")
+
+
+def test_zeros_pass_in_no_class(vectors):
+    careless = Careless(iter([vector.expected for vector in vectors]))
+    assert set(verdicts(careless, vectors).values()) == {"failed"}
+
+
+def test_who_refuses_everything_passes_in_no_class(vectors):
+    found = verdicts(Refusing(), vectors)
+    assert found.pop("bitstream") == "failed"
+    assert set(found.values()) == {"not claimed"}
+
+
+@pytest.mark.parametrize(
+    ("name", "vector"),
+    [
+        ("pixel-centre-at-integer", "core/render_sum/corners_of_tiles"),
+        ("adan-epsilon-inside-root", None),
+        ("survivors-misaligned", None),
+        ("strict-horner", None),
+        ("bt601-for-bt709", None),
+        ("r-6.2-2-unchecked", None),
+    ],
+)
+def test_a_bug_is_recognised(vectors, name, vector):
+    mutant = next(mutant for mutant in all_mutants() if mutant.name == name)
+    found = [v for v in vectors if name in v.manifest["kills"] and vector in (None, v.id)]
+    answers = ((v, answer(mutant, v.stage, v.inputs)) for v in found)
+    told = [mutant.sentence in diagnose(v, outputs) for v, outputs in islice(answers, 8) if outputs is not None]
+    assert any(told)
+
+
+def test_an_unknown_bug_is_not_given_a_name(vectors):
+    vector = next(v for v in vectors if v.id == "core/render_sum/corners_of_tiles")
+    rng = np.random.default_rng(1)
+    assert diagnose(vector, {"sum": rng.normal(0, 1, vector.expected["sum"].value.shape).astype(np.float32)}) == []
+
+
+def test_a_patch_that_changes_nothing_is_found_by_no_vector(vectors):
+    same_code = bug("test", "none", "nothing", ("LOWEST_STATE = 2**16", "LOWEST_STATE = 1 << 16"))
+    assert same_code.touched() == frozenset()
+    assert killed_by(vectors[:3], [same_code]) == {vector.id: [] for vector in vectors[:3]}
+
+
+def test_a_patch_that_does_not_fit_is_an_error():
+    with pytest.raises(LookupError, match="occurs 0 times"):
+        Mutant("lost", "test", "nothing", (("this text is not in spec.md", ""),)).namespace()
+
+
+def test_names_of_mutants_are_unique():
+    names = [mutant.name for mutant in all_mutants()]
+    assert len(names) == len(set(names))
+
+
+def test_oracle_parts_may_differ_in_the_last_bits_only():
+    there, near, far = (npy(np.array([value])) for value in (1.0, 1 + 1e-13, 1 + 1e-11))
+    assert same("a/sum.expected.npy", there, near, {"sum.expected.npy"})
+    assert not same("a/sum.expected.npy", there, far, {"sum.expected.npy"})
+    assert not same("a/sum.expected.npy", there, near, set())
