@@ -31,7 +31,7 @@ AGAIN: Final = "python -m conformance generate"
 ORACLE_TOLERANCE: Final = 1e-12
 BOUND_TOLERANCE: Final = 1e-5
 FULL_SUMS: Final = Path(__file__).with_name("full.sha256")
-"""The hashes of the exact parts of the full set."""
+"""The hashes of the exact parts of the full set: the lines that `generate --full` prints while they are not known."""
 
 
 def make(levels: Iterable[str] = LEVELS, on_case: OnCase | None = None) -> dict[str, dict[str, bytes]]:

@@ -20,13 +20,6 @@ def full_hd_frame(rng: np.random.Generator) -> Inputs:
     assert np.ptp(expected["frame"].value) == 255
 
 
-@case(FULL, "render_sum_deterministic", flags=["many", "order"])
-def full_hd_sum(rng: np.random.Generator) -> Inputs:
-    """The deterministic sum of a frame of 1920x1080 pixels with 10,000 splats."""
-    expected = yield {"parameters": crowd(rng, 1920, 1080, 10_000), "width": 1920, "height": 1080}
-    assert np.isfinite(expected["sum"].value).all()
-
-
 @case(FULL, "render_gradients", flags=["many"])
 def full_hd_gradients(rng: np.random.Generator) -> Inputs:
     """The gradients of 10,000 splats on a frame of 1920x1080 pixels."""

@@ -1,5 +1,6 @@
 """The golden vectors: they are what the cases make, nothing is uncovered, and they find what is wrong."""
 
+import re
 from dataclasses import replace
 from itertools import islice
 
@@ -15,7 +16,7 @@ from conformance.mutants import Mutant, all_mutants, answer, bug, diagnose, kill
 from conformance.reference import namespace as reference
 from conformance.results import Report
 from conformance.runner import run_suite
-from conformance.vectors import load, npy
+from conformance.vectors import VECTORS, load, npy
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,12 @@ def test_the_cases_make_these_vectors():
 
 def test_nothing_is_uncovered():
     assert verify() == []
+
+
+def test_documents_name_vectors_that_exist():
+    named = re.findall(r"`((?:core|uncommon|stress|faulty)/\w+/\w+)`", spec.SPEC.read_text(encoding="utf-8"))
+    assert named
+    assert [name for name in named if not (VECTORS / name / "manifest.json").exists()] == []
 
 
 def test_gsvc_ref_passes(vectors):
