@@ -1,17 +1,21 @@
 """The judgement of an implementation, vector by vector."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from conformance.expectations import Expectation, Refusal
-from conformance.implementations import Failure, Implementation, Unsupported
+from conformance.implementations import Answer, Failure, Implementation, Unsupported
 from conformance.results import FAULTS, Outcome, OutputResult, Result
 from conformance.stage import Values
 from conformance.vectors import Vector
 
+T = TypeVar("T")
+U = TypeVar("U")
 Diagnose = Callable[[Vector, Values], list[str]]
 """What wrong outputs look like, the most likely first."""
 
@@ -25,6 +29,13 @@ class Judged:
     result: Result
 
 
+class Answered(NamedTuple):
+    """An answer and the seconds that it took."""
+
+    answer: Answer
+    seconds: float
+
+
 def run_suite(
     implementation: Implementation,
     vectors: Iterable[Vector],
@@ -33,6 +44,7 @@ def run_suite(
     skips: Mapping[str, str] | None = None,
     diagnose: Diagnose | None = None,
     on_result: Callable[[Judged], object] | None = None,
+    jobs: int = 1,
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -47,14 +59,21 @@ def run_suite(
     diagnose
         Is asked about wrong outputs.
     on_result
-        Is called after each vector.
+        Is called after each vector, in their order.
+    jobs
+        How many vectors are asked for at the same time; they are judged one after the other.
     """
+    skips = skips or {}
+
+    def answered(vector: Vector) -> tuple[Vector, Answered | None]:
+        return vector, None if vector.id in skips else ask(implementation, vector)
+
     results = []
-    for vector in vectors:
-        if vector.id in (skips or {}):
-            judged = Judged(vector, None, _result(vector, "skipped", (skips or {})[vector.id]))
+    for vector, answer in _mapped(answered, vectors, jobs):
+        if answer is None:
+            judged = Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
         else:
-            judged = judge_vector(implementation, vector, diagnose)
+            judged = judge_answer(vector, answer, implementation.in_full, diagnose)
         if vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
             message = f"{(waivers or {})[vector.id]} (waived {judged.result.outcome}: {judged.result.message})"
             judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
@@ -66,15 +85,34 @@ def run_suite(
 
 def judge_vector(implementation: Implementation, vector: Vector, diagnose: Diagnose | None = None) -> Judged:
     """Ask for one vector's outputs and judge them."""
+    return judge_answer(vector, ask(implementation, vector), implementation.in_full, diagnose)
+
+
+def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Iterator[U]:
+    """The results in the order of the values; with several jobs these are all taken at the beginning."""
+    if jobs == 1:
+        yield from map(function, values)
+        return
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(function, values)
+
+
+def ask(implementation: Implementation, vector: Vector) -> Answered:
+    """What an implementation answers to one vector."""
     start = time.perf_counter()
     answer = implementation.run(vector.stage, _copies(vector.inputs))
-    seconds = time.perf_counter() - start
+    return Answered(answer, time.perf_counter() - start)
+
+
+def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, diagnose: Diagnose | None = None) -> Judged:
+    """Judge an answer to one vector."""
+    answer, seconds = answered
     if isinstance(answer, Unsupported):
         return Judged(vector, None, _result(vector, "unsupported", answer.reason, seconds=seconds))
     if isinstance(answer, Failure):
         result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
         return Judged(vector, None, result)
-    return Judged(vector, answer, judge_outputs(vector, answer, implementation.in_full, diagnose, seconds))
+    return Judged(vector, answer, judge_outputs(vector, answer, in_full, diagnose, seconds))
 
 
 def judge_outputs(

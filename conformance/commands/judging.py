@@ -86,7 +86,10 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
 
         diagnose = None if arguments.no_diagnosis else Diagnosis()
         vectors = folder.read(names)
-        run_suite(implementation, vectors, waivers=waivers, skips=skips, diagnose=diagnose, on_result=on_result)
+        run_suite(
+            implementation, vectors, waivers=waivers, skips=skips, diagnose=diagnose, on_result=on_result,
+            jobs=getattr(arguments, "jobs", 1),
+        )  # fmt: skip
     notes = list(_waiver_notes(done, waivers, folder.names))
     again = shlex.join([*command, *_vectors_words(arguments)])
     report = Report(environment(implementation.name, arguments.vectors), again, str(chosen), notes, done)

@@ -5,7 +5,8 @@ from typing import Final
 
 from conformance import implementations, process
 from conformance.commands.judging import add_judging, judge
-from gsvc_ref.cli.arguments import positive
+from gsvc_ref.cli.arguments import positive, whole
+from gsvc_ref.errors import UsageError
 
 TIMEOUT: Final = 60.0
 
@@ -27,11 +28,16 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="S",
         help=f"seconds for one vector, with --impl ({TIMEOUT:g})",
     )
+    parser.add_argument(
+        "--jobs", type=whole, default=1, metavar="N", help="processes at the same time, with --impl (1)"
+    )
     add_judging(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Judge and report."""
+    if arguments.jobs < 1 or (arguments.jobs > 1 and arguments.impl is None):
+        raise UsageError("--jobs must be at least 1, and needs --impl: a module answers one vector after the other")
     return judge(arguments, _implementation(arguments), _command(arguments))
 
 

@@ -5,6 +5,8 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +14,16 @@ import pytest
 from jsonschema import Draft202012Validator
 from toy_stages import INPUTS
 
+from conformance.case import of_stage
 from conformance.commands.list import BEGIN, END, markdown
 from conformance.expectations import Exact
 from conformance.implementations import ModuleImplementation, Unsupported, load_module
 from conformance.process import EXIT_UNSUPPORTED, MOST_BYTES, ProcessImplementation
 from conformance.results import OUTCOMES
-from conformance.runner import judge_vector
+from conformance.runner import judge_vector, run_suite
 from conformance.selection import SCHEMA
 from conformance.stage import stages
-from conformance.vectors import VECTORS, Vector
+from conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")
@@ -180,3 +183,11 @@ def test_a_refusal_has_kind_rule_and_bit(folder, value):
     assert not list(validator().iter_errors(manifest))
     manifest["outputs"]["error"]["value"] = value
     assert list(validator().iter_errors(manifest))
+
+
+def test_jobs_change_the_time_alone(python):
+    cases = [from_files(files_of(case, *case.run())) for case in islice(of_stage("from_half"), 2)]
+    cases += [from_files(files_of(case, *case.run())) for case in islice(of_stage("render_sum"), 4)]
+    one, many = (run_suite(ProcessImplementation(python, 60), cases, jobs=jobs) for jobs in (1, 3))
+    assert [(result.id, result.outcome) for result in many] == [(vector.id, "pass") for vector in cases]
+    assert [replace(result, seconds=0) for result in one] == [replace(result, seconds=0) for result in many]
