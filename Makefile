@@ -22,7 +22,7 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest
 
-vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (about a minute)
+vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (a minute, and two for setting up)
 	$(BIN)/python -m conformance generate
 	$(BIN)/python -m conformance list --markdown conformance/protocol.md
 	$(BIN)/python -m conformance verify

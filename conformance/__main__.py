@@ -1,7 +1,7 @@
 """``python -m conformance``: one module per command in `conformance.commands`, imported when it is asked for.
 
-Exit codes: 0 passed, or done; 1 something is wrong with the implementation or the vectors; 2 wrong use, or nothing to
-judge; 70, 130, 141 as ``gsvc``.
+Exit codes: 0 nothing is wrong, or done; 1 something is wrong with the implementation or the vectors; 2 wrong use, or
+nothing was judged; 70, 130, 141 as ``gsvc``.
 """
 
 import importlib
@@ -11,6 +11,7 @@ from typing import Final
 
 from gsvc_ref.cli import Parser
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
+from gsvc_ref.errors import UsageError
 
 PROGRAM: Final = "python -m conformance"
 COMMANDS: Final = {
@@ -24,6 +25,10 @@ COMMANDS: Final = {
     "streams": "write random legal streams with what they decode to",
 }
 
+OURS: Final = ("conformance", "gsvc_ref")
+EXTRAS: Final = {"jsonschema": "conformance", "hypothesis": "testing"}
+"""Packages that a plain installation does not bring, and the extra that does."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
@@ -34,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         The arguments without the program's name; None takes those of the process.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    return guarded("conformance", lambda: _run(words))
+    named = words[0] if words and words[0] in COMMANDS else None
+    return guarded(f"conformance {named}" if named else "conformance", lambda: _with_packages(words, named))
 
 
 def build_parser(named: str | None) -> Parser:
@@ -54,8 +60,20 @@ def build_parser(named: str | None) -> Parser:
     return parser
 
 
-def _run(words: list[str]) -> int:
-    parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
+def _with_packages(words: list[str], named: str | None) -> int:
+    """Run a command; a package that is missing is wrong use, and the message says what to install."""
+    try:
+        return _run(words, named)
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package in ("", *OURS):
+            raise
+        extra = f"'.[{EXTRAS[package]}]'" if package in EXTRAS else "."
+        raise UsageError(f"needs {package}: pip install {extra}") from None
+
+
+def _run(words: list[str], named: str | None) -> int:
+    parser = build_parser(named)
     try:
         arguments = parser.parse_args(words)
     except SystemExit as end:  # argparse has said why
@@ -66,7 +84,7 @@ def _run(words: list[str]) -> int:
     if "run" not in arguments:
         say(PROGRAM, f"the command comes first: {PROGRAM} {arguments.command} ...")
         return EXIT_USAGE
-    return guarded(f"conformance {arguments.command}", lambda: int(arguments.run(arguments)))
+    return int(arguments.run(arguments))
 
 
 if __name__ == "__main__":

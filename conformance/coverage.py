@@ -34,9 +34,16 @@ NAMED: Final = 3
 def stated() -> tuple[list[str], list[str]]:
     """The requirement ids and the numbered equations of spec.md, in order."""
     text = SPEC.read_text(encoding="utf-8")
-    rules = re.findall(r"\*\*(R-[\d.]+-\d+)\*\*", text)
-    equations = re.findall(r"\((\d+-\d+)\)", text)
-    return list(dict.fromkeys(rules)), sorted(set(equations), key=lambda e: [int(n) for n in e.split("-")])
+    rules = set(re.findall(r"\*\*(R-[\d.]+-\d+)\*\*", text))
+    equations = set(re.findall(r"\((\d+-\d+)\)", text))
+    return sorted(rules, key=_numbers), sorted(equations, key=_numbers)
+
+
+def _numbers(name: str) -> list[int]:
+    """The numbers of a requirement or equation: those of a section before those of its subsections."""
+    section, number = re.findall(r"[\d.]+", name)
+    parts = [int(part) for part in section.split(".")]
+    return [*parts, *[0] * (2 - len(parts)), int(number)]
 
 
 def manifests(folder: Path = VECTORS) -> list[dict[str, Any]]:

@@ -3,7 +3,8 @@
 - `Exact`: the same numbers, type and shape; -0 and +0 are different where the output is of floating point, unless
   `signed_zeros` is off.
 - `Decision`: the same numbers, or the recorded alternative where the decision lies within its own rounding error.
-- `Bounded`: finite, and within the bound of that very element; optionally the sums over groups of columns, too.
+- `Bounded`: within the bound of that very element, and finite unless the expected number is infinite; optionally the
+  sums over groups of columns, too.
 - `Interval`: within the lowest and the highest value that the bounded class implies.
 - `Refusal`: the kind of error; its rule and bit offset where the implementation is asked for them.
 
@@ -21,6 +22,12 @@ CheckClass = Literal["exact", "decision", "bounded", "interval", "refusal"]
 
 RELATIVE_L2: Final = 1e-5
 """Most relative L2 error of a group of gradients: single elements may lose more to cancellation, all together not."""
+
+FEW_PLACES: Final = 64
+"""Errors of at most so many units in the last place are those of arithmetic, not of a wrong formula."""
+
+NOTHING: Final = 1e-30
+"""Bounds up to this are those of underflow: the result has to be exact."""
 
 RELATIVE_BIAS: Final = 1e-6
 """Most signed sum of the errors of a group, as a fraction of the sum of magnitudes: finds a factor that is wrong."""
@@ -70,7 +77,24 @@ def _differing(expected: Array, actual: Array, wrong: Array) -> Judgement:
     place, count = _first(wrong), int(np.count_nonzero(wrong))
     at = f" at {list(place)}" if place else ""
     of = f" ({count} of {wrong.size} are wrong)" if wrong.size > 1 else ""
-    return Judgement(False, f"is {actual[place]!s}{at}, expected {expected[place]!s}{of}", None, place, count)
+    by = _last_places(expected[wrong], actual[wrong])
+    return Judgement(False, f"is {actual[place]!s}{at}, expected {expected[place]!s}{of}{by}", None, place, count)
+
+
+def _last_places(expected: Array, actual: Array) -> str:
+    """By how many units in the last place floating-point numbers differ, if these are few."""
+    if expected.dtype.kind != "f" or not (np.isfinite(expected).all() and np.isfinite(actual).all()):
+        return ""
+    with np.errstate(over="ignore"):
+        apart = abs(actual.astype(np.float64) - expected) / np.spacing(abs(expected)).astype(np.float64)
+    most = float(apart.max())
+    if most == 0:
+        return ": a zero has the other sign"
+    if most > FEW_PLACES:
+        return ""
+    return (
+        f": at most {most:.3g} units in the last place, so arithmetic is fused, reordered, flushed or rounded otherwise"
+    )
 
 
 def _bits(array: Array) -> Array:
@@ -148,7 +172,7 @@ class Bounded:
     Attributes
     ----------
     value
-        The oracle's, f8.
+        The oracle's, f8; where it is infinite, nothing else is right.
     bound
         f8, the same shape; infinite where any finite number is allowed.
     dtype
@@ -171,11 +195,17 @@ class Bounded:
         if actual.size == 0:
             return Judgement(True, ratio=0.0)
         wide = actual.astype(np.float64)
-        finite = np.isfinite(wide)
-        if not finite.all():
-            place = _first(~finite)
-            return Judgement(False, f"is {actual[place]} at {list(place)}", np.inf, place, int(np.sum(~finite)))
-        error = abs(wide - self.value)
+        same_infinity = np.isinf(wide) & (wide == self.value)
+        finite = np.isfinite(wide) & np.isfinite(self.value)
+        wrong_kind = ~(finite | same_infinity)
+        if wrong_kind.any():
+            place = _first(wrong_kind)
+            at = f" at {list(place)}" if place else ""
+            message = f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}"
+            return Judgement(False, message, np.inf, place, int(np.sum(wrong_kind)))
+        value = np.where(finite, self.value, 0.0)
+        signed = np.where(finite, wide, 0.0) - value
+        error = abs(signed)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             ratio = np.where(error == 0, 0.0, error / np.asarray(self.bound, np.float64))
         flat = int(np.argmax(ratio))
@@ -183,18 +213,18 @@ class Bounded:
         worst, wrong = float(ratio[place]), int(np.count_nonzero(~(ratio <= 1)))
         if wrong:
             return Judgement(False, self._sentence(actual, error, place, worst, wrong), worst, place, wrong)
-        return self._judge_groups(wide, worst, place)
+        return self._judge_groups(value, signed, worst, place)
 
     def _sentence(self, actual: Array, error: Array, place: tuple[int, ...], worst: float, wrong: int) -> str:
         at = f" at {list(place)}" if place else ""
-        return (
-            f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}: the error {error[place]:.3g} is {worst:.3g} "
-            f"times the bound {np.asarray(self.bound)[place]:.3g} ({wrong} of {actual.size} are wrong)"
-        )
+        of = f" ({wrong} of {actual.size} are wrong)" if actual.size > 1 else ""
+        bound = np.asarray(self.bound)[place]
+        by = f"{worst:.3g} times the bound {bound:.3g}" if bound > NOTHING else "and must be none"
+        return f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}: the error is {error[place]:.3g}, {by}{of}"
 
-    def _judge_groups(self, wide: Array, worst: float, place: tuple[int, ...]) -> Judgement:
+    def _judge_groups(self, value: Array, signed: Array, worst: float, place: tuple[int, ...]) -> Judgement:
         for first, end in self.groups:
-            expected, error = self.value[..., first:end], (wide - self.value)[..., first:end]
+            expected, error = value[..., first:end], signed[..., first:end]
             measures = {
                 "relative L2 error": (float(np.linalg.norm(error)), RELATIVE_L2 * float(np.linalg.norm(expected))),
                 "signed bias": (abs(float(np.sum(error))), RELATIVE_BIAS * float(np.sum(abs(expected)))),
@@ -202,10 +232,9 @@ class Bounded:
             for name, (measured, allowed) in measures.items():
                 if not measured <= allowed:
                     ratio = measured / allowed if allowed else np.inf
-                    columns = f"columns {first}..{end - 1}"
-                    return Judgement(
-                        False, f"has a {name} of {columns} that is {ratio:.3g} times what is allowed", ratio, place, 0
-                    )
+                    of = f"the {name} of columns {first}..{end - 1}"
+                    message = f"is off as a whole: {of} is {ratio:.3g} times what is allowed"
+                    return Judgement(False, message, ratio, place, 0)
         return Judgement(True, ratio=worst, place=place)
 
     def parts(self) -> dict[str, Array]:

@@ -1,16 +1,21 @@
 """What the suite can judge: functions of a Python module; a command is in `process`."""
 
 import importlib
+import inspect
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from conformance.stage import DTYPES, Port, Stage, Values
+from conformance.spelling import meant
+from conformance.stage import DTYPES, Port, Stage, Values, stages
 from gsvc_ref.errors import UsageError
+
+MOST_NEAR: Final = 4
+"""So many names that are nearly those of stages are told."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class Failure:
     message
         A sentence.
     log
-        The end of what it printed.
+        The beginning and the end of what it printed.
     """
 
     outcome: Literal["error", "crash", "timeout"]
@@ -80,6 +85,8 @@ class ModuleImplementation:
         function = self.functions.get(stage.name)
         if not callable(function):
             return Unsupported(f"there is no function {stage.name}")
+        if problem := _misfit(function, stage):
+            return Failure("error", problem)
         try:
             with np.errstate(all="ignore"):
                 given = function(**inputs)
@@ -96,13 +103,36 @@ def load_module(name: str) -> ModuleImplementation:
     Raises
     ------
     UsageError
-        It cannot be imported.
+        It cannot be imported, or has no function of a stage.
     """
+    if name.endswith(".py"):
+        raise UsageError(
+            f"--module takes the name of a module: {name.removesuffix('.py').replace('/', '.')}, not {name}"
+        )
     try:
         module = importlib.import_module(name)
     except Exception as error:
-        raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}") from None
-    return ModuleImplementation(name, vars(module))
+        lost = isinstance(error, ModuleNotFoundError) and error.name == name
+        where = "; it must be in the current folder, installed, or in a folder of PYTHONPATH" if lost else ""
+        raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{where}") from None
+    functions = {key: value for key, value in vars(module).items() if callable(value) and not key.startswith("_")}
+    if functions.keys().isdisjoint(stages()):
+        near = [f"{key} for {meant(key, stages())[0]}" for key in functions if meant(key, stages())]
+        hint = f"; is it {', '.join(near[:MOST_NEAR])}?" if near else "; see python -m conformance list"
+        raise UsageError(f"no function of the module {name} is named as a stage{hint}")
+    return ModuleImplementation(name, functions)
+
+
+def _misfit(function: Callable[..., Any], stage: Stage) -> str:
+    """What is wrong with the parameters of a function; empty if nothing is, or if it does not tell them."""
+    names = [port.name for port in stage.inputs]
+    try:
+        inspect.signature(function).bind(**dict.fromkeys(names))
+    except ValueError:  # built-in functions
+        return ""
+    except TypeError as error:
+        return f"{stage.name} must take ({', '.join(names)}): {error}"
+    return ""
 
 
 def _collect(stage: Stage, given: object) -> Values | Failure:

@@ -2,7 +2,7 @@
 
 A mutant is the code of spec.md with a few characters changed. It only runs on vectors that lead to a function which
 the change touches. What it answers tells two things: whether the vector *kills* it (its answer is judged wrong), and
-whether a failing implementation *looks like* it (its answer is what the implementation gave).
+whether a failing implementation *looks like* it (`diagnosis`).
 """
 
 import signal
@@ -11,22 +11,19 @@ import types
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 from conformance import spec
-from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Judgement, Refusal
+from conformance.expectations import Expectation, Judgement
 from conformance.stage import Stage, Values
 from conformance.vectors import Vector
 
 SECONDS: Final = 10.0
 """A mutant that takes longer on one vector is dead: it hangs."""
-
-ALIKE: Final = 0.1
-"""An answer looks like a mutant's if at most this fraction of its wrong elements differs from the mutant's too."""
 
 
 @dataclass(frozen=True)
@@ -182,60 +179,6 @@ def killed_by(vectors: Iterable[Vector], mutants: Iterable[Mutant]) -> dict[str,
         able = (mutant for mutant in mutants if run & mutant.touched())
         table[vector.id] = [mutant.name for mutant in able if kills(vector, mutant)]
     return table
-
-
-def diagnose(vector: Vector, outputs: Values) -> list[str]:
-    """What wrong outputs look like, the most likely first; empty if they look like no mutant."""
-    scores = []
-    run = called(vector.stage, vector.inputs)
-    for mutant in all_mutants():
-        if run & mutant.touched():
-            theirs = answer(mutant, vector.stage, vector.inputs)
-            score = None if theirs is None else _likeness(vector.expected, outputs, theirs)
-            if score is not None and score <= ALIKE:
-                scores.append((score, mutant.sentence))
-    return [sentence for _, sentence in sorted(scores)[:2]]
-
-
-def _likeness(expected: Mapping[str, Expectation], outputs: Values, theirs: Values) -> float | None:
-    """How many of the wrong elements stay wrong if the mutant's answer is taken as expected, as a fraction."""
-    wrong = still_wrong = 0
-    for name, expectation in expected.items():
-        mine, given = outputs.get(name), theirs.get(name)
-        now = expectation.judge(mine)
-        centred = _around(expectation, given)
-        if centred is None:
-            return None
-        then = centred.judge(mine)
-        wrong += now.wrong or (not now.passed)
-        still_wrong += then.wrong or (not then.passed)
-    return still_wrong / wrong if wrong else None
-
-
-def _around(expectation: Expectation, value: Any) -> Expectation | None:
-    """The expectation that a mutant's answer would fulfil, with the same tolerance."""
-    if isinstance(expectation, Refusal):
-        return replace(expectation, value=value) if isinstance(value, str) else None
-    if not isinstance(value, np.ndarray):
-        return None
-    if isinstance(expectation, Bounded):
-        same = value.shape == expectation.value.shape
-        wide = value.astype(np.float64)
-        return replace(expectation, value=wide, groups=()) if same else Bounded(wide, np.zeros(wide.shape))
-    if isinstance(expectation, Exact):
-        return replace(expectation, value=value)
-    if isinstance(expectation, Decision):
-        return Decision(value)
-    return _interval_around(expectation, value)
-
-
-def _interval_around(expectation: Interval, value: Any) -> Expectation:
-    if value.shape != expectation.value.shape or value.dtype != expectation.value.dtype:
-        return Exact(value)
-    peak = np.iinfo(value.dtype).max
-    below = expectation.value - np.minimum(expectation.lowest, expectation.value)
-    above = np.maximum(expectation.highest, expectation.value) - expectation.value
-    return Interval(value, value - np.minimum(below, value), value + np.minimum(above, peak - value))
 
 
 @cache

@@ -32,7 +32,9 @@ MOST_BYTES: Final = 1 << 28
 MOST_TEXT: Final = 1 << 12
 """Bytes of an output text."""
 LOG_BYTES: Final = 4096
-"""How much of the end of a process's output is kept."""
+"""How much of a process's output is kept: the beginning and the end, each about a half."""
+CUT: Final = "\n[...]\n"
+"""Stands between them."""
 
 
 class ProcessImplementation:
@@ -53,8 +55,10 @@ class ProcessImplementation:
             self._words = shlex.split(command)
         except ValueError as error:
             raise UsageError(f"the command {command!r} cannot be split into words: {error}") from None
-        if not self._words or shutil.which(self._words[0]) is None:
-            raise UsageError(f"there is no program {(self._words or [''])[0]!r}; give its path, such as ./decoder")
+        if not self._words:
+            raise UsageError("--impl needs a command, such as './decoder --conformance'")
+        if shutil.which(self._words[0]) is None:
+            raise UsageError(_why_no_program(Path(self._words[0])))
         self.name, self._timeout = command, timeout
 
     def run(self, stage: Stage, inputs: Values) -> Answer:
@@ -70,7 +74,7 @@ class ProcessImplementation:
                     status = _status(words, printed, self._timeout)
                 except OSError as error:
                     return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
-                log = _tail(printed)
+                log = _ends(printed)
             if failure := self._failure(status, log):
                 return failure
             try:
@@ -86,6 +90,14 @@ class ProcessImplementation:
         if status < 0:
             return Failure("crash", f"killed by {_signal_name(-status)}", log)
         return Failure("error", f"exit status {status}", log) if status else None
+
+
+def _why_no_program(path: Path) -> str:
+    if path.is_dir():
+        return f"{path} is a folder, not a program"
+    if path.is_file():
+        return f"{path} cannot be executed: chmod +x makes it a program, or put its interpreter before it"
+    return f"there is no program {str(path)!r}; give its path, such as ./decoder"
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
@@ -167,10 +179,16 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
     process.wait()
 
 
-def _tail(printed: IO[bytes]) -> str:
+def _ends(printed: IO[bytes]) -> str:
+    """What was printed, or its beginning and its end: some runtimes print the message first, others last."""
     size = printed.seek(0, os.SEEK_END)
-    printed.seek(max(0, size - LOG_BYTES))
-    return printed.read(LOG_BYTES).decode(errors="replace").strip()
+    printed.seek(0)
+    if size <= LOG_BYTES:
+        return printed.read().decode(errors="replace").strip()
+    half = (LOG_BYTES - len(CUT)) // 2
+    first = printed.read(half).decode(errors="replace").strip()
+    printed.seek(size - half)
+    return first + CUT + printed.read(half).decode(errors="replace").strip()
 
 
 def _signal_name(number: int) -> str:

@@ -5,14 +5,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
-from conformance.stage import stages
+from conformance.stage import Group, stages
+from gsvc_ref.cli.text import plural
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
 """Outcomes of something that is wrong."""
 
-Verdict = Literal["passed", "waived", "failed", "not claimed"]
+Verdict = Literal["passed", "waived", "incomplete", "failed", "not claimed"]
+
+Conclusion = Literal["passed", "incomplete", "failed", "nothing judged"]
+EXIT_CODES: Final[Mapping[Conclusion, int]] = {"passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2}
+"""Of a run: incomplete is no fault, so that what has three stages can keep them right."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class Result:
     causes
         What the wrong outputs look like, the most likely first.
     log
-        The end of what a process printed.
+        The beginning and the end of what a process printed.
     seconds
         How long the implementation took.
     """
@@ -152,10 +157,23 @@ class Report:
         return [result for result in self.results if result.outcome in FAULTS]
 
     @property
+    def conclusion(self) -> Conclusion:
+        """What the verdicts of the classes come to; a class that is waived has to be accompanied by a pass."""
+        if self.faults:
+            return "failed"
+        if all(result.outcome != "pass" for result in self.results):
+            return "nothing judged"
+        return "incomplete" if any(group.verdict == "incomplete" for group in self.groups()) else "passed"
+
+    @property
     def passed(self) -> bool:
-        """Whether at least one class passed (waivers apart) and none failed."""
-        verdicts = {group.verdict for group in self.groups()}
-        return "failed" not in verdicts and not verdicts.isdisjoint({"passed", "waived"})
+        """Whether nothing is wrong, something passes, and each class of which anything does is complete."""
+        return self.conclusion == "passed"
+
+    @property
+    def exit_code(self) -> int:
+        """0 if nothing is wrong and something passes, 1 if something is wrong, 2 if neither."""
+        return EXIT_CODES[self.conclusion]
 
     @property
     def verdict(self) -> str:
@@ -177,9 +195,9 @@ class Report:
         return [_summary(name, [result for result in self.results if result.stage == name]) for name in names]
 
     def groups(self) -> list[Summary]:
-        """Each conformance class with its verdict, in the order of spec.md."""
+        """Each conformance class with its verdict, in the order of spec.md, section 13.1."""
         there = {result.group for result in self.results}
-        names = dict.fromkeys(stage.group for stage in stages().values() if stage.group in there)
+        names = [name for name in get_args(Group) if name in there]
         return [_class(name, [result for result in self.results if result.group == name]) for name in names]
 
 
@@ -196,22 +214,31 @@ def _summary(name: str, results: Sequence[Result]) -> Summary:
 def _class(name: str, results: Sequence[Result]) -> Summary:
     """The verdict of a class: every core, stress and faulty vector passes; an uncommon one may be unsupported."""
     summary = _summary(name, results)
-    faults = sum(result.outcome in FAULTS for result in results)
+    passing, unsupported = (summary.counts.get(outcome, 0) for outcome in ("pass", "unsupported"))
     missing = [result for result in results if result.outcome == "unsupported" and result.level != "uncommon"]
     excused = sum(result.outcome in ("waived", "skipped") for result in results)
     verdict: Verdict
-    if not faults and not summary.counts.get("pass", 0):
-        verdict, reason = "not claimed", f"{summary.counts.get('unsupported', 0)} vectors are unsupported"
+    if summary.faults:
+        verdict, reason = "failed", f"{summary.faults} of {len(results)} vectors are wrong"
+        reason += f"; without {_without(missing, results)}" if missing else ""
+    elif not passing:
+        verdict, reason = "not claimed", f"{plural(unsupported, 'vector')} unsupported"
         reason += f", {excused} waived or skipped" if excused else ""
-    elif faults or missing:
-        stages_missing = ", ".join(dict.fromkeys(result.stage for result in missing))
-        wrong = [f"{faults} of {len(results)} vectors are wrong"] if faults else []
-        wrong += [f"{len(missing)} that must pass are unsupported ({stages_missing})"] if missing else []
-        verdict, reason = "failed", "; ".join(wrong)
+    elif missing:
+        verdict, reason = "incomplete", f"{plural(passing, 'vector')} pass, none is wrong"
+        reason += f"; without {_without(missing, results)}"
+        reason += f"; {excused} waived or skipped" if excused else ""
     elif excused:
         verdict, reason = "waived", f"{excused} of {len(results)} vectors are waived or skipped, the others pass"
     else:
-        unsupported = summary.counts.get("unsupported", 0)
-        verdict, reason = "passed", f"{len(results) - unsupported} vectors pass"
+        verdict, reason = "passed", f"{plural(passing, 'vector')} pass"
         reason += f", {unsupported} uncommon ones are unsupported" if unsupported else ""
     return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason)
+
+
+def _without(missing: Sequence[Result], results: Sequence[Result]) -> str:
+    """The stages of vectors that must pass and are unsupported, and how many vectors."""
+    answered = {result.stage for result in results if result.outcome != "unsupported"}
+    names = dict.fromkeys(result.stage for result in missing)
+    parts = [f"part of {name}" if name in answered else name for name in names]
+    return f"{', '.join(parts)} ({plural(len(missing), 'vector')})"

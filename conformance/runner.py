@@ -16,8 +16,6 @@ from conformance.vectors import Vector
 
 T = TypeVar("T")
 U = TypeVar("U")
-Diagnose = Callable[[Vector, Values], list[str]]
-"""What wrong outputs look like, the most likely first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,6 @@ def run_suite(
     *,
     waivers: Mapping[str, str] | None = None,
     skips: Mapping[str, str] | None = None,
-    diagnose: Diagnose | None = None,
     on_result: Callable[[Judged], object] | None = None,
     jobs: int = 1,
 ) -> list[Result]:
@@ -56,8 +53,6 @@ def run_suite(
         In the order in which they are run.
     waivers, skips
         By id, why a vector that is wrong does not count, and why one is not run.
-    diagnose
-        Is asked about wrong outputs.
     on_result
         Is called after each vector, in their order.
     jobs
@@ -73,7 +68,7 @@ def run_suite(
         if answer is None:
             judged = Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
         else:
-            judged = judge_answer(vector, answer, implementation.in_full, diagnose)
+            judged = judge_answer(vector, answer, implementation.in_full)
         if vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
             message = f"{(waivers or {})[vector.id]} (waived {judged.result.outcome}: {judged.result.message})"
             judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
@@ -83,9 +78,9 @@ def run_suite(
     return results
 
 
-def judge_vector(implementation: Implementation, vector: Vector, diagnose: Diagnose | None = None) -> Judged:
+def judge_vector(implementation: Implementation, vector: Vector) -> Judged:
     """Ask for one vector's outputs and judge them."""
-    return judge_answer(vector, ask(implementation, vector), implementation.in_full, diagnose)
+    return judge_answer(vector, ask(implementation, vector), implementation.in_full)
 
 
 def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Iterator[U]:
@@ -104,7 +99,7 @@ def ask(implementation: Implementation, vector: Vector) -> Answered:
     return Answered(answer, time.perf_counter() - start)
 
 
-def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, diagnose: Diagnose | None = None) -> Judged:
+def judge_answer(vector: Vector, answered: Answered, in_full: bool = False) -> Judged:
     """Judge an answer to one vector."""
     answer, seconds = answered
     if isinstance(answer, Unsupported):
@@ -112,12 +107,10 @@ def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, diag
     if isinstance(answer, Failure):
         result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
         return Judged(vector, None, result)
-    return Judged(vector, answer, judge_outputs(vector, answer, in_full, diagnose, seconds))
+    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds))
 
 
-def judge_outputs(
-    vector: Vector, outputs: Values, in_full: bool = False, diagnose: Diagnose | None = None, seconds: float = 0.0
-) -> Result:
+def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, seconds: float = 0.0) -> Result:
     """The result of a vector whose outputs are there.
 
     Parameters
@@ -126,8 +119,6 @@ def judge_outputs(
         The vector and all its outputs.
     in_full
         Whether rule and bit offset of refusals are judged, too.
-    diagnose
-        Is asked about wrong outputs.
     seconds
         What they took.
     """
@@ -137,9 +128,8 @@ def judge_outputs(
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
-    message = "; ".join(f"{output.name} {output.message}" for output in wrong)
-    causes = tuple(diagnose(vector, outputs)) if diagnose else ()
-    return replace(_result(vector, "fail", message, judged, seconds), causes=causes)
+    message = "; ".join(f"output {output.name} {output.message}" for output in wrong)
+    return _result(vector, "fail", message, judged, seconds)
 
 
 def _judge(name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:

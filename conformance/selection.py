@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from conformance.case import FULL, LEVELS
+from conformance.spelling import question
 from conformance.stage import stages
 from conformance.vectors import SUMS, Vector, from_files
 from gsvc_ref.errors import UsageError
@@ -17,23 +18,29 @@ from gsvc_ref.errors import UsageError
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 MANIFEST: Final = "manifest.json"
 ALL_LEVELS: Final = (*LEVELS, FULL)
+MOST_NAMED: Final = 4
+"""So many selected names are listed, more are counted."""
 GENERATE: Final = "write them with: python -m conformance generate"
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Names of levels, stages and classes, and patterns of cases; an empty tuple selects everything.
+    """What all kinds select together, each any of its values; an empty tuple selects everything.
 
-    A pattern is matched with the whole id and with its last part.
+    A pattern of a case is matched with the whole id and with its last part. Rules, equations and flags stand in
+    manifests.
     """
 
     levels: tuple[str, ...] = ()
     stages: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
     patterns: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
+    equations: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
 
     def holds(self, name: str) -> bool:
-        """Whether a vector is selected."""
+        """Whether a vector is selected, as far as its id tells."""
         level, stage, slug = name.split("/")
         return (
             (not self.levels or level in self.levels)
@@ -42,9 +49,25 @@ class Selection:
             and (not self.patterns or matches(name, slug, patterns=self.patterns))
         )
 
+    @property
+    def of_manifests(self) -> dict[str, tuple[str, ...]]:
+        """What has to be looked up in manifests, by the name of the field."""
+        kinds = {"rules": self.rules, "equations": self.equations, "flags": self.flags}
+        return {field: values for field, values in kinds.items() if values}
+
     def __str__(self) -> str:
-        kinds = {"level": self.levels, "stage": self.stages, "class": self.groups, "case": self.patterns}
-        return ", ".join(f"{kind} {' or '.join(values)}" for kind, values in kinds.items() if values)
+        kinds = {"level": self.levels, "stage": self.stages, "class": self.groups, "case": self.patterns,
+                 "rule": self.rules, "equation": self.equations, "flag": self.flags}  # fmt: skip
+        return ", ".join(_named(kind, values) for kind, values in kinds.items() if values)
+
+
+def _named(kind: str, values: tuple[str, ...]) -> str:
+    """Values by name, or their number if they are many."""
+    return (
+        f"{kind} {' or '.join(values)}"
+        if len(values) <= MOST_NAMED
+        else f"{len(values)} {kind}{'es' if kind.endswith('s') else 's'}"
+    )
 
 
 def matches(*names: str, patterns: tuple[str, ...]) -> bool:
@@ -94,10 +117,42 @@ class VectorFolder:
         UsageError
             None is: running nothing must not look like success.
         """
-        if chosen := [name for name in self.names if selection.holds(name)]:
+        self.check_patterns("--case", selection.patterns)
+        if FULL in selection.levels and not any(name.startswith(f"{FULL}/") for name in self.names):
+            raise UsageError(f"{self.folder} has no vectors of the level {FULL}: write them with "
+                             "python -m conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
+        chosen = [name for name in self.names if selection.holds(name)]
+        for field, values in selection.of_manifests.items():
+            chosen = self._having(field, values, chosen)
+        if chosen:
             return chosen
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
         raise UsageError(f"{what}; see python -m conformance list --cases")
+
+    def check_patterns(self, option: str, patterns: tuple[str, ...]) -> None:
+        """Refuse a pattern that no vector of the folder matches: it is mistyped.
+
+        Raises
+        ------
+        UsageError
+            There is one, and what may be meant.
+        """
+        for pattern in patterns if self.names else ():
+            if not any(matches(name, name.split("/")[2], patterns=(pattern,)) for name in self.names):
+                near = question(pattern, [*self.names, *(name.split("/")[2] for name in self.names)])
+                raise UsageError(
+                    f"no vector matches {option} {pattern}{near or '; see: python -m conformance list --cases'}"
+                )
+
+    def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:
+        """The vectors whose manifests have one of some values in a field; each value must be that of some vector."""
+        has = {name: self._manifest(name)[field] for name in self.names}
+        known = dict.fromkeys(value for found in has.values() for value in found)
+        for value in values:
+            if value not in known:
+                near = question(value, known)
+                raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
+        return [name for name in names if not set(values).isdisjoint(has[name])]
 
     def read(self, names: list[str]) -> Iterator[Vector]:
         """Vectors by id, each when it is asked for.
@@ -108,11 +163,14 @@ class VectorFolder:
             A file is missing or was changed, or a manifest has fields that this kit does not know.
         """
         for name in names:
-            files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
-            if MANIFEST not in files:
-                raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
-            check_manifest(name, json.loads(files[MANIFEST]))
-            yield from_files(files)
+            check_manifest(name, self._manifest(name))
+            yield from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+
+    def _manifest(self, name: str) -> Mapping[str, Any]:
+        if MANIFEST not in self._parts[name]:
+            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
+        manifest: Mapping[str, Any] = json.loads(self._file(f"{name}/{MANIFEST}"))
+        return manifest
 
     def _file(self, name: str) -> bytes:
         try:

@@ -5,12 +5,14 @@ They are those of gsvc_ref's Hypothesis strategy `streams`, made from seeds.
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from conformance.element_values import used
+from conformance.stage import stages
 from conformance.stages.bitstream import decode_stream_deterministic, reconstruct_stream
 from conformance.vectors import npy
 from gsvc_ref.testing.random_streams import Stream, random_stream
@@ -18,27 +20,41 @@ from gsvc_ref.testing.random_streams import Stream, random_stream
 MOST_PIXELS: Final = 4096
 """Of a frame: any shape, from 4096x1 to 1x4096, so that sixty streams take a few megabytes."""
 
+PARTS: Final = ("counts", "parameters", "frames", "lowest", "highest")
+"""What is written of each stream, besides the stream."""
+
 
 def stream_of(seed: int, number: int) -> Stream:
     """Stream `number` of a seed, the same for any count."""
     return random_stream(seed << 32 | number, max_pixels=MOST_PIXELS)
 
 
-def write_streams(seed: int, count: int, folder: Path) -> None:
+def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int], object] = id) -> None:
     """Write `count` streams of a seed, and index.json.
 
-    Of each there are NAME.gsvc; NAME.counts.npy and NAME.parameters.npy as reconstruct_stream has them; and
-    NAME.frames.npy as decode_stream_deterministic has them. index.json lists for each its name, the SHA-256 of the
-    stream, its header, and how often each syntax element occurs in it.
+    Of each there are NAME.gsvc; NAME.counts.npy and NAME.parameters.npy as reconstruct_stream has them;
+    NAME.frames.npy as decode_stream_deterministic has them; and NAME.lowest.npy and NAME.highest.npy, between which
+    the frames of decode_stream must lie. index.json lists for each its name, the SHA-256 of the stream, its header,
+    and how often each syntax element occurs in it.
+
+    Parameters
+    ----------
+    seed, count, folder
+        What to write where.
+    on_stream
+        Is called before each stream with its number.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries: list[dict[str, Any]] = []
     for number in range(count):
+        on_stream(number)
         stream = stream_of(seed, number)
         name = f"stream-{seed}-{number:04}"
         expected = {**reconstruct_stream(stream.data), **decode_stream_deterministic(stream.data)}
+        interval = stages()["decode_stream"].oracle(stream=stream.data)["frames"]
+        expected |= {end: getattr(interval, end) for end in ("lowest", "highest")}
         (folder / f"{name}.gsvc").write_bytes(stream.data)
-        for part in ("counts", "parameters", "frames"):
+        for part in PARTS:
             (folder / f"{name}.{part}.npy").write_bytes(npy(np.asarray(expected[part])))
         entries.append(
             {

@@ -62,6 +62,12 @@ MUTANTS: tuple[Mutant, ...] = (
          "d_x = np.arange(width)[None, :] - x\n    d_y = np.arange(height)[:, None] - y\n    u1 = np.broad"),
     ),
     bug(
+        AREA, "gradient-shear-with-the-centre", "(j + 1/2) - (y + l21 u1) in binary32, which loses what d_y keeps",
+        ("u2 = (d_y - l21 * u1) / l22\n    sigma = (u1 * u1 + u2 * u2) / 2\n    covered",
+         "rows = np.float32(np.arange(height)[:, None] + 0.5)\n    u2 = (rows - (np.float32(y) + np.float32(l21 * u1))) / l22\n"
+         "    sigma = (u1 * u1 + u2 * u2) / 2\n    covered"),
+    ),
+    bug(
         AREA, "gradient-without-support", "a gradient over all pixels, covered or not",
         ("covered = sigma <= LN_255\n    u1 = u1[covered]", "covered = sigma <= 80\n    u1 = u1[covered]"),
     ),

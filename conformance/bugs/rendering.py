@@ -5,6 +5,13 @@ from conformance.mutants import Mutant, bug
 AREA = "rendering"
 DETERMINISTIC = "deterministic"
 
+FUSED_POLYNOMIAL = (
+    "    def fused(a, b, c):\n        return (a.astype(np.float64) * b + c).astype(np.float32)\n"
+    "    p = fused(fused(fused(t, K5, fused(m, K4, K3)), t, fused(m, K2, K1)), m, ONE)\n"
+)
+FUSED_ROW = "    u2 = (((rows[:, None] + HALF) - y).astype(np.float64) * r2 - (l * u1) * f).astype(np.float32)\n"
+FUSED_SHEAR = "    u2 = (((rows[:, None] + HALF) - y) * r2 - (l * u1).astype(np.float64) * f).astype(np.float32)\n"
+
 BOUNDED: tuple[Mutant, ...] = (
     bug(AREA, "pixel-centre-at-integer", "pixel centres at integer positions",
         ("d_x = np.arange(left, right) + 0.5 - x", "d_x = np.arange(left, right) - x"),
@@ -61,6 +68,18 @@ BOUNDED: tuple[Mutant, ...] = (
          "        determinant = determinant if determinant != 0 else np.float32(1e-30)\n"
          "        sigma = (c * d_x * d_x - 2 * b * d_x * d_y + a * d_y * d_y) / (2 * determinant)\n"
          "        sigma = np.where(sigma < 0, np.inf, sigma)\n")),
+    bug(AREA, "shear-with-the-centre", "(j + 1/2) - (y + l21 u1) in binary32, which loses what d_y keeps",
+        ("zip(parameters.astype(np.float64), reach):\n        x, y, l11, l21, l22 = splat[:5]\n", "zip(parameters, reach):\n        x, y, l11, l21, l22 = splat[:5]\n"),
+        ("d_x = np.arange(left, right) + 0.5 - x", "d_x = (np.arange(left, right) + 0.5).astype(np.float32) - x"),
+        ("u2 = (d_y - l21 * u1) / l22\n        sigma", "u2 = ((np.arange(top, bottom)[:, None] + 0.5).astype(np.float32) - (y + l21 * u1)) / l22\n        sigma")),
+    bug(AREA, "nan-covers", "pixels covered where sigma is not a number",
+        ("    reach = boxes(parameters, width, height, SUPPORT_RADIUS)\n",
+         "    drawn = (parameters[:, 2] >= SMALLEST_NORMAL) & (parameters[:, 4] >= SMALLEST_NORMAL)\n"
+         "    reach = np.where(drawn[:, None], [0, width, 0, height], 0)\n"),
+        ("zip(parameters.astype(np.float64), reach):\n        x, y, l11, l21, l22 = splat[:5]\n", "zip(parameters, reach):\n        x, y, l11, l21, l22 = splat[:5]\n"),
+        ("d_x = np.arange(left, right) + 0.5 - x", "d_x = (np.arange(left, right) + 0.5).astype(np.float32) - x"),
+        ("d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x", "d_y = (np.arange(top, bottom)[:, None] + 0.5).astype(np.float32) - y\n        u1 = d_x"),
+        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.where(~(sigma > np.float32(LN_255)), np.exp(-sigma), 0.0)")),
     bug(AREA, "transposed", "rows and columns exchanged",
         ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
          "        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n"
@@ -147,6 +166,25 @@ STRICT: tuple[Mutant, ...] = (
     bug(DETERMINISTIC, "strict-fused-shear", "the shear subtracted by a fused multiply-add",
         ("    u2 = ((rows[:, None] + HALF) - y) * r2 - (l * u1) * f\n",
          "    u2 = (((rows[:, None] + HALF) - y).astype(np.float64) * r2 - (l * u1) * f).astype(np.float32)\n")),
+    bug(DETERMINISTIC, "strict-fused-other-square", "u2 u2 + u1 u1 by a fused multiply-add",
+        ("    return u1 * u1 + u2 * u2  # (9-4)", "    return (u2 * u2 + u1.astype(np.float64) * u1).astype(np.float32)")),
+    bug(DETERMINISTIC, "strict-fused-polynomial", "a polynomial of fused multiply-adds",
+        ("    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE\n", FUSED_POLYNOMIAL)),
+    *(
+        bug(DETERMINISTIC, f"strict-contracted-{which}",
+            f"every multiplication and addition fused, as compilers do unless told otherwise ({which} product of squares)",
+            ("    u2 = ((rows[:, None] + HALF) - y) * r2 - (l * u1) * f\n", shear),
+            ("    return u1 * u1 + u2 * u2  # (9-4)", square),
+            ("    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE\n", FUSED_POLYNOMIAL),
+            ("np.where(covered[:, :, None], pixels + g * splat[5:8], pixels)",
+             "np.where(covered[:, :, None], (pixels + g.astype(np.float64) * splat[5:8]).astype(np.float32), pixels)"))
+        for which, shear, square in (
+            ("first", FUSED_ROW, "    return (u1.astype(np.float64) * u1 + u2 * u2).astype(np.float32)"),
+            ("second", FUSED_ROW, "    return (u2.astype(np.float64) * u2 + u1 * u1).astype(np.float32)"),
+            ("shear and first", FUSED_SHEAR, "    return (u1.astype(np.float64) * u1 + u2 * u2).astype(np.float32)"),
+            ("shear and second", FUSED_SHEAR, "    return (u2.astype(np.float64) * u2 + u1 * u1).astype(np.float32)"),
+        )
+    ),
     bug(DETERMINISTIC, "strict-horner", "the polynomial by Horner's rule",
         ("    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE\n",
          "    p = ((((K5 * m + K4) * m + K3) * m + K2) * m + K1) * m + ONE\n")),
@@ -162,6 +200,8 @@ STRICT: tuple[Mutant, ...] = (
         ('float.fromhex("0x1.62a41p+3")', 'float.fromhex("0x1.62a412p+3")')),
     bug(DETERMINISTIC, "strict-support-open", "a pixel with m = K left out",
         ("            covered = m <= SUPPORT_SQUARED\n", "            covered = m < SUPPORT_SQUARED\n")),
+    bug(DETERMINISTIC, "strict-box-without-margin", "splats cut at boxes of rho, where rounding may cover a pixel just outside",
+        ("SUPPORT_RADIUS * (1 + 2.0**-17)", "SUPPORT_RADIUS")),
     bug(DETERMINISTIC, "strict-nan-covers", "pixels covered where m is not a number",
         ("            covered = m <= SUPPORT_SQUARED\n", "            covered = ~(m > SUPPORT_SQUARED)\n")),
     bug(DETERMINISTIC, "strict-coefficient", "a polynomial coefficient of another fit",

@@ -161,6 +161,23 @@ def other_decay_rates(rng: np.random.Generator) -> Inputs:
     assert np.array_equal(expected["m"].value, (inputs["m"].astype(np.float64) + inputs["gradients"]) / 2)
 
 
+@case("core", "adan_step", flags=["correction"])
+def corrections_of_slow_averages(rng: np.random.Generator) -> Inputs:
+    """Decay rates of 0.999, 0.9 and 0.9999 in the first steps, parameters of 0: only the update counts.
+
+    1 - b^k is small, and loses its last digits where the power is rounded to binary32 before the subtraction.
+    """
+    inputs = adan_inputs(rng, [0, 1, 2, 3, 4, 7, 12], columns=3)
+    inputs["parameters"] = np.zeros((7, 3), np.float32)
+    inputs |= {"beta1": 0.999, "beta2": 0.9, "beta3": 0.9999}
+    expected = yield inputs
+    k = inputs["steps"][:, None] + 1
+    of_m, of_v, of_n = (1 - (np.float32(inputs[b]) ** k).astype(np.float32) for b in ("beta1", "beta2", "beta3"))
+    m, v, n = (expected[name].value for name in "mvn")
+    update = (m / of_m + 0.9 * v / of_v) / (np.sqrt(n / of_n) + 1e-8)
+    assert np.all(abs(-0.01 * update - expected["parameters"].value) > 4 * expected["parameters"].bound)
+
+
 @case("core", "adan_step", flags=["units"])
 def no_weight_decay() -> Inputs:
     """Large parameters with small gradients: nothing pulls them towards 0."""

@@ -83,9 +83,10 @@ EXTREMES: Final[dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 
-@on("core", *STREAM, flags=["overflow"], rules=["R-5-1"], each=EXTREMES)
+@on("core", *STREAM, flags=["overflow"], rules=["R-5-1"], each=EXTREMES,
+    said={"least": "the least values", "most": "the largest values", "high": "the highest frame"})  # fmt: skip
 def header_of(value: dict[str, Any]) -> Inputs:
-    """Elements of the header at the ends of their ranges ({key})."""
+    """Elements of the header at the ends of their ranges: {key}."""
     expected = yield {"stream": stream_of([FrameCodes.intra_frame(intra_block(3))], **value)}
     if "header" in expected:
         assert value["height"] in result(expected, "header").tolist()
@@ -208,9 +209,10 @@ CODES: Final[dict[str, tuple[int, tuple[int, ...]]]] = {
 }
 
 
-@on("uncommon", *STREAM, each=CODES, rules=["R-6.5-6"])
+@on("uncommon", *STREAM, each=CODES, rules=["R-6.5-6"],
+    said={"cholesky_bits_1": "Cholesky codes of one bit", "cholesky_bits_12": "Cholesky codes of 12 bits"})  # fmt: skip
 def codes_of(value: tuple[int, tuple[int, ...]]) -> Inputs:
-    """Alphabets at the ends of their ranges ({key})."""
+    """Alphabets at the ends of their ranges: {key}."""
     bits, sizes = value
     books = tuple((np.arange(3 * n).reshape(n, 3) / 4096).astype(np.float16) for n in sizes)
     block = intra_block(9, books=books)

@@ -21,7 +21,7 @@ def update_inputs(rng: np.random.Generator, count: int, sizes: list[int], **sett
 
 @case("core", "rvq_update", flags=["stages"], each={"one_stage": [8], "three_stages": [5, 3, 6]})
 def averages_of_a_batch(rng: np.random.Generator, value: list[int]) -> Inputs:
-    """The authors' settings, no codeword dead: {key}. Every stage averages what reaches it, with counts of its own."""
+    """The authors' settings, no codeword dead, {key}: every stage averages what reaches it, with counts of its own."""
     inputs = update_inputs(rng, 40, value)
     expected = yield inputs
     first = inputs["indices"][:, 0] == 0

@@ -6,12 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
+from conformance.cases.titles import in_words
 from conformance.stage import Values
 
 Samples = NDArray[np.unsignedinteger[Any]]
 
 PHASES = {0: (0.5, 0), 1: (0.5, 0.5), 2: (0, 0), 3: (0, 0.5), 4: (1, 0), 5: (1, 0.5)}
 """Where a chroma sample lies among its rows and columns of luma, by chroma_sample_loc_type."""
+
+SITED = {f"type_{k}": f"chroma_sample_loc_type {k}" for k in PHASES}
+"""What titles say of them."""
 
 PRIMARIES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]])
 
@@ -23,7 +27,7 @@ def described(
     return {
         "chroma_format": chroma_format,
         "matrix_coefficients": matrix,
-        "full_range": full_range,
+        "video_full_range_flag": full_range,
         "chroma_sample_loc_type": location,
         "bit_depth": bit_depth,
     }
@@ -82,22 +86,22 @@ RARE = {
 }
 
 
-@case("core", "planes_to_frame", flags=["matrix", "range", "odd-size"], each=COMMON)
+@case("core", "planes_to_frame", flags=["matrix", "range", "odd-size"], each=COMMON, said=in_words(COMMON))
 def any_planes(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
-    """Random planes of 7x5 pixels, which many of the results of are clipped: {key}."""
+    """Random planes of 7x5 pixels, many of whose results are clipped: {key}."""
     expected = yield random_planes(rng, 5, 7, **value)
     peak = (1 << value.get("bit_depth", 8)) - 1
     assert {0, peak} < set(expected["frame"].value.ravel().tolist())
 
 
-@case("uncommon", "planes_to_frame", flags=["matrix", "range", "bit-depth"], each=RARE)
+@case("uncommon", "planes_to_frame", flags=["matrix", "range", "bit-depth"], each=RARE, said=in_words(RARE))
 def any_rare_planes(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
     """Random planes of 5x6 pixels: {key}."""
     expected = yield random_planes(rng, 6, 5, **value)
     assert expected["frame"].value.shape == (6, 5, 3)
 
 
-@case("core", "frame_to_planes", flags=["matrix", "range", "odd-size"], each=COMMON)
+@case("core", "frame_to_planes", flags=["matrix", "range", "odd-size"], each=COMMON, said=in_words(COMMON))
 def any_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
     """A random frame of 7x5 pixels: {key}."""
     expected = yield random_frame(rng, 5, 7, **value)
@@ -106,7 +110,7 @@ def any_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
     assert value.get("full_range") or (luma.min() >= 16 * unit and luma.max() <= 235 * unit)
 
 
-@case("uncommon", "frame_to_planes", flags=["matrix", "range", "bit-depth"], each=RARE)
+@case("uncommon", "frame_to_planes", flags=["matrix", "range", "bit-depth"], each=RARE, said=in_words(RARE))
 def any_rare_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
     """A random frame of 5x6 pixels: {key}."""
     expected = yield random_frame(rng, 6, 5, **value)
@@ -122,7 +126,7 @@ RED = {
 }
 
 
-@case("core", "frame_to_planes", flags=["matrix", "range"], each=RED)
+@case("core", "frame_to_planes", flags=["matrix", "range"], each=RED, said=in_words(RED))
 def red(value: tuple[dict[str, int], tuple[int, int, int]]) -> Inputs:
     """One pixel of full red, whose codes are well known: {key}."""
     elements, codes = value
@@ -132,9 +136,9 @@ def red(value: tuple[dict[str, int], tuple[int, int, int]]) -> Inputs:
     assert tuple(int(expected[name].value[0, 0]) for name in ("y", "cb", "cr")) == codes
 
 
-@case("core", "planes_to_frame", flags=["matrix", "range"], each=RED)
+@case("core", "planes_to_frame", flags=["matrix", "range"], each=RED, said=in_words(RED))
 def red_again(value: tuple[dict[str, int], tuple[int, int, int]]) -> Inputs:
-    """The codes of full red, and back: {key}. What is left of green and blue is the rounding of the codes."""
+    """The codes of full red ({key}) and back: what is left of green and blue is the rounding of the codes."""
     elements, codes = value
     depth = elements.get("bit_depth", 8)
     y, cb, cr = (samples([[code]], depth) for code in codes)
@@ -143,7 +147,7 @@ def red_again(value: tuple[dict[str, int], tuple[int, int, int]]) -> Inputs:
     assert np.all(abs(found - np.array([(1 << depth) - 1, 0, 0])) <= 2)
 
 
-@case("core", "frame_to_planes", flags=["matrix"], each={"bt709": 1, "bt601": 6})
+@case("core", "frame_to_planes", flags=["matrix"], each={"bt709": 1, "bt601": 6}, said=in_words(["bt709", "bt601"]))
 def primaries_of(value: int) -> Inputs:
     """Black, the six corners of the cube of colours, and white: {key}."""
     expected = yield {"frame": samples(255 * PRIMARIES[None]), **described(matrix=value)}
@@ -173,9 +177,9 @@ def grey_frames(value: int) -> Inputs:
     assert expected["y"].value[0, 0] == (0 if value else 16)
 
 
-@case("core", "planes_to_frame", flags=["siting"], each={f"type_{k}": k for k in PHASES})
+@case("core", "planes_to_frame", flags=["siting"], each={f"type_{k}": k for k in PHASES}, said=SITED)
 def chroma_impulse(value: int) -> Inputs:
-    """One chroma sample among neutral ones spreads over the luma samples around its place: {key}.
+    """One chroma sample among neutral ones spreads over the luma samples around its place, {key}.
 
     Y, Cg, Co in full range, so that red shows the interpolated Co itself and nothing is rounded but the end.
     """
@@ -190,9 +194,9 @@ def chroma_impulse(value: int) -> Inputs:
     assert np.array_equal(expected["frame"].value[..., 0], 128 + np.rint(64 * np.outer(rows, columns)))
 
 
-@case("core", "frame_to_planes", flags=["siting"], each={f"type_{k}": k for k in PHASES})
+@case("core", "frame_to_planes", flags=["siting"], each={f"type_{k}": k for k in PHASES}, said=SITED)
 def pixel_impulse(value: int) -> Inputs:
-    """One red pixel on black is seen by the chroma samples whose cell it lies in: {key}."""
+    """One red pixel on black is seen by the chroma samples whose cell it lies in, {key}."""
     frame = np.zeros((6, 6, 3))
     frame[3, 2, 0] = 128
     expected = yield {"frame": samples(frame), **described(chroma_format=1, matrix=8, full_range=1, location=value)}
@@ -203,7 +207,8 @@ def pixel_impulse(value: int) -> Inputs:
     assert np.array_equal(expected["cr"].value, 128 + 64 * np.outer(*weights))
 
 
-@case("core", "planes_to_frame", flags=["siting", "odd-size"], each={"420": 1, "422": 2})
+@case("core", "planes_to_frame", flags=["siting", "odd-size"], each={"420": 1, "422": 2},
+      said=in_words(["420", "422"]))  # fmt: skip
 def chroma_at_the_edges(value: int) -> Inputs:
     """A ramp of chroma on odd sides, {key}: beyond the outermost samples the ramp does not go on."""
     shape = plane_shape(5, 7, value)
@@ -239,7 +244,8 @@ def ties_of_interpolated_chroma() -> Inputs:
     assert expected["frame"].value[0, :, 0].tolist() == [100, 100, 101, 102, 102, 102, 101]
 
 
-@case("core", "planes_to_frame", flags=["odd-size"], each={"420": 1, "422": 2, "444": 3})
+@case("core", "planes_to_frame", flags=["odd-size"], each={"420": 1, "422": 2, "444": 3},
+      said=in_words(["420", "422", "444"]))  # fmt: skip
 def one_pixel(value: int) -> Inputs:
     """A frame of one pixel: {key}."""
     y, cb, cr = (samples([[code]]) for code in (63, 102, 240))
@@ -255,9 +261,13 @@ def thin_frames(rng: np.random.Generator, value: tuple[int, int]) -> Inputs:
     assert expected["cb"].value.shape == plane_shape(*value, 1)
 
 
-@case("core", "planes_to_frame", flags=["matrix"], each={"up_to_576_rows": 576, "from_577_rows": 577})
+HEIGHTS = {"up_to_576_rows": 576, "from_577_rows": 577}
+ROWS = {key: f"{rows} rows" for key, rows in HEIGHTS.items()}
+
+
+@case("core", "planes_to_frame", flags=["matrix"], each=HEIGHTS, said=ROWS)
 def matrix_that_is_not_stated(rng: np.random.Generator, value: int) -> Inputs:
-    """Matrix 2, not stated, of a frame {key}: BT.601 up to 576 rows, else BT.709."""
+    """Matrix 2, not stated, of a frame of {key}: BT.601 up to 576 rows, else BT.709."""
     inputs = random_planes(rng, value, 1, matrix=2)
     inputs["cr"][:] = 200
     expected = yield inputs
@@ -267,9 +277,9 @@ def matrix_that_is_not_stated(rng: np.random.Generator, value: int) -> Inputs:
     assert np.allclose(expected["frame"].value[..., 0][middle], (luma + shift)[middle], atol=0.51)
 
 
-@case("core", "frame_to_planes", flags=["matrix"], each={"up_to_576_rows": 576, "from_577_rows": 577})
+@case("core", "frame_to_planes", flags=["matrix"], each=HEIGHTS, said=ROWS)
 def planes_of_a_matrix_that_is_not_stated(value: int) -> Inputs:
-    """Matrix 2, not stated, of a frame {key}: full red is 81 or 63."""
+    """Matrix 2, not stated, of a frame of {key}: full red is 81 or 63."""
     frame = np.zeros((value, 1, 3))
     frame[..., 0] = 255
     expected = yield {"frame": samples(frame), **described(matrix=2)}

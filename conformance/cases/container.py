@@ -68,9 +68,13 @@ def indices() -> dict[str, list[tuple[int, int]] | None]:
     }
 
 
-@on("core", *STREAM, flags=["index"], rules=["R-6.7-1"], each={name: name for name in indices()})
+@on("core", *STREAM, flags=["index"], rules=["R-6.7-1"], each={name: name for name in indices()},
+    said={"absent": "No index", "complete": "An index of all I-frames", "empty": "An index without entries",
+          "without_the_first": "An index without the first I-frame",
+          "without_the_last": "An index without the last I-frame",
+          "that_points_elsewhere": "An index that points elsewhere"})  # fmt: skip
 def index(value: str) -> Inputs:
-    """An index ({key}): it is a help and never an authority, so the frames are the same."""
+    """{key}: an index is a help and never an authority, so the frames are the same."""
     entries = indices()[value]
     data = stream_of(sequence()) if entries is None else with_index(entries)
     expected = yield {"stream": data}
@@ -127,9 +131,10 @@ MINORS: Final[dict[str, tuple[int, bytes]]] = {
 }
 
 
-@on("uncommon", *STREAM, flags=["unknown"], rules=["R-6.1-2"], each=MINORS)
+@on("uncommon", *STREAM, flags=["unknown"], rules=["R-6.1-2"], each=MINORS,
+    said={"nothing_new": "nothing", "many": "sixty bytes"})  # fmt: skip
 def later_minor_version(value: tuple[int, bytes]) -> Inputs:
-    """A later minor version may add elements to the header ({key}): what follows the known ones is ignored."""
+    """A later minor version, which adds {key} to the header: what follows the known elements is ignored."""
     minor, extra = value
     lies = [Lie("version_minor", minor), Lie("lane_count", bytes([HEADER.lane_count]) + extra)]
     expected = yield {"stream": write_stream(HEADER, sequence(), lies=lies)}

@@ -1,4 +1,4 @@
-"""Deterministic rendering to the bit, and splats at other sizes (spec.md sections 9.3 and 9.4)."""
+"""Deterministic rendering to the bit (spec.md section 9.3)."""
 
 from collections.abc import Iterator
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.rendering import SIZES
-from conformance.cases.splat_sets import anywhere, population, splat, splats
-from conformance.cases.unusual_splats import DEGENERATE, EXTREME
+from conformance.cases.splat_sets import population, splat, splats
+from conformance.cases.unusual_splats import DEGENERATE, EXTREME, WHAT_IS_EXTREME, WHY_DEGENERATE
 from conformance.stages.rendering import render_sum_deterministic
 
 K = np.float32(float.fromhex("0x1.62a41p+3"))
@@ -82,15 +82,38 @@ def _with_m(rng: np.random.Generator, m: np.float32) -> Iterator[tuple[float, fl
 
 
 @case(
-    "core", "render_sum_deterministic", flags=["support"], each={"at": 0, "one_step_inside": -1, "one_step_outside": 1}
+    "core",
+    "render_sum_deterministic",
+    flags=["support"],
+    each={"at": 0, "one_step_inside": -1, "one_step_outside": 1},
+    said={"at": "exactly K", "one_step_inside": "one step below K", "one_step_outside": "one step above K"},
 )
 def the_edge(value: int, rng: np.random.Generator) -> Inputs:
-    """Eight splats, one after the other in a corner, whose m is {key} of K: up to K itself they cover the pixel."""
+    """Eight splats, one after the other in a corner, whose m is {key}: up to K itself they cover the pixel."""
     m = np.nextafter(K, np.float32(np.sign(value) * 100)) if value else K
     places = _with_m(rng, m)
     rows = [splat(*next(places), 1.0, 0.0, 1.0, (1, 0, 0)) for _ in range(8)]
     expected = yield {"parameters": splats(*rows), "width": 4, "height": 4}
     assert (expected["sum"].value[3, 3, 0] > 8 / 256) == (value <= 0)
+
+
+BESIDE_THE_BOX = {
+    "column_12": (-28770230.0, 8642196.0, 12),
+    "column_24": (-84582496.0, 25407458.0, 24),
+    "column_25": (-50126248.0, 15057262.0, 25),
+}
+
+
+@case("stress", "render_sum_deterministic", flags=["support"], each=BESIDE_THE_BOX)
+def beside_the_box(value: tuple[float, float, int]) -> Inputs:
+    """A huge splat far to the left covers {key}, where m rounds to K, though a box of rho l11 ends before it.
+
+    Which pixels a splat can cover is bounded by rho' = rho (1 + 2^-17), and not by rho.
+    """
+    x, l11, last = value
+    expected = yield {"parameters": splat(x, 1.5, l11, 0.0, 1.0, (1, 1, 1)), "width": last + 3, "height": 3}
+    assert np.ceil(x + np.sqrt(2 * np.log(255)) * l11) <= last
+    assert expected["sum"].value[1, last, 0] > 0
 
 
 @case("core", "render_sum_deterministic", flags=["support", "fused", "division"])
@@ -116,17 +139,19 @@ SHEARED = {
 }
 
 
-@case("core", "render_sum_deterministic", flags=["shear", "division"], each=SHEARED)
+@case("core", "render_sum_deterministic", flags=["shear", "division"], each=SHEARED,
+      said={"one": "1", "one_step_above_one": "one step above 1", "one_step_below_one": "one step below 1",
+            "three": "3", "a_third": "1/3"})  # fmt: skip
 def l22(value: float) -> Inputs:
-    """Sheared splats with an l22 of {key}: up to 1 the shear is (l21 u1) / l22, above it (l21 / l22) u1."""
+    """Sheared splats whose l22 is {key}: up to 1 the shear is (l21 u1) / l22, above it (l21 / l22) u1."""
     rows = [splat(4.3, 4.6, 1.7, 2.3, value), splat(8.1, 5.2, 2.3, -1.1, value), splat(6.6, 4.9, 1.3, 0.7, value)]
     expected = yield {"parameters": splats(*rows), "width": 13, "height": 11}
     assert np.count_nonzero(expected["sum"].value[..., 0]) > 30
 
 
-@case("core", "render_sum_deterministic", flags=["degenerate"], each=DEGENERATE)
+@case("core", "render_sum_deterministic", flags=["degenerate"], each=DEGENERATE, said=WHY_DEGENERATE)
 def degenerate(value: tuple[float, float]) -> Inputs:
-    """A degenerate splat on a pixel centre, {key}: it covers nothing."""
+    """A degenerate splat on a pixel centre: {key}, and so it covers nothing."""
     expected = yield {"parameters": splat(4.5, 3.5, value[0], 0.0, value[1]), "width": 9, "height": 7}
     assert not expected["sum"].value.any()
 
@@ -191,11 +216,20 @@ SPECIAL = {
     "a_product_that_would_overflow": (4.5, 3e38, 1.0, 3e38, 2.0),
     **EXTREME,
 }
+WHAT_IS_SPECIAL = {
+    "subnormal_reciprocals": "Both reciprocals are subnormal",
+    "a_subnormal_reciprocal": "One reciprocal is subnormal",
+    "a_subnormal_shear": "The shear is next to subnormal numbers",
+    "infinity_minus_infinity": "u2 is infinity minus infinity",
+    "a_product_that_would_overflow": "l21 u1 would overflow",
+}
+"""What titles say of those that are not in WHAT_IS_EXTREME."""
 
 
-@case("stress", "render_sum_deterministic", flags=["subnormal", "overflow", "nan"], each=SPECIAL)
+@case("stress", "render_sum_deterministic", flags=["subnormal", "overflow", "nan"], each=SPECIAL,
+      said={**WHAT_IS_EXTREME, **WHAT_IS_SPECIAL})  # fmt: skip
 def extreme(value: tuple[float, float, float, float, float]) -> Inputs:
-    """Factors or a centre at the ends of binary32: {key}; a comparison with a NaN does not cover."""
+    """{key}: a pixel is covered where m is at most K, and not where m is a NaN."""
     expected = yield {"parameters": splat(*value), "width": 11, "height": 9}
     assert np.isfinite(expected["sum"].value).all()
 
@@ -206,52 +240,3 @@ def a_sum_beyond_binary32() -> Inputs:
     rows = np.repeat(splat(4.5, 3.5, 2.0, 0.5, 1.5, (3e38, -3e38, 1.0)), 2, axis=0)
     expected = yield {"parameters": rows, "width": 9, "height": 7}
     assert expected["sum"].value[3, 4].tolist() == [np.inf, -np.inf, 2.0]
-
-
-@case("core", "scale_parameters", flags=["order"], each={"double": (16, 9, 32, 18), "down": (48, 27, 16, 9)})
-def same_shape(value: tuple[int, int, int, int], rng: np.random.Generator) -> Inputs:
-    """To a frame of the same shape: {key}."""
-    width, height, wider, higher = value
-    parameters = anywhere(rng, 13, width, height, 5.0)
-    expected = yield {
-        "parameters": parameters, "width": width, "height": height, "new_width": wider, "new_height": higher,
-    }  # fmt: skip
-    ratio = np.float32(wider / width)
-    assert np.array_equal(expected["parameters"].value[:, :5], parameters[:, :5] * ratio)
-
-
-OTHER_SHAPES = {"wider": (7, 5, 61, 6), "higher": (30, 20, 31, 47), "to_1x1": (19, 23, 1, 1), "from_1x1": (1, 1, 10, 3),
-                "720p": (1920, 1080, 1280, 720), "largest": (3, 7, 65535, 65534)}  # fmt: skip
-
-
-@case("core", "scale_parameters", flags=["transposed", "division"], each=OTHER_SHAPES)
-def other_shape(value: tuple[int, int, int, int], rng: np.random.Generator) -> Inputs:
-    """To a frame of another shape: {key}; l11 goes with the width, l21 and l22 with the height."""
-    width, height, new_width, new_height = value
-    parameters = anywhere(rng, 41, width, height, 5.0)
-    expected = yield {
-        "parameters": parameters, "width": width, "height": height, "new_width": new_width, "new_height": new_height,
-    }  # fmt: skip
-    scaled = expected["parameters"].value
-    assert np.array_equal(scaled[:, 5:], parameters[:, 5:])
-    np.testing.assert_allclose(scaled[:, 3], parameters[:, 3].astype(np.float64) * new_height / height, rtol=2e-7)
-
-
-@case("stress", "scale_parameters", flags=["signed-zero", "subnormal"])
-def zeros_and_subnormal_numbers() -> Inputs:
-    """Minus zero keeps its sign; a factor that becomes subnormal is kept, and asked about afterwards."""
-    rows = [
-        splat(-0.0, 0.0, 2.0**-126, -0.0, 2.0**-126),
-        splat(1e-38, -1e-38, 1e-39, 2.0**-149, -3.0, (-0.0, 1e-39, 0)),
-    ]
-    expected = yield {"parameters": splats(*rows), "width": 9, "height": 5, "new_width": 4, "new_height": 2}
-    scaled = expected["parameters"].value
-    assert np.signbit(scaled[0, [0, 3]]).all()
-    assert 0 < scaled[0, 2] < 2.0**-126
-
-
-@case("uncommon", "scale_parameters", flags=["empty"])
-def nothing_to_scale() -> Inputs:
-    """No splats."""
-    expected = yield {"parameters": splats(), "width": 9, "height": 5, "new_width": 4, "new_height": 2}
-    assert expected["parameters"].value.shape == (0, 8)

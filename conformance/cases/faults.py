@@ -64,6 +64,12 @@ def three(*lies: Lie) -> bytes:
     return write_stream(HEADER, [intra, predicted([1]), intra], lies=lies)
 
 
+def with_an_empty_frame(*lies: Lie) -> bytes:
+    """Frames I I P: one splat, no splat, and one new splat with quantiser and codebooks of its own; with lies."""
+    frames = [FrameCodes.intra_frame(intra_block(1)), FrameCodes.intra_frame(None), predicted([], None, intra_block(1))]
+    return write_stream(HEADER, frames, lies=lies)
+
+
 def with_payload(number: int, edit: Callable[[bytes], bytes]) -> bytes:
     """The overview stream without index, chunks H I P R E, with another payload of one chunk."""
 

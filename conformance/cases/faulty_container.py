@@ -43,7 +43,7 @@ def _prefix() -> Iterator[Broken]:
         "seventh_bit_lost": b"\x09GSVC\r\n\x1a",
     }
     for what, said in damages.items():
-        yield Broken("R-6.1-1", "malformed", what, f"the magic number is {said!r}", f"it is {magic!r}",
+        yield Broken("R-6.1-1", "malformed", what, f"the magic number is {said.hex(' ')}", f"it is {magic.hex(' ')}",
                      partial(overview, Lie("magic", said)))  # fmt: skip
     yield Broken("R-6.1-1", "malformed", "nothing", "the stream has no bytes", "it begins with magic", lambda: b"")
     yield Broken("R-6.1-1", "malformed", "seven_bytes", "the stream ends in magic", "it has 8 bytes",

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from conformance.cases.building import quantizer_of
-from conformance.cases.faults import Broken, colored, flat, overview, rich, room_behind, three
+from conformance.cases.faults import Broken, colored, flat, overview, rich, room_behind, three, with_an_empty_frame
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
@@ -46,9 +46,9 @@ def _descriptors() -> Iterator[Broken]:
         "codeword_not_a_number": ("a codeword is NaN", (Lie("codeword", [0, 0, np.nan]),)),
     }
     yield from _lies("R-3.1-2", "invalid", "numbers are finite", numbers, overview)
-    for what, number in (("infinite", np.inf), ("not_a_number", np.nan)):
+    for what, said, number in (("infinite", "infinite", np.inf), ("not_a_number", "NaN", np.nan)):
         lie = Lie("codeword", lambda words, number=number: [*words[:-1], number])
-        yield Broken("R-3.1-2", "invalid", f"unused_codeword_{what}", f"a codeword that no splat uses is {number}",
+        yield Broken("R-3.1-2", "invalid", f"unused_codeword_{what}", f"a codeword that no splat uses is {said}",
                      "numbers are finite", partial(colored, 1, lie))  # fmt: skip
     codes = {"17_zeros": ("a frequency begins with 17 zero bits", (Lie("frequency", "0" * 17 + "1" * 40),))}
     yield from _lies("R-3.1-3", "malformed", "there are at most 16", codes, rich)
@@ -98,17 +98,20 @@ def _blocks() -> Iterator[Broken]:
              for n in ("quantizer", "codebooks")}  # fmt: skip
     yield from _lies("R-6.5-3", "invalid", "it is 0 where the attribute is not present", alone, overview, 1)
     what_there_is = {
-        0: ("first_block", "there are none to use", 0),
-        1: ("inter", "what intra blocks have is not for inter blocks", 1),
-        2: ("second_i_frame", "an I-frame forgets", 2),
+        0: ("first_block", "there are none to use", 0, (0, 1)),
+        1: ("inter", "what intra blocks have is not for inter blocks", 1, (2,)),
+        2: ("second_i_frame", "an I-frame forgets", 2, (3, 4)),
     }
-    for block, (name, truth, complete) in what_there_is.items():
-        for n, lies in (("quantizer", _no_quantizer(block)), ("codebooks", _no_codebooks(block))):
+    for block, (name, truth, complete, stages) in what_there_is.items():
+        for n, lies in (("quantizer", _no_quantizer(block)), ("codebooks", _no_codebooks(block, stages))):
             entry = {f"{name}_{n}": (f"block {block} has no {n} of its own", lies)}
             yield from _lies("R-6.5-4", "invalid", truth, entry, three, complete)
+    for n, lies in (("quantizer", _no_quantizer(1)), ("codebooks", _no_codebooks(1, (2, 3)))):
+        entry = {f"empty_i_frame_{n}": (f"behind an I-frame without splats, a block has no {n} of its own", lies)}
+        yield from _lies("R-6.5-4", "invalid", "every I-frame forgets", entry, with_an_empty_frame, 2)
     scales = {"zero": 0.0, "minus_zero": -0.0, "negative": -1.0, "subnormal": 2.0**-126 - 2.0**-149, "least": 2.0**-149}
     yield from _lies("R-6.5-5", "invalid", "it is a positive normal number",
-                     {f"scale_{k}": (f"cholesky_scale is {v}", (Lie("cholesky_scale", [v], 1),))
+                     {f"scale_{k}": (f"cholesky_scale is {v:.7g}", (Lie("cholesky_scale", [v], 1),))
                       for k, v in scales.items()}, overview)  # fmt: skip
     for element in ("stage_count", "codeword_count"):
         yield from _lies("R-6.5-6", "invalid", "it is 1, as the header has it",
@@ -125,15 +128,14 @@ def _blocks() -> Iterator[Broken]:
 
 
 def _no_quantizer(block: int) -> tuple[Lie, ...]:
-    """Lies that take the quantiser out of a block of `three`; else the stream is whole."""
+    """Lies that take the quantiser out of a block, where all have one; else the stream is whole."""
     channels = range(3 * block, 3 * block + 3)
     parts = (Lie(element, [], k) for element in ("cholesky_scale", "cholesky_offset") for k in channels)
     return Lie("quantizer_present", 0, block), *parts
 
 
-def _no_codebooks(block: int) -> tuple[Lie, ...]:
-    """Lies that take the codebooks out of a block of `three`, which have two stages in I-frames and one in P-frames."""
-    stages = ((0, 1), (2,), (3, 4))[block]
+def _no_codebooks(block: int, stages: tuple[int, ...]) -> tuple[Lie, ...]:
+    """Lies that take the codebooks out of a block, where all have them; `stages` are its own in the stream."""
     parts = (Lie(element, "", k) for element in ("codeword_count", "codeword") for k in stages)
     return Lie("codebooks_present", 0, block), Lie("stage_count", "", block), *parts
 
@@ -141,14 +143,15 @@ def _no_codebooks(block: int) -> tuple[Lie, ...]:
 def _planes() -> Iterator[Broken]:
     modes = {"plane_mode_3": ("plane_mode is 3", (Lie("plane_mode", 3),))}
     yield from _lies("R-6.6-1", "unsupported", "it is reserved", modes, overview)
-    for what, step, said in (
-        ("constant", 0, 5),
-        ("constant_highest", 0, 7),
-        ("raw", 1, [4, 7]),
-        ("raw_first", 1, [5, 0]),
+    symbols: Any
+    for what, step, said, symbols in (
+        ("constant", 0, "the symbol is 5", 5),
+        ("constant_highest", 0, "the symbol is 7", 7),
+        ("raw", 1, "the last symbol is 7", [4, 7]),
+        ("raw_first", 1, "the first symbol is 5", [5, 0]),
     ):
-        yield Broken("R-6.6-2", "invalid", what, f"a symbol is {said} in an alphabet of 5", "symbols are below it",
-                     partial(colored, step, Lie("color_index[1].symbol", said)))  # fmt: skip
+        yield Broken("R-6.6-2", "invalid", what, f"{said} in an alphabet of 5", "symbols are below it",
+                     partial(colored, step, Lie("color_index[1].symbol", symbols)))  # fmt: skip
     ends = {k: (f"{k} is {n} in an alphabet of 5", (Lie(f"color_index[1].{k}", n),))
             for k, n in (("first_symbol", 5), ("last_symbol", 7))}  # fmt: skip
     yield from _lies("R-6.6-2", "invalid", "symbols are below it", ends, rich)

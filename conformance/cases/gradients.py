@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.rendering import SIZES
 from conformance.cases.splat_sets import population, splat, splats
-from conformance.cases.unusual_splats import DEGENERATE, LARGE, NEEDLES
+from conformance.cases.unusual_splats import DEGENERATE, HOW_LARGE, LARGE, NEEDLES, SLOPES, WHAT_IS_EXTREME
 
 F4 = NDArray[np.float32]
 ALL_GROUPS = ((0, 2), (2, 5), (5, 8))
@@ -151,7 +151,7 @@ def one_channel(value: int, rng: np.random.Generator) -> Inputs:
 
 @case("core", "render_gradients", flags=["clamp"], each={"black": 0.0, "negative": -1.0, "bright": 5.0})
 def colours(value: float, rng: np.random.Generator) -> Inputs:
-    """Splats whose colours are {key}: black ones have gradients for their colours only."""
+    """Splats whose colours are {key}; black ones have gradients for their colours only."""
     parameters = population(rng, 5, 13, 11)
     parameters[:, 5:] = value * abs(parameters[:, 5:])
     expected = yield {"parameters": parameters, "residual": noise(rng, 13, 11)}
@@ -159,9 +159,9 @@ def colours(value: float, rng: np.random.Generator) -> Inputs:
     assert expected["gradients"].value[:, 5:].all()
 
 
-@case("core", "render_gradients", flags=["needle", "cancellation", "off-diagonal"], each=NEEDLES)
+@case("core", "render_gradients", flags=["needle", "cancellation", "off-diagonal"], each=NEEDLES, said=SLOPES)
 def needle(value: tuple[float, float, float], rng: np.random.Generator) -> Inputs:
-    """A splat ten thousand times longer than it is thick, through pixel centres: {key}."""
+    """A splat ten thousand times longer than it is thick, {key} through pixel centres."""
     expected = yield {"parameters": splat(12.5, 11.5, *value), "residual": noise(rng, 25, 23)}
     gradient, bound = expected["gradients"].value[0], expected["gradients"].bound[0]
     assert np.all(bound[5:] < 0.2)
@@ -177,9 +177,9 @@ def thin_splats(rng: np.random.Generator) -> Inputs:
     assert np.all(expected["gradients"].bound < 0.1 * abs(expected["gradients"].value).max(axis=1, keepdims=True))
 
 
-@case("core", "render_gradients", flags=["support"], each=LARGE)
+@case("core", "render_gradients", flags=["support"], each=LARGE, said=HOW_LARGE)
 def larger_than_the_frame(value: tuple[float, float, float, float, float], rng: np.random.Generator) -> Inputs:
-    """A splat much larger than the frame: {key}."""
+    """A splat much larger than the frame, {key}."""
     expected = yield {"parameters": splat(*value), "residual": noise(rng, 17, 13)}
     assert expected["gradients"].value.all()
 
@@ -253,9 +253,9 @@ EXTREME = {
 }
 
 
-@case("stress", "render_gradients", flags=["overflow", "nan"], each=EXTREME)
+@case("stress", "render_gradients", flags=["overflow", "nan"], each=EXTREME, said=WHAT_IS_EXTREME)
 def extreme(value: tuple[float, float, float, float, float], rng: np.random.Generator) -> Inputs:
-    """Factors or a centre at the ends of binary32: {key}; no gradient is NaN, also where u is infinite."""
+    """{key}: no gradient is NaN, also where u is infinite."""
     expected = yield {"parameters": splat(*value), "residual": noise(rng, 11, 9)}
     largest = abs(expected["gradients"].value) + expected["gradients"].bound
     assert np.all(largest < np.finfo(np.float32).max)

@@ -46,7 +46,7 @@ def ties_to_even() -> Inputs:
 
 @case("core", "to_half", flags=["ties"], each={"below": -np.inf, "above": np.inf})
 def beside_a_tie(value: float) -> Inputs:
-    """The neighbours, {key} in binary32, of the numbers in the middle: each goes to the nearer binary16.
+    """The neighbours {key}, in binary32, of the numbers in the middle: each goes to the nearer binary16.
 
     A conversion that cuts bits off before it rounds takes them for ties.
     """

@@ -33,9 +33,10 @@ def one_cut(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "select_key_frames", flags=["window"],
-      each={"10_after": 10, "11_after": 11, "10_before": -10, "11_before": -11})  # fmt: skip
+      each={"10_after": 10, "11_after": 11, "10_before": -10, "11_before": -11},
+      said={f"{n}_{side}": f"{n} frames {side} it" for n in (10, 11) for side in ("before", "after")})  # fmt: skip
 def cut_beside_a_larger_one(value: int) -> Inputs:
-    """A cut that is hidden by a ten times larger one inside its window, but not outside: {key}.
+    """A cut is hidden by a ten times larger one if inside its window; here the larger one is {key}.
 
     The window reaches ten frames to either side and includes both ends.
     """
@@ -235,9 +236,10 @@ def oscillation_does_not_converge() -> Inputs:
     assert expected["iteration"].value == 0
 
 
-@case("core", "converged", flags=["schedule"], each={"one_short": 5, "just_enough": 6})
+@case("core", "converged", flags=["schedule"], each={"one_short": 5, "just_enough": 6},
+      said={"one_short": "one too few"})  # fmt: skip
 def end_of_training(value: int) -> Inputs:
-    """Equal losses until training ends, with a patience of 5: {key}."""
+    """Equal losses until training ends, {key} for a patience of 5."""
     expected = yield {"losses": np.ones(value), "patience": 5, "tolerance": 0.0}
     assert expected["iteration"].value == (6 if value == 6 else 0)
 

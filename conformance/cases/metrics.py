@@ -65,7 +65,7 @@ def psnr_by_hand() -> Inputs:
 
 @case("core", "metrics", flags=["metric", "bit-depth"], each={"8_bits": 8, "10_bits": 10})
 def darkness(rng: np.random.Generator, value: int) -> Inputs:
-    """Samples of up to 2 % of the peak: C1 and C2 decide, which are 0.01 and 0.03 of the peak, squared: {key}."""
+    """Samples of {key}, up to 2 % of the peak: C1 and C2 decide, which are 0.01 and 0.03 of the peak, squared."""
     dtype = np.uint8 if value == 8 else np.uint16
     a, b = rng.integers(0, 5 << (value - 8), (2, 12, 14, 3)).astype(dtype)
     b[:, :7] //= 4
@@ -124,6 +124,16 @@ def black_and_white() -> Inputs:
     expected = yield {"a": black, "b": ~black, "bit_depth": 8}
     assert expected["mse"].value == 65025
     assert abs(expected["psnr"].value) < 1e-12
+
+
+@case("core", "metrics", flags=["metric", "empty"])
+def equal_frames(rng: np.random.Generator) -> Inputs:
+    """A frame of 14x12 pixels and itself: nothing differs, so that the PSNR is infinite and MS-SSIM is 1."""
+    frame = scene(rng, 12, 14)
+    expected = yield {"a": frame, "b": frame.copy(), "bit_depth": 8}
+    assert expected["mse"].value == 0
+    assert expected["psnr"].value == np.inf
+    assert np.isclose(expected["ms_ssim"].value, 1, rtol=1e-12)
 
 
 @case("core", "metrics", flags=["metric"])

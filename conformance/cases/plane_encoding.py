@@ -28,9 +28,10 @@ def state_at_the_bound() -> Inputs:
     assert expected["words"].value.tolist() == [0]
 
 
-@case("core", "encode_plane", flags=["lanes"], each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES})
+@case("core", "encode_plane", flags=["lanes"], each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES},
+      said={"1_for_1_symbols": "1 for 1 symbol", "2_for_1_symbols": "2 for 1 symbol"})  # fmt: skip
 def encoded_lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
-    """Backwards through the symbols, each in its lane ({key}); the words are reversed at the end."""
+    """Lanes, {key}: backwards through the symbols, each in its lane; the words are reversed at the end."""
     lanes, count = value
     symbols = peaked(rng, count, 5)
     frequencies = normalized_frequencies(np.array([5, 9, 30, 9, 1]), 13)
@@ -39,7 +40,7 @@ def encoded_lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 @case("core", "encode_plane", each={str(bits): bits for bits in (12, 14, 16)})
 def encoded_precision(value: int, rng: np.random.Generator) -> Inputs:
-    """entropy_precision {key}."""
+    """Planes with an entropy_precision of {key}."""
     symbols = peaked(rng, 150, 64)
     yield from encoding(symbols, normalized_frequencies(np.bincount(symbols, minlength=64), value), value, 3)
 

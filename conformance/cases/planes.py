@@ -84,12 +84,15 @@ def peaked(rng: np.random.Generator, count: int, alphabet: int) -> NDArray[np.ui
     return symbols.astype(np.uint16)
 
 
+ALPHABETS: Final = {f"alphabet_{a}": f"an alphabet of {a}" for a in (1, 2, 5, 256, 1000, 4096)}
+"""What titles say of keys."""
 CONSTANTS: Final = ((1, 0), (2, 1), (5, 4), (256, 200), (4096, 4095))
 
 
-@case("core", "decode_plane", each={f"alphabet_{a}": (a, s) for a, s in CONSTANTS})
+@case("core", "decode_plane",
+      each={f"alphabet_{a}": (a, s) for a, s in CONSTANTS}, said=ALPHABETS)  # fmt: skip
 def constant(value: tuple[int, int]) -> Inputs:
-    """One symbol for the whole plane ({key}).
+    """One symbol for the whole plane, of {key}.
 
     A constant symbol takes w bits and no more; with an alphabet of one symbol it takes none.
     """
@@ -98,9 +101,10 @@ def constant(value: tuple[int, int]) -> Inputs:
     assert (expected["symbols"].value == symbol).all()
 
 
-@case("core", "decode_plane", each={f"alphabet_{a}": a for a in (1, 2, 5, 256, 1000, 4096)})
+@case("core", "decode_plane",
+      each={f"alphabet_{a}": a for a in (1, 2, 5, 256, 1000, 4096)}, said=ALPHABETS)  # fmt: skip
 def raw(value: int, rng: np.random.Generator) -> Inputs:
-    """Symbols as they are, of w bits each ({key}).
+    """Symbols as they are, of w bits each, of {key}.
 
     w is the least integer with 2^w at least the alphabet: 0 for 1, 3 for 5.
     """
@@ -110,9 +114,10 @@ def raw(value: int, rng: np.random.Generator) -> Inputs:
     assert np.array_equal(expected["symbols"].value, symbols)
 
 
-@case("core", "decode_plane", flags=["table"], rules=["R-6.6-4"], each={f"alphabet_{a}": a for a in (2, 5, 256, 4096)})
+@case("core", "decode_plane", flags=["table"], rules=["R-6.6-4"],
+      each={f"alphabet_{a}": a for a in (2, 5, 256, 4096)}, said=ALPHABETS)  # fmt: skip
 def coded_alphabet(value: int, rng: np.random.Generator) -> Inputs:
-    """A coded plane ({key}), with the first and the last symbol of the alphabet."""
+    """A coded plane with the first and the last symbol of {key}."""
     symbols = peaked(rng, 90, value)
     symbols[-2:] = 0, value - 1
     yield from decoding(symbols, value, 14, 2)
@@ -127,9 +132,11 @@ def last_two_symbols() -> Inputs:
 LANES: Final = ((1, 1), (1, 7), (2, 1), (2, 2), (2, 7), (3, 2), (3, 3), (3, 10), (64, 5), (64, 64), (64, 150))
 
 
-@case("core", "decode_plane", flags=["lanes"], rules=["R-7-1"], each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES})
+@case("core", "decode_plane", flags=["lanes"], rules=["R-7-1"],
+      each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES},
+      said={"1_for_1_symbols": "1 for 1 symbol", "2_for_1_symbols": "2 for 1 symbol"})  # fmt: skip
 def lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
-    """Lanes that take turns ({key}).
+    """Lanes that take turns, {key}.
 
     There are min(lane_count, count) states, and one list of words for all lanes, in the order of symbols.
     """
@@ -140,7 +147,7 @@ def lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 @case("core", "decode_plane", flags=["table"], each={str(bits): bits for bits in range(12, 17)})
 def precision(value: int, rng: np.random.Generator) -> Inputs:
-    """entropy_precision {key}, and a table of as many bits."""
+    """An entropy_precision of {key}, and a table of as many bits."""
     yield from decoding(peaked(rng, 120, 64), 64, value, 3)
 
 
@@ -150,7 +157,7 @@ SHORT: Final = ((16, 1), (16, 5), (12, 1), (12, 11), (14, 7))
 @case("core", "decode_plane", flags=["table"], rules=["R-6.6-3"],
       each={f"{bits}_of_{precision}": (precision, bits) for precision, bits in SHORT})  # fmt: skip
 def table_bits(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
-    """A table of fewer bits than entropy_precision ({key}): its frequencies are shifted up."""
+    """A table of fewer bits than entropy_precision, {key}: its frequencies are shifted up."""
     symbols = rng.integers(0, 2, 70).astype(np.uint16) * 3 + 1
     yield from decoding(symbols, 6, value[0], 2, table_bits=value[1])
 

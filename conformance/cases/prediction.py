@@ -31,7 +31,8 @@ SURVIVORS: Final = {
 }
 
 
-@on("core", "reconstruct_stream", flags=["survivors"], each=SURVIVORS)
+@on("core", "reconstruct_stream", flags=["survivors"], each=SURVIVORS,
+    said={"all": "all nine", "some_in_the_middle": "some", "only_the_middle": "none but the middle one"})  # fmt: skip
 def survivors(value: list[int]) -> Inputs:
     """Of nine splats {key} stay, two come; then all rest: survivors keep their order, new splats follow."""
     stay = np.array(value, np.bool_)
@@ -62,9 +63,12 @@ WITHOUT: Final = ("positions", "cholesky", "colors", "positions cholesky", "chol
                   "positions cholesky colors")  # fmt: skip
 
 
-@on("core", "reconstruct_stream", flags=["kept"], rules=["R-6.5-3"], each={w.replace(" ", "_"): w for w in WITHOUT})
+@on("core", "reconstruct_stream", flags=["kept"], rules=["R-6.5-3"],
+    each={w.replace(" ", "_"): w for w in WITHOUT},
+    said={w.replace(" ", "_"): w.replace(" ", ", ").replace("cholesky", "Cholesky factors").replace("colors", "colours")
+          for w in WITHOUT})  # fmt: skip
 def without(value: str) -> Inputs:
-    """Differences without {key}: what is not present keeps its bits."""
+    """P-frames without differences of {key}: what is not present keeps its bits."""
     frames = [FrameCodes.intra_frame(intra_block(5)), predicted([1, 1, 0, 1, 1], inter_block(4, without=value))]
     expected = yield {"stream": stream_of(frames)}
     first, second = frames_of(expected)

@@ -24,7 +24,7 @@ def random_values(rng: np.random.Generator, count: int, bits: int) -> Values:
 
 @case("core", "lsq_quantize", flags=["region"], each={"1_bit": 1, "6_bits": 6, "12_bits": 12})
 def codes_below_inside_and_above(rng: np.random.Generator, value: int) -> Inputs:
-    """Three channels with scales and offsets of their own, values below, inside and above the range: {key}."""
+    """Three channels with scales and offsets of their own, values below, inside and above the range of {key}."""
     expected = yield random_values(rng, 40, value)
     codes = expected["codes"].value
     assert np.array_equal(codes, expected["codes"].alternative)
@@ -121,7 +121,7 @@ def values_of_large_codes() -> Inputs:
 
 @case("core", "lsq_gradients", flags=["region", "straight-through"], each={"1_bit": 1, "6_bits": 6, "12_bits": 12})
 def gradients_of_all_regions(rng: np.random.Generator, value: int) -> Inputs:
-    """Values below, inside and above the range of three channels: {key}.
+    """Values below, inside and above the range of {key} in three channels.
 
     Sums over the splats of a channel, without the factor 1/sqrt(N p) that the literature offers.
     """

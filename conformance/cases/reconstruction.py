@@ -37,9 +37,9 @@ SHAPES: Final = {
 }
 
 
-@case("core", "reconstruct_intra", each=SHAPES)
+@case("core", "reconstruct_intra", each=SHAPES, said={"large": "two stages, one of them large"})
 def intra(value: tuple[int, ...], rng: np.random.Generator) -> Inputs:
-    """Values of 23 splats, whose colours are sums of codewords ({key})."""
+    """Values of 23 splats, whose colours are sums of codewords of {key}."""
     expected = yield {"width": 37, "height": 22, **codes(23, rng, value)}
     assert len(result(expected, "parameters")) == 23
 
@@ -141,7 +141,7 @@ COLUMNS: Final = {"positions": slice(0, 2), "cholesky": slice(2, 5), "colors": s
 
 @case("core", "reconstruct_inter", flags=["survivors"], each={"all_stay": 1.0, "some_stay": 0.6, "one_stays": 0.0})
 def inter(value: float, rng: np.random.Generator) -> Inputs:
-    """Differences of survivors ({key}); splat n of the differences is the n-th survivor."""
+    """Differences of survivors: {key}, and splat n of the differences is the n-th survivor."""
     survivors = (rng.random(29) < value).astype(np.uint8)
     survivors[17] = 1
     before = reference(29, rng)
@@ -160,9 +160,11 @@ def none_survives(rng: np.random.Generator) -> Inputs:
     assert result(expected, "parameters").shape == (0, 8)
 
 
-@case("core", "reconstruct_inter", flags=["signed-zero"], each={name: name for name in (*ATTRIBUTES, "nothing")})
+@case("core", "reconstruct_inter", flags=["signed-zero"], each={name: name for name in (*ATTRIBUTES, "nothing")},
+      said={"positions": "Only positions are present", "cholesky": "Only Cholesky factors are present",
+            "colors": "Only colours are present", "nothing": "No attribute is present"})  # fmt: skip
 def only(value: str, rng: np.random.Generator) -> Inputs:
-    """One attribute is present ({key}); the others keep their bits, also those of -0 and of subnormal numbers."""
+    """{key}: what is not keeps its bits, also those of -0 and of subnormal numbers."""
     before = reference(5, rng)
     before[1], before[2], before[3] = F4(-0.0), TINY, -TINY
     block = codes(4, rng)
@@ -213,15 +215,22 @@ def inter_subnormals() -> Inputs:
     assert result(expected, "parameters")[0, 2:5].tolist() == [-(2.0**-149)] * 3
 
 
-@case("core", "parameter_checksum", each={"none": 0, "one": 1, "many": 19})
+@case("core", "parameter_checksum", each={"none": 0, "one": 1, "many": 19},
+      said={"none": "no splats", "one": "one splat", "many": "19 splats"})  # fmt: skip
 def checksum(value: int, rng: np.random.Generator) -> Inputs:
-    """CRC-32C of all positions, then all Cholesky factors, then all colours ({key}); of no splats it is 0."""
+    """CRC-32C of all positions, then all Cholesky factors, then all colours of {key}; of none it is 0."""
     expected = yield {"parameters": reference(value, rng)}
     assert (result(expected, "checksum") == 0) == (value == 0)
 
 
-@case("core", "parameter_checksum", flags=["signed-zero"], each={"plus": 0.0, "minus": -0.0})
+@case(
+    "core",
+    "parameter_checksum",
+    flags=["signed-zero"],
+    each={"plus": 0.0, "minus": -0.0},
+    said={"plus": "+0", "minus": "-0"},
+)
 def checksum_of_zeros(value: float) -> Inputs:
-    """32 bytes of zeros, each number {key}: the sign counts. RFC 3720 has the checksum of 32 zero bytes."""
+    """Eight numbers, each {key}: the sign counts. RFC 3720 has the checksum of 32 bytes of zero."""
     expected = yield {"parameters": np.full((1, 8), value, F4)}
     assert (result(expected, "checksum") == 0x8A9136AA) != np.signbit(value)

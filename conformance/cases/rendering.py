@@ -1,9 +1,11 @@
 """Sums of splats within the error bound (spec.md sections 9.1 and 9.2)."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
-from conformance.cases.splat_sets import COLOR, population, splat, splats
+from conformance.cases.splat_sets import COLOR, FEWEST_GUARDS, population, splat, splats
+from conformance.stages.rendering import edge_margins
 
 SMALLEST = 2.0**-126
 
@@ -37,7 +39,7 @@ def a_splat_off_the_middle() -> Inputs:
 
 @case("core", "render_sum", flags=["shear"], each={"positive": 3.0, "negative": -3.0})
 def shear(value: float) -> Inputs:
-    """A splat with {key} l21: it leans to the lower right if that is positive.
+    """A splat with a {key} l21: it leans to the lower right if l21 is positive.
 
     The other sign mirrors it; the upper triangle of L has another covariance.
     """
@@ -48,7 +50,7 @@ def shear(value: float) -> Inputs:
 
 @case("core", "render_sum", flags=["shear", "transposed"], each={"l11": (5.0, 1.25), "l22": (1.25, 5.0)})
 def long_axis(value: tuple[float, float]) -> Inputs:
-    """A splat that is long along one axis, by {key}."""
+    """A splat that is long along one axis, by its {key}."""
     l11, l22 = value
     expected = yield {"parameters": splat(12.1, 8.3, l11, 0.0, l22), "width": 23, "height": 17}
     assert (expected["sum"].value[8, 22, 0] > 0) == (l11 > l22) == (expected["sum"].value[16, 12, 0] == 0)
@@ -211,3 +213,23 @@ def the_same_splat_again_and_again() -> Inputs:
     """One splat a hundred times."""
     expected = yield {"parameters": np.repeat(splat(5.2, 4.4, 1.5, 0.6, 1.25), 100, axis=0), "width": 11, "height": 9}
     assert expected["sum"].value[4, 5, 0] > 70
+
+
+@case("core", "render_sum", flags=["cancellation", "shear"])
+def small_leaning_splats_far_down(rng: np.random.Generator) -> Inputs:
+    """Small splats that lean, a thousand rows down a narrow frame.
+
+    (j + 1/2) - (y + l21 u1) rounds l21 u1 to the steps of y; d_y - l21 u1 does not.
+    """
+    width, height, count = 3, 1201, 31
+    rows: list[NDArray[np.float32]] = []
+    while len(rows) < count:
+        x, y = rng.uniform(0.2, 2.8), rng.uniform(1024, height)
+        one = splat(x, y, rng.uniform(0.4, 0.6), rng.uniform(0.6, 0.9), rng.uniform(0.6, 0.9))
+        if edge_margins(one, width, height)[0] > FEWEST_GUARDS:
+            rows.append(one)
+    parameters = splats(*rows)
+    expected = yield {"parameters": parameters, "width": width, "height": height}
+    reached = expected["sum"].value.any(axis=(1, 2))
+    assert not reached[:1000].any()
+    assert reached[1024:].mean() > 0.3

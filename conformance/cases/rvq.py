@@ -44,7 +44,7 @@ def assigned(rng: np.random.Generator, count: int, sizes: list[int]) -> Values:
     "core", "rvq_assign", flags=["stages"], each={"one_stage": [8], "two_stages": [8, 8], "four_stages": [5, 3, 7, 6]}
 )
 def nearest_codewords(rng: np.random.Generator, value: list[int]) -> Inputs:
-    """Random vectors: {key}, of different sizes where there are more than two; every stage on what is left over."""
+    """Random vectors and {key}: every stage takes what is left over."""
     books = codebooks(rng, value)
     x = clear_vectors(rng, 31, books)
     expected = yield {"x": x, **books}
@@ -93,6 +93,23 @@ def squares_and_not_magnitudes() -> Inputs:
     assert expected["indices"].value.ravel().tolist() == [1, 2]
 
 
+@case("core", "rvq_assign", flags=["cancellation"])
+def codewords_side_by_side(rng: np.random.Generator) -> Inputs:
+    """Vectors between neighbouring binary16 numbers, far from 0: their distances are a millionth of their squares.
+
+    |C|^2 - 2 r . C is the same in real numbers, and in binary32 its errors decide.
+    """
+    book = f4(*(600 + 0.5 * np.stack(np.meshgrid([0, 1], [1, 2], [3, 5]), axis=-1).reshape(-1, 3)))
+    books = {"codebook_sizes": np.array([8], np.int64), "codebooks": book}
+    middle = np.array([600.25, 600.75, 602], np.float32)
+    x = (middle + rng.choice([-1, 1], (32, 3)) * rng.uniform(0.002, 0.1, (32, 3))).astype(np.float32)
+    expected = yield {"x": x, **books}
+    indices = expected["indices"]
+    assert indices.margin > 100 * indices.guard
+    expanded = (book**2).sum(axis=1) - 2 * (x @ book.T)
+    assert np.mean(expanded.argmin(axis=1) != indices.value[:, 0]) > 0.25
+
+
 @case("uncommon", "rvq_assign", flags=["many"])
 def three_hundred_codewords(rng: np.random.Generator) -> Inputs:
     """300 codewords, more than a byte can number."""
@@ -120,7 +137,7 @@ def large_vectors() -> Inputs:
 
 @case("core", "commitment", flags=["factor", "stages"], each={"one_stage": [8], "three_stages": [6, 5, 4]})
 def commitment_of_random_vectors(rng: np.random.Generator, value: list[int]) -> Inputs:
-    """Random vectors: {key}. The loss adds up what every stage leaves over, and is a mean over 3 N components."""
+    """Random vectors and {key}: the loss adds up what every stage leaves over, and is a mean over 3 N components."""
     inputs = assigned(rng, 19, value)
     expected = yield inputs
     left, total = inputs["x"].astype(np.float64), 0.0

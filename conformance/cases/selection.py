@@ -70,9 +70,11 @@ def plan_of_few_splats() -> Inputs:
     assert expected["counts"].value.tolist() == [5]
 
 
-@case("core", "pruning_plan", flags=["ties"], each={"down": 5, "up": 7})
+@case("core", "pruning_plan", flags=["ties"], each={"down": 5, "up": 7},
+      said={"down": "2.5 splats, which is rounded down to 2",
+            "up": "3.5 splats, which is rounded up to 4"})  # fmt: skip
 def plan_of_half_a_splat(value: int) -> Inputs:
-    """A total of 2.5 or 3.5 splats, which is rounded to the even number: {key}."""
+    """A total of {key}, the even number."""
     expected = yield {"splats": value, "iterations": 100, "fraction": 0.5, "first": 10, "last": 10, "interval": 1}
     assert expected["counts"].value.tolist() == [2 if value == 5 else 4]
 
@@ -93,7 +95,8 @@ def plan_of_the_default_half() -> Inputs:
 
 
 @case("uncommon", "pruning_plan", flags=["empty"], each={"fraction": (900, 9, 0.0), "iterations": (900, 0, 0.1),
-                                                        "splats": (4, 9, 0.1)})  # fmt: skip
+                                                        "splats": (4, 9, 0.1)},
+      said={"fraction": "a fraction"})  # fmt: skip
 def plan_of_nothing(value: tuple[int, int, float]) -> Inputs:
     """Nothing to remove, for want of {key}."""
     splats, iterations, fraction = value

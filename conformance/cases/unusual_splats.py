@@ -20,11 +20,19 @@ DEGENERATE = {
     "l22_one_step_below": (3.0, float(np.nextafter(np.float32(SMALLEST), np.float32(0)))),
     "l22_minus_zero": (3.0, -0.0),
 }
+WHY_DEGENERATE = {
+    **{key: key.replace("_", " is ", 1) for key in DEGENERATE},
+    "both_negative": "l11 and l22 are negative",
+    "l11_one_step_below": "l11 is one step below 2^-126",
+    "l22_one_step_below": "l22 is one step below 2^-126",
+    "l22_minus_zero": "l22 is minus zero",
+}
+"""What titles say of them."""
 
 
-@case("core", "render_sum", flags=["degenerate"], each=DEGENERATE)
+@case("core", "render_sum", flags=["degenerate"], each=DEGENERATE, said=WHY_DEGENERATE)
 def degenerate(value: tuple[float, float]) -> Inputs:
-    """A degenerate splat on a pixel centre, {key}: it covers nothing.
+    """A degenerate splat on a pixel centre: {key}, and so it covers nothing.
 
     The test is against 2^-126: a comparison with zero draws subnormal factors, where u is 0 at the centre.
     """
@@ -67,11 +75,19 @@ NEEDLES = {
     "slope_2": (2.0, 4.0, 8e-4),
     "slope_third": (6.0, 2.0, 6e-4),
 }
+SLOPES = {
+    "slope_1": "of slope 1",
+    "slope_minus_half": "of slope -1/2",
+    "slope_2": "of slope 2",
+    "slope_third": "of slope 1/3",
+}
+SLOPES |= {"across": "horizontally", "down": "vertically"}
+"""What titles say of them."""
 
 
-@case("core", "render_sum", flags=["needle", "cancellation", "shear"], each=NEEDLES)
+@case("core", "render_sum", flags=["needle", "cancellation", "shear"], each=NEEDLES, said=SLOPES)
 def needle(value: tuple[float, float, float]) -> Inputs:
-    """A splat ten thousand times longer than it is thick, through pixel centres: {key}.
+    """A splat ten thousand times longer than it is thick, {key} through pixel centres.
 
     Its inverse covariance, or a determinant that is a difference, loses it in binary32.
     """
@@ -95,11 +111,13 @@ LARGE = {
     "centre_far_outside": (-5000.0, 3000.0, 4000.0, -1000.0, 2500.0),
     "a_thin_line": (5.5, 4.5, 3000.0, 1500.0, 0.3),
 }
+HOW_LARGE = {"wide": "in both directions", "centre_far_outside": "its centre far outside"}
+"""What titles say of them."""
 
 
-@case("core", "render_sum", flags=["support", "needle"], each=LARGE)
+@case("core", "render_sum", flags=["support", "needle"], each=LARGE, said=HOW_LARGE)
 def larger_than_the_frame(value: tuple[float, float, float, float, float]) -> Inputs:
-    """A splat much larger than the frame: {key}."""
+    """A splat much larger than the frame, {key}."""
     expected = yield {"parameters": splat(*value), "width": 17, "height": 13}
     assert np.count_nonzero(expected["sum"].value[..., 0]) >= 20
 
@@ -116,17 +134,31 @@ EXTREME = {
     "minus_zero": (-0.0, -0.0, 3.0, -0.0, 3.0),
     "steep": (5.5, 4.5, 1.0, 1e30, 1.0),
 }
+WHAT_IS_EXTREME = {
+    "far_away": "A splat is far away",
+    "further_than_any_integer": "A splat is further away than any integer",
+    "larger_than_any_integer": "A splat is larger than any integer",
+    "largest_factors": "The factors are the largest",
+    "smallest_factors_on_a_centre": "The factors are the smallest, on a pixel centre",
+    "smallest_factors_off_the_centres": "The factors are the smallest, off the pixel centres",
+    "a_vertical_line": "A splat is a vertical line",
+    "a_horizontal_line": "A splat is a horizontal line",
+    "minus_zero": "The centre and l21 are minus zero",
+    "steep": "l21 is 1e30",
+}
+"""What titles say of them."""
 
 
-@case("stress", "render_sum", flags=["overflow", "degenerate"], each=EXTREME)
+@case("stress", "render_sum", flags=["overflow", "degenerate"], each=EXTREME, said=WHAT_IS_EXTREME)
 def extreme(value: tuple[float, float, float, float, float]) -> Inputs:
-    """Factors or a centre at the ends of binary32: {key}; the sum is finite and right where it can be."""
+    """{key}: the sum is finite, and right where it can be."""
     expected = yield {"parameters": splat(*value), "width": 11, "height": 9}
     assert np.isfinite(expected["sum"].value).all()
     assert np.isfinite(expected["sum"].bound).all()
 
 
-@case("stress", "render_sum", flags=["overflow", "subnormal"], each={"huge": 1e30, "subnormal": 1e-39})
+@case("stress", "render_sum", flags=["overflow", "subnormal"], each={"huge": 1e30, "subnormal": 1e-39},
+      said={"huge": "1e30", "subnormal": "1e-39, which is subnormal"})  # fmt: skip
 def colours_of_another_order(value: float) -> Inputs:
     """Colours of the order of {key}: the bound goes with them."""
     color = (value, -value, value / 3)

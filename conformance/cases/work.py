@@ -32,9 +32,11 @@ BOXES: Final[dict[str, tuple[Any, int]]] = {
 """Splats on a frame of 24 by 17 pixels, and the pixels of their boxes."""
 
 
-@case("core", "rendering_work", each=BOXES)
+@case("core", "rendering_work", each=BOXES,
+      said={"inside": "inside the frame", "beyond_the_left": "beyond the left side", "at_the_left": "at the left side",
+            "just_not_beyond": "just not beyond the left side"})  # fmt: skip
 def box(value: tuple[Any, int]) -> Inputs:
-    """The box of one splat ({key}), clipped to the frame."""
+    """The box of a splat {key}, clipped to the frame."""
     expected = yield {"parameters": splats(value[0]), "width": 24, "height": 17}
     assert result(expected, "work") == value[1]
 
@@ -49,9 +51,11 @@ NO_BOX: Final = {
 }
 
 
-@case("core", "rendering_work", flags=["degenerate"], each=NO_BOX)
+@case(
+    "core", "rendering_work", flags=["degenerate"], each=NO_BOX, said={key: key.replace("_", " is ") for key in NO_BOX}
+)
 def degenerate(value: tuple[float, float, float]) -> Inputs:
-    """A degenerate splat has no box ({key})."""
+    """A degenerate splat has no box: {key}."""
     expected = yield {"parameters": splats((4, 4, *value)), "width": 9, "height": 9}
     assert result(expected, "work") == 0
 

@@ -1,12 +1,14 @@
 """The commands of ``python -m conformance``, each with `add_arguments` and `run`, and what they share."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import get_args
 
 from conformance.selection import ALL_LEVELS, Selection
+from conformance.spelling import question
 from conformance.stage import Group, stages
 from conformance.vectors import VECTORS
+from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
 
 
@@ -17,7 +19,9 @@ def add_vectors(parser: ArgumentParser) -> None:
 
 def add_selection(parser: ArgumentParser) -> None:
     """Options that select vectors or cases; each may be given several times."""
-    options = parser.add_argument_group("selection", "each may be given several times; all kinds must hold")
+    options = parser.add_argument_group(
+        "selection", "each may be given several times, for any of the values; what different options say must all hold"
+    )
     options.add_argument("--level", action="append", default=[], choices=ALL_LEVELS, help="of this level")
     options.add_argument("--stage", action="append", default=[], metavar="NAME", help="of this stage")
     options.add_argument(
@@ -26,6 +30,9 @@ def add_selection(parser: ArgumentParser) -> None:
     options.add_argument(
         "--case", action="append", default=[], metavar="GLOB", help="whose id, or its last part, matches: '*needle*'"
     )
+    options.add_argument("--rule", action="append", default=[], metavar="ID", help="that exercise it: R-10.3-1")
+    options.add_argument("--equation", action="append", default=[], metavar="NUMBER", help="that exercise it: 9-4")
+    options.add_argument("--flag", action="append", default=[], metavar="NAME", help="for this class of bugs: needle")
 
 
 def selection(arguments: Namespace) -> Selection:
@@ -38,15 +45,24 @@ def selection(arguments: Namespace) -> Selection:
     """
     for name in arguments.stage:
         if name not in stages():
-            raise UsageError(f"there is no stage {name!r}; the stages are {', '.join(stages())}")
-    return Selection(tuple(arguments.level), tuple(arguments.stage), tuple(arguments.group), tuple(arguments.case))
+            near = question(name, stages()) or f"; the stages are {', '.join(stages())}"
+            raise UsageError(f"there is no stage {name!r}{near}")
+    return Selection(
+        levels=tuple(arguments.level),
+        stages=tuple(arguments.stage),
+        groups=tuple(arguments.group),
+        patterns=tuple(arguments.case),
+        rules=tuple(arguments.rule),
+        equations=tuple(equation.strip("()") for equation in arguments.equation),
+        flags=tuple(arguments.flag),
+    )
 
 
-def selection_words(arguments: Namespace, *, cases: bool = True) -> list[str]:
-    """The options that select the same again."""
-    kinds = [("--level", arguments.level), ("--stage", arguments.stage), ("--class", arguments.group)]
-    kinds += [("--case", arguments.case)] if cases else []
-    return [word for option, values in kinds for value in values for word in (option, value)]
+def count(text: str) -> int:
+    """A whole number that is not negative."""
+    if (value := whole(text)) < 0:
+        raise ArgumentTypeError(f"{text!r} is less than 0")
+    return value
 
 
 def check_writable(path: Path | None) -> None:

@@ -5,34 +5,32 @@ import json
 import platform
 import shlex
 from argparse import ArgumentParser, Namespace
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 import gsvc_ref
-from conformance.commands import add_selection, add_vectors, check_writable, selection
-from conformance.expectations import Refusal
+from conformance.commands import add_selection, add_vectors, check_writable, count, selection
 from conformance.implementations import Implementation
-from conformance.process import write_inputs
-from conformance.report.console import describe, progress_text
+from conformance.report.console import describe, last_line, progress_text
+from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
-from conformance.selection import VectorFolder, matches
+from conformance.selection import Selection, VectorFolder, matches
 from conformance.stage import Values
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
-from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
+from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from conformance.report.pictures import Picture
 
 SHOWN: Final = 10
-DIAGNOSED: Final = 4
-"""Failures of a stage whose cause is looked for: every plausible bug is tried, which takes its time."""
 
 
 def add_judging(parser: ArgumentParser) -> None:
@@ -42,19 +40,21 @@ def add_judging(parser: ArgumentParser) -> None:
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
     parser.add_argument("--waivers", type=Path, metavar="FILE", help='a JSON file {"id": "reason"} of known failures')
     parser.add_argument("--no-diagnosis", action="store_true", help="do not look for the probable cause of failures")
-    outputs = parser.add_argument_group("output")
+    outputs = parser.add_argument_group("output", "relative paths begin in the current folder")
     outputs.add_argument(
-        "--show", type=whole, default=SHOWN, metavar="N", help=f"describe at most N failures ({SHOWN})"
+        "--show", type=count, default=SHOWN, metavar="N", help=f"describe at most N failures ({SHOWN})"
     )
     outputs.add_argument("--json", type=Path, metavar="FILE", help="write everything as JSON")
     outputs.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
     outputs.add_argument("--html", type=Path, metavar="FILE", help="write a page with pictures of the worst failures")
-    outputs.add_argument("--keep", type=Path, metavar="DIR", help="keep inputs and outputs of what is wrong")
+    outputs.add_argument(
+        "--keep", type=Path, metavar="DIR", help="keep inputs, outputs and expectations of what is wrong"
+    )
     outputs.add_argument("--quiet", action="store_true", help="show no progress")
 
 
 def judge(arguments: Namespace, implementation: Implementation, command: list[str]) -> int:
-    """Judge an implementation as the options say, and report; 0 if a class passed and none failed, else 1.
+    """Judge an implementation as the options say, and report; the exit code.
 
     Parameters
     ----------
@@ -71,45 +71,79 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
         check_writable(path)
     folder = VectorFolder(arguments.vectors)
     chosen, waivers, book = selection(arguments), read_waivers(arguments.waivers), PictureBook()
-    names = folder.select(chosen)
-    skips = {name: "--skip" for name in names if matches(name, name.split("/")[2], patterns=tuple(arguments.skip))}
+    names, skips = _choose(folder, chosen, tuple(arguments.skip))
+    if arguments.keep:
+        forget(arguments.keep, names)
     done: list[Result] = []
+    causes = Causes()
     with ProgressDisplay(quiet=arguments.quiet) as display:
 
         def on_result(judged: Judged) -> None:
             done.append(judged.result)
+            causes.add(judged)
             display.update(progress_text(judged.result.stage, done), len(done), len(names))
             if judged.result.outcome in FAULTS and arguments.keep:
                 keep_files(arguments.keep, judged)
             if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
                 book.add(judged.vector, judged.outputs, judged.result)
 
-        diagnose = None if arguments.no_diagnosis else Diagnosis()
         vectors = folder.read(names)
         run_suite(
-            implementation, vectors, waivers=waivers, skips=skips, diagnose=diagnose, on_result=on_result,
+            implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
             jobs=getattr(arguments, "jobs", 1),
         )  # fmt: skip
-    notes = list(_waiver_notes(done, waivers, folder.names))
+        display.update("looking for causes", len(names), len(names))
+        results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
+    notes += _waiver_notes(results, waivers, folder.names)
     again = shlex.join([*command, *_vectors_words(arguments)])
-    report = Report(environment(implementation.name, arguments.vectors), again, str(chosen), notes, done)
+    report = Report(environment(implementation.name, arguments.vectors), again, str(chosen), notes, results)
     print("\n".join(describe(report, arguments.show)))
-    write_files(arguments, report, book.pictures())
-    return 0 if report.passed else 1
+    for line in write_files(arguments, report, book.pictures()):
+        print(line)
+    print(f"\n{last_line(report)}")
+    return report.exit_code
 
 
-class Diagnosis:
-    """Looks for the cause of the first few failures of each stage among the plausible bugs."""
+def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) -> tuple[list[str], dict[str, str]]:
+    """The vectors of a run by id, and why some of them are skipped."""
+    folder.check_patterns("--skip", patterns)
+    names = folder.select(chosen)
+    return names, {name: "--skip" for name in names if matches(name, name.split("/")[2], patterns=patterns)}
+
+
+class Causes:
+    """Collects what the search for causes needs, stage by stage, and finds them."""
 
     def __init__(self) -> None:
-        self._asked: Counter[str] = Counter()
+        self._failures: defaultdict[str, list[tuple[Vector, Values]]] = defaultdict(list)
+        self._passed: defaultdict[str, list[Vector]] = defaultdict(list)
 
-    def __call__(self, vector: Vector, outputs: Values) -> list[str]:
-        """What wrong outputs look like."""
-        from conformance.mutants import diagnose
+    def add(self, judged: Judged) -> None:
+        """Take note of a vector."""
+        name = judged.vector.stage.name
+        if judged.result.outcome == "pass":
+            self._passed[name].append(judged.vector)
+        elif judged.result.outcome == "fail" and judged.outputs is not None:
+            self._failures[name].append((judged.vector, judged.outputs))
 
-        self._asked[vector.stage.name] += 1
-        return diagnose(vector, outputs) if self._asked[vector.stage.name] <= DIAGNOSED else []
+    def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
+        """The results with their causes, and what is to be said of the search."""
+        from conformance.diagnosis import EXAMINED, bugs_for, diagnose
+
+        causes: dict[str, list[str]] = {}
+        notes = []
+        for stage, failures in self._failures.items():
+            causes |= diagnose(failures, self._passed[stage])
+            examined = [vector for vector, _ in failures[:EXAMINED]]
+            if open_ones := [vector for vector in examined if not causes.get(vector.id)]:
+                tried = len({bug.name for vector in open_ones for bug in bugs_for(vector)})
+                notes.append(
+                    f"{stage}: no known bug gives exactly what {len(open_ones)} of {plural(len(examined), 'failure')} "
+                    f"gave ({tried} tried)"
+                )
+            if len(failures) > EXAMINED:
+                notes.append(f"causes were looked for in the first {EXAMINED} of {len(failures)} failures of {stage}")
+        return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:
@@ -154,27 +188,8 @@ def environment(name: str, vectors: Path) -> dict[str, str]:
     }
 
 
-def keep_files(folder: Path, judged: Judged) -> None:
-    """Keep what was asked, what was answered and what was expected, as files of the process protocol."""
-    home = folder / judged.vector.id
-    expected = {
-        name if not part else f"{name}.{part}": array
-        for name, expectation in judged.vector.expected.items()
-        if not isinstance(expectation, Refusal)
-        for part, array in expectation.parts().items()
-    }
-    texts = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, str)}
-    given = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, np.ndarray)}
-    arrays = {name: value for name, value in given.items() if value.dtype.kind in "biuf"}
-    for part, values in (("in", judged.vector.inputs), ("expected", expected), ("out", arrays)):
-        (home / part).mkdir(parents=True, exist_ok=True)
-        write_inputs(home / part, values)
-    for name, text in texts.items():
-        (home / "out" / f"{name}.txt").write_text(text, encoding="utf-8")
-
-
-def write_files(arguments: Namespace, report: Report, pictures: "dict[str, list[Picture]]") -> None:
-    """Write the files that were asked for."""
+def write_files(arguments: Namespace, report: Report, pictures: "dict[str, list[Picture]]") -> Iterator[str]:
+    """Write the files that were asked for, and say where each went."""
     from conformance.report.json import to_object
     from conformance.report.junit import junit_xml
     from conformance.report.page import report_html
@@ -182,7 +197,12 @@ def write_files(arguments: Namespace, report: Report, pictures: "dict[str, list[
 
     if arguments.json:
         write_page(json.dumps(to_object(report), indent=1, ensure_ascii=False, allow_nan=False) + "\n", arguments.json)
+        yield f"JSON: {arguments.json}"
     if arguments.junit:
         write_page(junit_xml(report), arguments.junit)
+        yield f"JUnit XML: {arguments.junit}"
     if arguments.html:
         write_page(report_html(report, pictures), arguments.html)
+        yield f"page: {arguments.html}"
+    if arguments.keep and report.faults:
+        yield f"inputs, outputs and expectations of what is wrong: {arguments.keep}"

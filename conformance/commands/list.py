@@ -8,6 +8,7 @@ from typing import Any
 
 from conformance.case import Case, cases
 from conformance.commands import add_selection, add_vectors, selection
+from conformance.selection import Selection, VectorFolder
 from conformance.stage import Port, Stage, stages
 from gsvc_ref.cli.text import print_json
 from gsvc_ref.errors import UsageError
@@ -39,6 +40,11 @@ def run(arguments: Namespace) -> int:
             update(arguments.markdown, markdown(arguments.vectors))
     elif arguments.json or arguments.cases:
         listed = [case for case in cases().values() if chosen.holds(case.id)]
+        if chosen.of_manifests:
+            selected = set(VectorFolder(arguments.vectors).select(chosen))
+            listed = [case for case in listed if case.id in selected]
+        if not listed:
+            raise UsageError(f"no case is selected by {chosen}")
         if arguments.cases:
             print("\n".join(f"{case.id}: {case.title}" for case in listed))
         else:
@@ -47,10 +53,19 @@ def run(arguments: Namespace) -> int:
                        "cases": [_case_object(case) for case in listed]}  # fmt: skip
             print_json(objects)
     else:
-        print(
-            "\n".join(_lines(stage for stage in stages().values() if not chosen.stages or stage.name in chosen.stages))
-        )
+        print("\n".join(_lines(_selected(chosen, arguments.vectors))))
     return 0
+
+
+def _selected(chosen: Selection, folder: Path) -> Iterable[Stage]:
+    """The stages that are selected, or of which vectors are."""
+    names = set(stages())
+    if chosen.levels or chosen.patterns or chosen.of_manifests:
+        names = {name.split("/")[1] for name in VectorFolder(folder).select(chosen)}
+    for stage in stages().values():
+        there = stage.name in (chosen.stages or names) and stage.name in names
+        if there and (not chosen.groups or stage.group in chosen.groups):
+            yield stage
 
 
 def _lines(shown: Iterable[Stage]) -> Iterable[str]:

@@ -4,9 +4,9 @@ import json
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from conformance.commands import add_vectors, check_writable
+from conformance.commands import add_vectors, check_writable, count
 from conformance.process import read_output
-from conformance.report.console import describe
+from conformance.report.console import describe, last_line
 from conformance.report.json import from_object
 from conformance.report.pictures import PictureBook
 from conformance.results import Report
@@ -21,7 +21,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--html", type=Path, metavar="FILE", help="write the page")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="where `run --keep` left the outputs of failures")
-    parser.add_argument("--show", type=int, default=10, metavar="N", help="describe at most N failures (10)")
+    parser.add_argument("--show", type=count, default=10, metavar="N", help="describe at most N failures (10)")
     add_vectors(parser)
 
 
@@ -39,8 +39,8 @@ def run(arguments: Namespace) -> int:
         write_page(report_html(report, pictures.pictures()), arguments.html)
     if arguments.junit:
         write_page(junit_xml(report), arguments.junit)
-    print("\n".join(describe(report, arguments.show)))
-    return 0 if report.passed else 1
+    print("\n".join([*describe(report, arguments.show), "", last_line(report)]))
+    return report.exit_code
 
 
 def _read(path: Path) -> Report:

@@ -14,11 +14,17 @@ TIMEOUT: Final = 60.0
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "Results are explained in conformance/protocol.md. Exit code 0: at least one class passed, none failed."
+        "Results are explained in conformance/protocol.md. Exit code 0: nothing is wrong and something passes; "
+        "1: something is wrong; 2: nothing was judged."
     )
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD STAGE IN_DIR OUT_DIR")
-    which.add_argument("--module", metavar="NAME", help="a Python module with functions named as the stages")
+    which.add_argument(
+        "--module",
+        metavar="NAME",
+        help="a Python module (mine, not mine.py) with functions named as the stages; from the current folder, "
+        "installed, or in PYTHONPATH",
+    )
     which.add_argument("--reference", action="store_true", help="gsvc_ref itself")
     which.add_argument("--spec", action="store_true", help="the decoder inside spec.md")
     parser.add_argument(

@@ -8,7 +8,7 @@ from conformance.commands.run import spec_implementation
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
-    parser.epilog = "The same as: python -m conformance run --spec.."
+    parser.epilog = "The same as: python -m conformance run --spec"
     add_judging(parser)
 
 

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentParser, Namespace
 from collections import Counter
+from importlib import import_module
 
 from conformance.commands import add_vectors
 from conformance.selection import ALL_LEVELS, VectorFolder
@@ -17,6 +18,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Print counts, the hash of the set and what is wrong; 0 if nothing is, else 1."""
+    import_module("jsonschema")  # if it is missing, this is said before any work
     from conformance.coverage import verify
 
     names = VectorFolder(arguments.vectors).names

@@ -2,17 +2,28 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from conformance.results import FAULTS, Report, Result, Summary
+from conformance.diagnosis import EXAMINED
+from conformance.results import FAULTS, Conclusion, Report, Result, Summary
 from gsvc_ref.cli.text import plural, table
 
 INDENT: Final = "  "
+END_LINES: Final = 3
+"""So many lines that a command printed are shown from the beginning, and from the end."""
+LONGEST: Final = 240
+"""Characters of such a line."""
+MOST_CAUSES: Final = 3
+CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
+    "passed": ("passed", ""),
+    "failed": ("failed", ""),
+    "nothing judged": ("nothing was judged", ": no vector passed, and none is wrong"),
+}
 
 
 def describe(report: Report, most: int) -> list[str]:
-    """The whole report: tables, at most so many failures, and the verdict last.
+    """The report: tables, at most so many failures, their causes, and the verdicts of the classes.
 
     Parameters
     ----------
@@ -27,24 +38,74 @@ def describe(report: Report, most: int) -> list[str]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
     if len(faults) > most:
         lines += [f"... and {plural(len(faults) - most, 'more vector')} (--show N, --html FILE, --json FILE)", ""]
+    lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
     lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
     lines += [f"note: {note}" for note in report.notes]
-    lines += class_table(report)
-    return [*lines, "", "PASSED" if report.passed else "FAILED"]
+    return [*lines, *class_table(report)]
+
+
+def last_line(report: Report) -> str:
+    """The conclusion, for those who read nothing else."""
+    words, rest = conclusion(report)
+    return words.upper() + rest
+
+
+def conclusion(report: Report) -> tuple[str, str]:
+    """What it comes to, and what restricts that."""
+    if report.conclusion != "incomplete":
+        return CONCLUSIONS[report.conclusion]
+    verdicts = {group.name: group.verdict for group in report.groups()}
+    incomplete = ", ".join(name for name, verdict in verdicts.items() if verdict == "incomplete")
+    complete = not {"passed", "waived"}.isdisjoint(verdicts.values())
+    return "nothing is wrong", f", but incomplete: {incomplete}" if complete else "; no class is complete"
+
+
+def cause_lines(report: Report) -> list[str]:
+    """The causes that most failures look like, the most frequent first, and where; none that others cover."""
+    like: dict[str, list[Result]] = {}
+    for result in report.faults:
+        for cause in result.causes:
+            like.setdefault(cause, []).append(result)
+    failures = Counter(result.stage for result in report.faults if result.outcome == "fail")
+    explained: set[str] = set()
+    lines: list[str] = []
+    for cause, results in sorted(like.items(), key=lambda entry: -len(entry[1])):
+        if not explained.issuperset(result.id for result in results) and len(lines) < MOST_CAUSES:
+            explained.update(result.id for result in results)
+            places = [
+                f"{stage}: {count} of {min(failures[stage], EXAMINED)} examined"
+                for stage, count in Counter(result.stage for result in results).items()
+            ]
+            lines.append(f"{cause} ({', '.join(places)})")
+    return lines
 
 
 def stage_table(report: Report) -> list[str]:
     """Counts and the worst ratio of each stage."""
-    rows = [_cells(summary) for summary in report.stages()]
-    return table(["stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound"], rows)
+    answered, unsupported = folded(report.stages())
+    rows = [_cells(summary) for summary in answered]
+    lines = (
+        table(["stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound"], rows)
+        if rows
+        else []
+    )
+    return [*lines, unsupported] if unsupported else lines
+
+
+def folded(stages: Sequence[Summary]) -> tuple[list[Summary], str]:
+    """The stages of which anything is not unsupported, and a line about the others."""
+    answered = [stage for stage in stages if stage.counts.get("unsupported", 0) < stage.total]
+    others = [stage for stage in stages if stage not in answered]
+    vectors = plural(sum(stage.total for stage in others), "vector")
+    return answered, f"{plural(len(others), 'stage')}: unsupported ({vectors})" if others else ""
 
 
 def class_table(report: Report) -> list[str]:
     """The verdict of each class."""
     groups = report.groups()
     width = max(len(group.name) for group in groups)
-    of = f" (only {report.selection})" if report.selection else ""
-    return [f"class {group.name.ljust(width)}  {group.verdict}{of}: {group.reason}" for group in groups]
+    lines = [f"class {group.name.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
+    return [*lines, f"of {report.selection} only"] if report.selection else lines
 
 
 def _cells(summary: Summary) -> list[str]:
@@ -58,8 +119,14 @@ def describe_fault(result: Result, command: str) -> list[str]:
     """What is wrong with one vector, why perhaps, and how to run it again."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
     lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
-    lines += [f"{INDENT}| {line}" for line in result.log.splitlines()[-6:]]
+    lines += [f"{INDENT}| {line}" for line in ends(result.log)]
     return [*lines, f"{INDENT}again: {command}"]
+
+
+def ends(log: str) -> list[str]:
+    """The first and the last lines of what a command printed, none of them endless."""
+    lines = [line if len(line) <= LONGEST else f"{line[:LONGEST]}..." for line in log.splitlines() if line.strip()]
+    return lines if len(lines) <= 2 * END_LINES else [*lines[:END_LINES], "...", *lines[-END_LINES:]]
 
 
 def ratio_text(ratio: float | None) -> str:

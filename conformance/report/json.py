@@ -17,6 +17,7 @@ def to_object(report: Report) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "passed": report.passed,
+        "conclusion": report.conclusion,
         "verdict": report.verdict,
         "environment": dict(report.environment),
         "command": report.command,

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Final
 
-from conformance.report.console import ratio_text
+from conformance.report.console import cause_lines, conclusion, folded, ratio_text
 from conformance.report.pictures import KEY, Picture
 from conformance.results import OUTCOMES, Report, Result, Summary
 from gsvc_ref.report.data import Figure
@@ -13,6 +13,9 @@ from gsvc_ref.report.page import cards_section, document, notes_section
 
 MOST_FAULTS: Final = 200
 """How many wrong vectors are described; all of them stand in the table of vectors."""
+
+COLORS: Final = {"passed": "good", "incomplete": "warn", "failed": "bad"}
+"""Classes of style of verdicts and conclusions."""
 
 
 def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None = None) -> str:
@@ -28,8 +31,8 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
     title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
     sections = [
         f"<h1>{html.escape(title)}</h1>",
-        f'<p class="verdict {"good" if report.passed else "bad"}">{"Passed" if report.passed else "Failed"}</p>',
-        f"<p>{html.escape(report.verdict)}.</p>",
+        _verdict(report),
+        _causes(report),
         f"<pre>{html.escape(report.command)}</pre>",
         cards_section(_cards(report)),
         _classes(report.groups()),
@@ -41,6 +44,17 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
     ]
     style = resources.files("conformance.report").joinpath("style.css").read_text(encoding="utf-8")
     return document(title, sections).replace("</style>", f"{style}</style>", 1)
+
+
+def _verdict(report: Report) -> str:
+    words = html.escape("".join(conclusion(report)).capitalize())
+    color = COLORS.get(report.conclusion, "other")
+    return f'<p class="verdict {color}">{words}</p>\n<p>{html.escape(report.verdict)}.</p>'
+
+
+def _causes(report: Report) -> str:
+    items = "".join(f"<li>{html.escape(cause)}</li>" for cause in cause_lines(report))
+    return f'<h2>Probable cause</h2><ul class="causes">{items}</ul>' if items else ""
 
 
 def _cards(report: Report) -> list[Figure]:
@@ -77,12 +91,13 @@ def _classes(groups: Sequence[Summary]) -> str:
 
 
 def _badge(group: Summary) -> str:
-    return {"passed": "good", "failed": "bad"}.get(str(group.verdict), "other")
+    return COLORS.get(str(group.verdict), "other")
 
 
 def _stages(stages: Sequence[Summary]) -> str:
     rows = ""
-    for stage in stages:
+    answered, unsupported = folded(stages)
+    for stage in answered:
         excused = stage.counts.get("waived", 0) + stage.counts.get("skipped", 0)
         numbers = (stage.total, stage.counts.get("pass", 0), stage.faults, stage.counts.get("unsupported", 0), excused)
         cells = "".join(f"<td>{number or ''}</td>" for number in numbers)
@@ -92,11 +107,12 @@ def _stages(stages: Sequence[Summary]) -> str:
             f'<td class="text long">{html.escape(stage.place)}</td></tr>'
         )
     head = ("stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound", "where")
-    return f"<h2>Stages</h2>{_table(head, rows, 1)}"
+    others = f"<p>{unsupported}.</p>" if unsupported else ""
+    return f"<h2>Stages</h2>{_table(head, rows, 1) if rows else ''}{others}"
 
 
 def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
-    faults = report.faults
+    faults = sorted(report.faults, key=lambda fault: (fault.id not in pictures, _goodness(fault, pictures)))
     if not faults:
         return ""
     left_out = len(faults) - MOST_FAULTS
@@ -105,6 +121,11 @@ def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
         _fault(result, report.again(result.id), pictures.get(result.id, ())) for result in faults[:MOST_FAULTS]
     )
     return f'<h2>What is wrong</h2><p class="caption">{KEY}</p>{shown}{more}'
+
+
+def _goodness(fault: Result, pictures: Mapping[str, Sequence[Picture]]) -> float:
+    """What faults with pictures are sorted by, the worst first; the others keep their order."""
+    return -(fault.ratio or 0.0) if fault.id in pictures else 0.0
 
 
 def _fault(result: Result, command: str, pictures: Sequence[Picture]) -> str:

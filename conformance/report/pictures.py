@@ -33,7 +33,8 @@ RAMP_COLORS: Final = np.array([(24, 28, 36), (42, 157, 143), (255, 214, 10), (23
 DECADES: Final = 4
 NOT_FINITE: Final = (255, 0, 200)
 KEY: Final = (
-    "Errors: dark to green are within their bounds, yellow to red up to 10,000 times that, pink have no measure."
+    "Errors: dark to green are within their bounds, yellow to red up to 10,000 times that, pink have no measure. "
+    "Errors in units in the last place: dark is equal, yellow to red are up to 10,000 units."
 )
 SIGNED: Final = np.array([(48, 112, 214), (236, 236, 236), (230, 120, 20)], np.float64)
 """The colours of -1, 0 and 1 in tables."""
@@ -70,13 +71,26 @@ def pictures_of(vector: Vector, outputs: Values, result: Result) -> list[Picture
         worst = view.pick(error_ratios(expectation, actual))
         return [
             *(_picture(_paint(plane, largest), f"{out.name}, {name}{view.where}") for name, plane in planes.items()),
-            _picture(ramp(worst.max(axis=2) if worst.ndim == 3 else worst), f"error/bound{view.where}"),
+            _picture(ramp(worst.max(axis=2) if worst.ndim == 3 else worst), _title(expectation, view, out.place)),
         ]
     return []
 
 
+def _title(expectation: Exact | Decision | Bounded | Interval, view: View, place: tuple[int, ...]) -> str:
+    """What the picture of errors shows, and for pixels where the worst one is."""
+    floats = isinstance(expectation, Exact) and expectation.value.dtype.kind == "f"
+    measure = "error in units in the last place" if floats else "error/bound"
+    if view.table:
+        return f"{measure}{view.where}"
+    row, column = place[1:3] if view.where else place[:2]
+    return f"{measure}{view.where}, the worst in row {row}, column {column}"
+
+
 def error_ratios(expectation: Exact | Decision | Bounded | Interval, actual: NDArray[Any]) -> F8:
-    """Error/bound of each element; where there is no bound, 0 for a right element and infinity for a wrong one."""
+    """Error/bound of each element; where there is no bound, 0 for a right element and infinity for a wrong one.
+
+    Of numbers that must be exact it is the distance in units in the last place, at least 1 where a bit differs.
+    """
     if isinstance(expectation, Bounded):
         with np.errstate(all="ignore"):
             error = abs(actual.astype(np.float64) - expectation.value)
@@ -86,10 +100,21 @@ def error_ratios(expectation: Exact | Decision | Bounded | Interval, actual: NDA
         wide = actual.astype(np.float64)
         beyond = np.maximum(expectation.lowest - wide, wide - expectation.highest)
         return np.where(beyond > 0, 1 + beyond, 0.0)
+    if isinstance(expectation, Exact) and expectation.value.dtype.kind == "f":
+        zero = -0.0 if expectation.signed_zeros else 0.0  # the sum with 0.0 has no -0, that with -0.0 is the same
+        return _units_between(actual + zero, expectation.value + zero)
     wrong = actual != expectation.value
     if isinstance(expectation, Decision) and expectation.alternative is not None:
         wrong &= actual != expectation.alternative
     return np.where(wrong, np.inf, 0.0)
+
+
+def _units_between(actual: NDArray[Any], expected: NDArray[Any]) -> F8:
+    """How many floating-point numbers apart two arrays of one type are; infinite if only one is finite, or a NaN."""
+    bits = [np.ascontiguousarray(array).view(f"i{array.dtype.itemsize}") for array in (actual, expected)]
+    steps = [np.where(b < 0, np.iinfo(b.dtype).min - b, b).astype(np.float64) for b in bits]
+    apart = np.where(bits[0] == bits[1], 0.0, np.maximum(abs(steps[0] - steps[1]), 1))
+    return np.where(np.isfinite(actual) & np.isfinite(expected) | (apart == 0), apart, np.inf)
 
 
 def ramp(ratio: F8) -> U1:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Expectation
 from conformance.running_error import Computed, expected, given, rounded_once, stack
-from gsvc_ref.rendering.bounds import EPS
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -118,7 +117,8 @@ def updated_codebooks(
     quotient = new_sums / smoothed.where(used, given(1.0))[:, None]
     moved = quotient.where(used[:, None], given(book))
 
-    if ((new_counts.error > 0) & (abs(new_counts.value - dead_count) <= new_counts.error + EPS * dead_count)).any():
+    close = new_counts.error + rounded_once(dead_count).error
+    if ((close > 0) & (abs(new_counts.value - dead_count) <= close)).any():
         raise ValueError("whether a codeword is dead lies within the error of its count")
     dead = new_counts.value < dead_count
     squares = (error * error).total(1)
@@ -131,11 +131,12 @@ def updated_codebooks(
 
 def _drawn(squares: Computed, uniforms: F8) -> list[int]:
     """The vectors that uniform numbers choose among squared errors (N,), by (10-24)."""
-    reach = np.cumsum(squares.value)
-    error = squares.total().error + EPS * reach[-1] * (np.any(squares.error > 0))
-    if error > 0 and (abs(uniforms[:, None] * reach[-1] - reach) <= 2 * error).any():
+    reach, total = np.cumsum(squares.value), squares.total()
+    passed = rounded_once(uniforms)[:, None] * total  # y E
+    errors = passed.error + total.error  # no partial sum is further off than all of it
+    if ((errors > 0) & (abs(passed.value - reach) <= errors)).any():
         raise ValueError("a uniform number lies too close to the border between two vectors")
-    return [int(np.count_nonzero(reach <= uniform * reach[-1])) for uniform in uniforms]
+    return [int(np.count_nonzero(reach <= border)) for border in passed.value]
 
 
 def _in_half(number: Computed) -> Computed:

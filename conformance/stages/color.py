@@ -36,12 +36,14 @@ def planes_to_frame_oracle(
     cr: Samples,
     chroma_format: int,
     matrix_coefficients: int,
-    full_range: int,
+    video_full_range_flag: int,
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Expected:
     """The affine map in rational numbers; the other integer is legal where a tie is within the error of binary32."""
-    color = ColorMap(y.shape, chroma_format, matrix_coefficients, full_range, chroma_sample_loc_type, bit_depth)
+    color = ColorMap(
+        y.shape, chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+    )
     rows, columns = color.up()
     terms = [y.astype(np.float64), *(rows @ plane.astype(np.float64) @ columns.T for plane in (cb, cr))]
     gains = [Fraction(color.peak, gain) for gain, _ in color.scales]
@@ -63,7 +65,7 @@ def _stacked(channels: Sequence[Decision]) -> Decision:
 @stage(
     "colour",
     inputs="y: u1|u2 (H, W); cb: u1|u2 (h, w); cr: u1|u2 (h, w); chroma_format: int; matrix_coefficients: int; "
-    "full_range: int; chroma_sample_loc_type: int; bit_depth: int",
+    "video_full_range_flag: int; chroma_sample_loc_type: int; bit_depth: int",
     outputs="frame: u1|u2 (H, W, 3)",
     equations=("11-2", "11-3", "11-4"),
     rules=("R-11.1-1",),
@@ -75,12 +77,14 @@ def planes_to_frame(
     cr: Samples,
     chroma_format: int,
     matrix_coefficients: int,
-    full_range: int,
+    video_full_range_flag: int,
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Values:
     """Planes of a video file to a full-range frame."""
-    video = _video(y.shape, chroma_format, matrix_coefficients, full_range, chroma_sample_loc_type, bit_depth)
+    video = _video(
+        y.shape, chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+    )
     return {"frame": gsvc_color.planes_to_frame((y, cb, cr), video)}
 
 
@@ -88,12 +92,14 @@ def frame_to_planes_oracle(
     frame: Samples,
     chroma_format: int,
     matrix_coefficients: int,
-    full_range: int,
+    video_full_range_flag: int,
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Expected:
     """The affine map in rational numbers; the other integer is legal where a tie is within the error of binary32."""
-    color = ColorMap(frame.shape[:2], chroma_format, matrix_coefficients, full_range, chroma_sample_loc_type, bit_depth)
+    color = ColorMap(
+        frame.shape[:2], chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+    )
     rows, columns = color.down()
     wide = [frame[..., c].astype(np.float64) for c in range(3)]
     means = [rows @ channel @ columns.T for channel in wide]
@@ -108,7 +114,7 @@ def frame_to_planes_oracle(
 
 @stage(
     "colour",
-    inputs="frame: u1|u2 (H, W, 3); chroma_format: int; matrix_coefficients: int; full_range: int; "
+    inputs="frame: u1|u2 (H, W, 3); chroma_format: int; matrix_coefficients: int; video_full_range_flag: int; "
     "chroma_sample_loc_type: int; bit_depth: int",
     outputs="y: u1|u2 (H, W); cb: u1|u2 (h, w); cr: u1|u2 (h, w)",
     equations=("11-1", "11-3", "11-4"),
@@ -119,11 +125,13 @@ def frame_to_planes(
     frame: Samples,
     chroma_format: int,
     matrix_coefficients: int,
-    full_range: int,
+    video_full_range_flag: int,
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Values:
     """A full-range frame to the planes of a video file."""
-    video = _video(frame.shape[:2], chroma_format, matrix_coefficients, full_range, chroma_sample_loc_type, bit_depth)
+    video = _video(
+        frame.shape[:2], chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+    )
     y, cb, cr = gsvc_color.frame_to_planes(frame, video)
     return {"y": y, "cb": cb, "cr": cr}

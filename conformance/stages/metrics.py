@@ -18,7 +18,7 @@ Frame = NDArray[np.unsignedinteger[Any]]
 SCALE_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 MS_SSIM_LIMIT: Final = (1e-5, 4 * EPS)
-"""How far MS-SSIM may be off, in all and per unit of its condition: a quality limit, measured and not derived.
+"""How far MS-SSIM may be off, in all and per unit of its condition: a quality limit, measured and not derived (13.6).
 
 The variances are differences of moments, whose errors (11-6) divides by var x + var y + C2. The *condition* of a scale
 is the mean of (E[x^2] + E[y^2]) / (var x + var y + C2); that of MS-SSIM is the sum of w condition / factor over the
@@ -29,7 +29,7 @@ two, stay within an eighth of this limit in all vectors (`tests/conformance/test
 
 
 def metrics_oracle(a: Frame, b: Frame, bit_depth: int) -> Mapping[str, Expectation]:
-    """The exact MSE, and its error in binary32 carried into the logarithm.
+    """The exact MSE, and its error in binary32 carried into the logarithm; equal frames have an infinite PSNR.
 
     A term of the MSE has two roundings, four more where samples are brought to 0..1 and back, the sum of n any order,
     the mean 3.5 eps: gamma of n + 10. PSNR may be off by 10 / ln 10 times that, and by the logarithms of the peak and
@@ -39,15 +39,21 @@ def metrics_oracle(a: Frame, b: Frame, bit_depth: int) -> Mapping[str, Expectati
     difference = a.astype(np.int64) - b.astype(np.int64)
     mse = int(np.sum(difference**2)) / difference.size
     relative = float(gamma(difference.size + 10))
-    parts = np.array([20 * np.log10(peak), -10 * np.log10(mse)])
-    of_logarithms = 4 * EPS * (np.sum(abs(parts)) + 2 * 10 * np.log10(2))
     channels = [_ms_ssim(a[..., c].astype(np.float64), b[..., c].astype(np.float64), peak) for c in range(3)]
     similarity, condition = np.mean(channels, axis=0)
     return {
         "mse": Bounded(np.array(mse), np.array(relative * mse), "<f8"),
-        "psnr": Bounded(np.array(parts.sum()), np.array(10 / np.log(10) * 1.01 * relative + of_logarithms), "<f8"),
+        "psnr": _psnr(mse, peak, relative),
         "ms_ssim": Bounded(np.array(similarity), np.array(MS_SSIM_LIMIT[0] + MS_SSIM_LIMIT[1] * condition), "<f8"),
     }
+
+
+def _psnr(mse: float, peak: int, relative: float) -> Bounded:
+    if mse == 0:
+        return Bounded(np.array(np.inf), np.array(0.0), "<f8")
+    parts = np.array([20 * np.log10(peak), -10 * np.log10(mse)])
+    of_logarithms = 4 * EPS * (np.sum(abs(parts)) + 2 * 10 * np.log10(2))
+    return Bounded(np.array(parts.sum()), np.array(10 / np.log(10) * 1.01 * relative + of_logarithms), "<f8")
 
 
 def _ms_ssim(x: F8, y: F8, peak: int) -> tuple[float, float]:

@@ -10,7 +10,10 @@ Legal data::
 
     @given(streams())
     def test_my_decoder(stream):
-        assert my_decoder(stream.data) == [splats.to_array() for splats in stream.splats]
+        frames = my_decoder(stream.data)  # (N, 8) f4 each: x, y, l11, l21, l22, R, G, B
+        assert [frame.tobytes() for frame in frames] == [splats.to_array().tobytes() for splats in stream.splats]
+
+A stream has `data`, its bytes; `header` and `frames`, what they say; `splats`, what they stand for.
 
 `splat_sets`, `planes`, `headers`, `frames`, `streams` and `videos` are strategies; a stream comes with its bytes and
 with the splats that every conforming decoder reconstructs, bit for bit. `random_stream` makes the same streams from a

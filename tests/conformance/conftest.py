@@ -4,7 +4,9 @@ from pathlib import Path
 import pytest
 import toy_stages
 
-USERS = ("vectors", "results", "selection", "commands", "commands.list", "commands.verify", "reference")
+USERS = (
+    "vectors", "results", "selection", "commands", "commands.list", "commands.verify", "reference", "implementations",
+)  # fmt: skip
 """Modules that have `stages` by name."""
 
 

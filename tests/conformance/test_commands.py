@@ -103,7 +103,8 @@ def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy
     assert main([*again.split(), *QUIET]) == 1
     out = capsys.readouterr().out
     assert "core/halve/one_to_six" in out
-    assert re.search(r"class quantization\s+failed \(only case core/halve/one_to_six\)", out)
+    assert re.search(r"class quantization\s+failed: ", out)
+    assert "of case core/halve/one_to_six only" in out
 
 
 def test_a_run_of_a_command(folder, tmp_path, capsys):
@@ -166,12 +167,134 @@ def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsy
 
     again = tmp_path / "again.html"
     assert main(["report", files["json"], "--html", str(again)]) == 1
-    assert capsys.readouterr().out == printed
+    lines = printed.splitlines(keepends=True)
+    written = [f"JSON: {files['json']}\n", f"JUnit XML: {files['junit']}\n", f"page: {files['html']}\n"]
+    assert lines[-6:-3] == written
+    assert lines[-3].endswith(f"{kept}\n")
+    assert capsys.readouterr().out == "".join([*lines[:-6], *lines[-2:]])
     assert "data:image/png" not in again.read_text()
     words = ["report", files["json"], "--html", str(again), "--junit", str(tmp_path / "again.xml")]
     assert main([*words, "--keep", str(kept), "--vectors", str(folder)]) == 1
     assert again.read_text() == page
     assert (tmp_path / "again.xml").read_text() == Path(files["junit"]).read_text()
+
+
+def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):
+    kept = tmp_path / "kept"
+    assert run(folder, "--module", toy_module(halve=wrong_halves, paint=wrong_frames), "--keep", str(kept)) == 1
+    (kept / "core/paint/mine.txt").write_text("not the kit's")
+    assert (kept / "core/halve/one_to_six/out/count.npy").is_file()
+    assert run(folder, "--module", toy_module(), "--stage", "halve", "--keep", str(kept)) == 0
+    assert not (kept / "core/halve/one_to_six").exists()
+    assert (kept / "core/paint/odd_size/out/frame.npy").is_file()
+    assert run(folder, "--module", toy_module(), "--keep", str(kept)) == 0
+    assert sorted(path.name for path in kept.rglob("*") if path.is_file()) == ["mine.txt"]
+
+
+def test_kept_refusals(folder, toy_module, tmp_path):
+    accepting = toy_module(parse=lambda stream: {"count": np.asarray(0), "error": ""})
+    assert run(folder, "--module", accepting, "--level", "faulty", "--keep", str(tmp_path)) == 1
+    home = tmp_path / "faulty/parse/bad_letter"
+    assert (home / "expected/error.txt").read_text() == "malformed R-3.1-1 8"
+    assert (home / "out/error.txt").read_text() == ""
+    assert (home / "in/stream.gsvc").read_bytes() == b"xyz"
+
+
+def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
+    def even_sizes(width, height, bit_depth):
+        if width % 2:
+            raise NotImplementedError
+        return toy_stages.paint(width, height, bit_depth)
+
+    assert run(folder, "--module", toy_module(paint=even_sizes)) == 0
+    out = capsys.readouterr().out
+    assert "class rendering     incomplete: 1 vector pass, none is wrong; without part of paint (1 vector)\n" in out
+    assert out.endswith("\nNOTHING IS WRONG, but incomplete: rendering\n")
+    assert run(folder, "--module", toy_module(paint=even_sizes), "--stage", "paint") == 0
+    assert capsys.readouterr().out.endswith("\nNOTHING IS WRONG; no class is complete\n")
+    assert run(folder, "--module", toy_module(paint=even_sizes), "--stage", "paint", "--level", "core") == 2
+    out = capsys.readouterr().out
+    assert "1 stage: unsupported (1 vector)\n" in out
+    assert out.endswith("\nNOTHING WAS JUDGED: no vector passed, and none is wrong\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--show", "-1"], "'-1' is less than 0"),
+        (["--stage", "halves"], "there is no stage 'halves'; did you mean halve?"),
+        (["--case", "core/scale/by_tow"], "no vector matches --case core/scale/by_tow; did you mean core/scale/by_two"),
+        (["--case", "by_two", "--case", "xyzzy"], "no vector matches --case xyzzy; see: "),
+        (["--skip", "by_tow"], "no vector matches --skip by_tow; did you mean by_two"),
+        (["--stage", "scale", "--case", "one_to_six"], "no vector is selected by stage scale, case one_to_six"),
+        (["--level", "full"], "python -m conformance generate --full DIR, then add --vectors DIR"),
+        (["--rule", "R-13-33"], "no vector has R-13-33 among its rules; did you mean R-13-3"),
+        (["--equation", "77-1"], "no vector has 77-1 among its equations; "),
+        (["--flag", "needle"], "no vector has needle among its flags; "),
+    ],
+)
+def test_a_selection_that_is_mistyped(folder, toy_module, capsys, words, message):
+    assert run(folder, "--module", toy_module(), *words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_vectors_of_rules_and_equations(folder, toy_module, monkeypatch, capsys):
+    assert run(folder, "--module", toy_module(), "--rule", "R-13-3", "--equation", "(9-1)") == 0
+    out = capsys.readouterr().out
+    assert "class training  passed: 3 vectors pass\nof rule R-13-3, equation 9-1 only\n" in out
+    monkeypatch.setattr(listing, "cases", lambda: {name: toy_stages.case_of(name) for name in INPUTS})
+    assert main(["list", "--cases", "--vectors", str(folder), "--rule", "R-13-3", "--level", "stress"]) == 0
+    assert capsys.readouterr().out == "stress/scale/nothing: The vector nothing.\n"
+    assert main(["list", "--vectors", str(folder), "--rule", "R-13-3"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
+    assert main(["list", "--class", "training"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
+    assert main(["list", "--cases", "--level", "stress", "--stage", "halve"]) == 2
+
+
+def test_a_module_without_stages(folder, monkeypatch, capsys):
+    module = type(sys)("almost")
+    module.scales, module.other = toy_stages.scale, toy_stages.paint
+    monkeypatch.setitem(sys.modules, "almost", module)
+    assert run(folder, "--module", "almost") == 2
+    assert "is it scales for scale?" in capsys.readouterr().err
+    assert run(folder, "--module", "almost.py") == 2
+    assert "--module takes the name of a module: almost, not almost.py" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_named_before_any_work(folder, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "jsonschema", None)
+    assert main(["verify", "--vectors", str(folder)]) == 2
+    streams = capsys.readouterr()
+    assert streams.err == "conformance verify: needs jsonschema: pip install '.[conformance]'\n"
+    assert streams.out == ""
+
+
+@pytest.mark.parametrize("package", ["numpy", "numba"])
+@pytest.mark.parametrize("words", [["run", "--reference"], ["list"], ["spec"], ["streams", "nowhere"], ["generate"]])
+def test_without_a_package_no_command_works(package, words):
+    code = (
+        f"import sys; sys.modules[{package!r}] = None; from conformance.__main__ import main; sys.exit(main({words}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"conformance {words[0]}: needs {package}: pip install .\n")
+    assert done.stdout == ""
+
+
+def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, capsys):
+    name = toy_module(scale=lambda values, factor: {"scaled": np.full_like(values, 9)}, halve=wrong_halves)
+    bugs = [ToyMutant(name, {"scale"}) for name in "abc"]
+    monkeypatch.setattr("conformance.diagnosis.bugs_for", lambda vector: bugs)
+    known = {"core/scale/by_two": ["a nine"], "core/scale/by_a_third": []}
+    monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed: known)
+    assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
+    out = capsys.readouterr().out
+    assert "Probable cause: a nine (scale: 1 of 2 examined)\n" in out
+    assert "note: scale: no known bug gives exactly what 1 of 2 failures gave (3 tried)\n" in out
+    assert "note: halve: no known bug gives exactly what 1 of 1 failure gave (3 tried)\n" in out
+    assert main(["run", "--module", name, "--vectors", str(folder), *QUIET]) == 1
+    assert "no known bug" not in capsys.readouterr().out
 
 
 def test_a_report_of_something_else(tmp_path, capsys):

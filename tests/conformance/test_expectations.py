@@ -1,5 +1,7 @@
 """The comparators: what they must never let pass."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -96,6 +98,29 @@ def test_what_is_not_finite_fails(make, bad):
         actual[place] = bad
         assert not make().judge(actual).passed
     assert not make().judge(np.full_like(VALUES, bad)).passed
+
+
+def test_an_infinite_expectation_is_met_by_the_same_infinity_alone():
+    value = np.array([np.inf, -np.inf, 1.0])
+    expectation = Bounded(value, np.array([1.0, np.inf, 0.5]), groups=((0, 3),))
+    judgement = expectation.judge(value.astype("<f4"))
+    assert judgement.passed
+    assert judgement.ratio == 0
+    for place, bad in itertools.product((0, 1), (np.nan, 3e38, -3e38, 0.0)):
+        actual = value.astype("<f4")
+        actual[place] = bad
+        judgement = expectation.judge(actual)
+        assert not judgement.passed
+        assert judgement.place == (place,)
+        assert judgement.wrong == 1
+        assert "inf" in judgement.message
+    assert not expectation.judge(-value.astype("<f4")).passed
+    assert not expectation.judge(np.array([np.inf, -np.inf, np.inf], "<f4")).passed
+    assert not expectation.judge(np.array([np.inf, -np.inf, 2.0], "<f4")).passed
+    single = Bounded(np.array(np.inf), np.array(0.0))
+    assert single.judge(np.array(np.inf, "<f4")).passed
+    assert single.judge(np.array(1.0, "<f4")).message == "is 1.0, expected inf"
+    assert single.parts()[""] == np.inf
 
 
 def test_an_exact_nan_is_compared_by_its_bits():

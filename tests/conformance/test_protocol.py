@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,13 +17,16 @@ from toy_stages import INPUTS
 
 from conformance.case import of_stage
 from conformance.commands.list import BEGIN, END, markdown
+from conformance.diagnosis import EXAMINED
 from conformance.expectations import Exact
 from conformance.implementations import ModuleImplementation, Unsupported, load_module
 from conformance.process import EXIT_UNSUPPORTED, MOST_BYTES, ProcessImplementation
-from conformance.results import OUTCOMES
+from conformance.report.console import CONCLUSIONS
+from conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from conformance.runner import judge_vector, run_suite
-from conformance.selection import SCHEMA
+from conformance.selection import SCHEMA, matches
 from conformance.stage import stages
+from conformance.streams import PARTS
 from conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]
@@ -48,6 +52,35 @@ def test_what_the_protocol_says_of_the_code():
     assert "256 MiB" in PROTOCOL
     for command in re.findall(r"python -m conformance (\w+)", PROTOCOL):
         assert (ROOT / "conformance" / "commands" / f"{command}.py").is_file()
+
+
+def test_vectors_that_documents_name_exist():
+    """Ids, and the patterns of --case and --skip."""
+    ids = ["/".join(path.parts[-4:-1]) for path in VECTORS.glob("*/*/*/manifest.json")]
+    for text in (PROTOCOL, (ROOT / "README.md").read_text(encoding="utf-8")):
+        named = re.findall(r"(?:core|uncommon|stress|faulty)/\w+/[\w*?]+", text)
+        named += re.findall(r"--(?:case|skip) '?([^'`\s]+)", text)
+        for name in set(named) - {"GLOB"}:
+            assert any(matches(vector, vector.split("/")[2], patterns=(name,)) for vector in ids), name
+    assert re.search(r"--case '\S+'", PROTOCOL)
+
+
+def test_requirements_that_the_protocol_selects_by_have_vectors():
+    known = [json.loads(path.read_text()) for path in VECTORS.glob("*/*/*/manifest.json")]
+    for option, field in (("rule", "rules"), ("equation", "equations"), ("flag", "flags")):
+        (value,) = re.findall(rf"`--{option} ([^`]+)`", PROTOCOL)
+        assert any(value in manifest[field] for manifest in known), value
+
+
+def test_the_protocol_says_what_a_run_can_come_to():
+    assert f"first {EXAMINED}" in PROTOCOL.replace("\n", " ")
+    for name, (words, _) in CONCLUSIONS.items():
+        assert f"| {words.upper()} | {EXIT_CODES[name]} |" in PROTOCOL
+    assert f"| NOTHING IS WRONG | {EXIT_CODES['incomplete']} |" in PROTOCOL
+    for verdict in get_args(Verdict):
+        assert f"- **{verdict}** if" in PROTOCOL
+    for part in PARTS:
+        assert f"`NAME.{part}.npy`" in PROTOCOL
 
 
 # Examples

@@ -93,6 +93,10 @@ def nearest_by_products(x, codebook_sizes, codebooks):
     return {"indices": np.stack(columns, axis=1).astype(np.uint16)}
 
 
+def test_distances_as_products_fail_far_from_zero():
+    assert any("indices" in wrong for wrong in judged("rvq_assign", nearest_by_products, ("core",)).values())
+
+
 def test_nearest_codewords_have_wide_margins():
     found = judged("rvq_assign", nearest_by_products)
     assert not any(wrong for name, wrong in found.items() if "nearest_codewords" in name)
@@ -140,8 +144,8 @@ def test_codewords_that_are_off_by_one_part_in_a_thousand_are_found():
     assert sum("codebooks" in wrong for wrong in found.values()) > 5
 
 
-def commitment_in_binary32(x, indices, codebook_sizes, codebooks, *, joined):
-    """Residuals stage by stage, or of the sum of the codewords."""
+def commitment_in_binary32(x, indices, codebook_sizes, codebooks, *, joined, divided):
+    """Residuals stage by stage, or of the sum of the codewords; divided after the sum, in stages, or term by term."""
     chosen = [book[indices[:, k]] for k, book in enumerate(books_of(codebook_sizes, codebooks))]
     left, so_far, errors = x, np.zeros_like(x), []
     for codewords in chosen:
@@ -149,12 +153,18 @@ def commitment_in_binary32(x, indices, codebook_sizes, codebooks, *, joined):
         left = left - codewords
         errors.append(x - so_far if joined else left)
     components = F4(max(3 * len(x), 1))
-    gradient = np.add.reduce(errors) * (F4(2) / components)
-    return {
-        "loss": np.array(float(in_sequence(np.square(errors)) / components)), "grad_x": gradient.astype(F4)
-    }  # fmt: skip
+    if divided == "last":
+        loss, gradient = in_sequence(np.square(errors)) / components, np.add.reduce(errors) * (F4(2) / components)
+    else:
+        gradient = np.add.reduce([F4(2) * e / components for e in errors])
+        if divided == "first":
+            loss = in_sequence(np.square(errors) / components)
+        else:
+            loss = in_sequence([in_sequence(np.square(e)) / components for e in errors])
+    return {"loss": np.array(float(loss)), "grad_x": gradient.astype(F4)}
 
 
 @pytest.mark.parametrize("joined", [False, True])
-def test_commitments_in_any_order_are_legal(joined):
-    assert_legal("commitment", lambda **v: commitment_in_binary32(**v, joined=joined))
+@pytest.mark.parametrize("divided", ["last", "between", "first"])
+def test_commitments_in_any_order_are_legal(joined, divided):
+    assert_legal("commitment", lambda **v: commitment_in_binary32(**v, joined=joined, divided=divided))

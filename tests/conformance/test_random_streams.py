@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+import gsvc_ref
 from conformance.element_values import IGNORED, values
 from conformance.elements import ELEMENTS
 from conformance.streams import stream_of, write_streams
@@ -54,7 +55,9 @@ def test_they_stand_for_what_they_say(sixty):
 
 
 def test_written_streams(tmp_path):
-    write_streams(7, 3, tmp_path / "a")
+    begun = []
+    write_streams(7, 3, tmp_path / "a", begun.append)
+    assert begun == [0, 1, 2]
     write_streams(7, 2, tmp_path / "b")
     index = json.loads((tmp_path / "a" / "index.json").read_text())
     assert len(index) == 3
@@ -66,6 +69,12 @@ def test_written_streams(tmp_path):
         counts, parameters, frames = (
             np.load(tmp_path / "a" / f"{entry['name']}.{part}.npy") for part in ("counts", "parameters", "frames")
         )
+        lowest, highest = (np.load(tmp_path / "a" / f"{entry['name']}.{end}.npy") for end in ("lowest", "highest"))
+        assert lowest.dtype == highest.dtype == frames.dtype
+        bounded = np.stack(list(gsvc_ref.decode(data)))
+        for within in (frames, bounded):
+            assert ((lowest <= within) & (within <= highest)).all()
+        assert (highest - lowest.astype(int)).max() < 3
         assert counts.sum() == len(parameters)
         assert frames.shape == (len(counts), entry["header"]["height"], entry["header"]["width"], 3)
     for path in (tmp_path / "b").iterdir():

@@ -16,7 +16,7 @@ from toy_stages import REFERENCE, STAGES, paint
 
 from conformance.expectations import Bounded, Decision, Exact, Interval
 from conformance.implementations import ModuleImplementation
-from conformance.report.console import describe, progress_text
+from conformance.report.console import cause_lines, describe, ends, last_line, progress_text
 from conformance.report.json import from_object, to_object
 from conformance.report.junit import junit_xml
 from conformance.report.page import MOST_FAULTS, report_html
@@ -71,7 +71,10 @@ def test_verdicts(report):
 def test_the_console(report):
     lines = describe(report, 10)
     text = "\n".join(lines)
-    assert lines[-1] == "FAILED"
+    assert last_line(report) == "FAILED"
+    assert "Probable cause: a factor of two (scale: 1 of 1 examined)" in lines
+    assert "1 stage: unsupported (1 vector)" in lines
+    assert not any(line.startswith("halve ") for line in lines)
     assert "FAIL core/scale/wrong: Shows wrong." in lines
     assert "  scaled is inf" in lines
     assert "  looks like a factor of two" in lines
@@ -91,7 +94,7 @@ def test_the_console_describes_no_more_failures_than_it_is_told(report):
 
 def test_a_selection_stands_beside_the_verdict(report):
     text = "\n".join(describe(replace(report, selection="stage parse"), 10))
-    assert "waived (only stage parse)" in text
+    assert "of stage parse only" in text
 
 
 def test_progress():
@@ -142,10 +145,66 @@ def test_junit(report):
     assert suites["parse"].get("time") == "1.500"
 
 
-def test_junit_has_a_failure_for_what_must_pass_and_is_unsupported(report):
-    results = [result("good", stage="halve"), result("none", "unsupported", stage="halve", outputs=())]
-    root = ET.fromstring(junit_xml(replace(report, results=results)).encode())
-    assert root.find(".//failure").get("type") == "unsupported"
+def test_what_is_incomplete_is_no_failure(report):
+    results = [
+        result("good", stage="halve"),
+        result("none", "unsupported", stage="halve", outputs=()),
+        *(result(slug, "unsupported", outputs=()) for slug in ("a", "b")),
+    ]
+    partial = replace(report, results=results)
+    (quantization,) = (group for group in partial.groups() if group.name == "quantization")
+    assert quantization.verdict == "incomplete"
+    assert quantization.reason == "1 vector pass, none is wrong; without part of halve (1 vector)"
+    assert (partial.conclusion, partial.exit_code, partial.passed) == ("incomplete", 0, False)
+    assert last_line(partial) == "NOTHING IS WRONG; no class is complete"
+    assert "failure" not in {element.tag for element in ET.fromstring(junit_xml(partial).encode()).iter()}
+    page = report_html(partial)
+    assert '<p class="verdict warn">Nothing is wrong; no class is complete</p>' in page
+    assert '<span class="badge warn">incomplete</span>' in page
+    assert "<p>1 stage: unsupported (2 vectors).</p>" in page
+    more = replace(partial, results=[*results, result("eight_bits", stage="paint")])
+    assert (last_line(more), more.exit_code) == ("NOTHING IS WRONG, but incomplete: quantization", 0)
+    wrong = replace(partial, results=[*results, result("b", "fail", stage="paint")])
+    assert (last_line(wrong), wrong.exit_code) == ("FAILED", 1)
+
+
+def test_nothing_judged_is_no_success(report):
+    for outcome in ("unsupported", "skipped", "waived"):
+        nothing = replace(report, results=[result("a", outcome, outputs=())])
+        assert (nothing.conclusion, nothing.exit_code) == ("nothing judged", 2)
+        assert last_line(nothing).startswith("NOTHING WAS JUDGED")
+        assert "Nothing was judged" in report_html(nothing)
+
+
+def test_classes_come_in_the_order_of_the_specification(report):
+    assert [group.name for group in report.groups()] == ["bitstream", "rendering", "training", "quantization"]
+
+
+def test_causes_are_told_once_and_the_most_frequent_first(report):
+    def wrong(slug, *causes, stage="scale"):
+        return result(slug, "fail", stage=stage, causes=causes)
+
+    results = [
+        wrong("a", "one"),
+        wrong("b", "two", "covered"),
+        wrong("c", "two"),
+        wrong("d", "two", stage="halve"),
+        *(wrong(f"n{n}") for n in range(20)),
+        wrong("e", "three", stage="paint"),
+        wrong("f", "four", stage="paint"),
+    ]
+    assert cause_lines(replace(report, results=results)) == [
+        "two (scale: 2 of 12 examined, halve: 1 of 1 examined)",
+        "one (scale: 1 of 12 examined)",
+        "three (paint: 1 of 2 examined)",
+    ]
+
+
+def test_both_ends_of_what_a_command_printed_are_shown():
+    assert ends("a\n\nb") == ["a", "b"]
+    assert ends("\n".join("abcdefgh")) == ["a", "b", "c", "...", "f", "g", "h"]
+    (line,) = ends("x" * 10_000)
+    assert len(line) < 300
 
 
 class Page(HTMLParser):
@@ -180,7 +239,16 @@ def test_the_page_is_whole_and_needs_nothing(report, failing):
     assert all(source.startswith("data:image/png;base64,") for source in page.sources)
     assert not re.findall(r"(?:https?:)?//|@import|url\(", "".join(re.split(r"base64,[^\"]*", text)))
     shown = " ".join(page.texts)
-    for part in ("Failed", "core/scale/wrong", "looks like a factor of two", "killed by SIGSEGV", "bug 12", "a note"):
+    for part in (
+        "Failed",
+        "Probable cause",
+        "a factor of two (scale: 1 of 1 examined)",
+        "core/scale/wrong",
+        "looks like a factor of two",
+        "killed by SIGSEGV",
+        "bug 12",
+        "a note",
+    ):
         assert part in shown
     assert "prefers-color-scheme: dark" in text
     assert 'name="viewport"' in text
@@ -277,6 +345,31 @@ def test_error_ratios():
     assert error_ratios(Interval(low, low, high), np.array([0, 4, 6], "|u1")).tolist() == [4, 0, 3]
     assert error_ratios(Decision(low, high), np.array([3, 4, 5], "|u1")).tolist() == [0, 0, math.inf]
     assert error_ratios(Exact(low), high).tolist() == [math.inf] * 3
+
+
+def test_errors_of_exact_numbers_are_in_units_in_the_last_place():
+    one, up = np.float32(1), np.nextafter(np.float32(1), np.float32(2))
+    expected = np.array([one, one, 0, -0.0, -(2.0**-149), np.inf, np.nan, 1], "<f4")
+    actual = np.array([one, up, -0.0, -0.0, 2.0**-149, np.inf, np.nan, np.nan], "<f4")
+    assert error_ratios(Exact(expected), actual).tolist() == [0, 1, 1, 0, 2, 0, 0, math.inf]
+    wide = expected.astype("<f8")
+    assert error_ratios(Exact(wide), np.nextafter(wide, 2))[0] == 1
+
+
+def test_pictures_name_the_worst_pixel(failing):
+    assert re.fullmatch(r"error/bound, the worst in row \d, column \d", pictures_of(*failing)[2].caption)
+    picture = np.linspace(0, 1, 36, dtype="<f4").reshape(4, 3, 3)
+    wrong = picture.copy()
+    wrong[2, 1, 0] += np.float32(0.25)
+    caption = pictures_of(*judged(Exact(picture), wrong))[2].caption
+    assert caption == "error in units in the last place, the worst in row 2, column 1"
+
+
+def test_faults_with_pictures_come_first_and_the_worst_of_them(report, failing):
+    faults = [result(f"n{n}", "fail", ratio=ratio) for n, ratio in enumerate((9.0, 2.0, 7.0, 3.0))]
+    pictures = {f"core/scale/n{n}": pictures_of(*failing) for n in (1, 2)}
+    text = report_html(replace(report, results=faults), pictures).split("What is wrong")[1]
+    assert re.findall(r"</span> core/scale/(n\d)</h3>", text) == ["n2", "n1", "n0", "n3"]
 
 
 def test_the_ramp_tells_allowed_from_not():

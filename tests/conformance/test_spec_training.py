@@ -162,7 +162,7 @@ def paint_format(rng: Generator) -> Values:
     return {
         "chroma_format": chroma,
         "matrix_coefficients": int(rng.choice(matrices)),
-        "full_range": int(rng.integers(0, 2)),
+        "video_full_range_flag": int(rng.integers(0, 2)),
         "chroma_sample_loc_type": int(rng.integers(0, 6)),
         "bit_depth": int(rng.choice([8, 9, 10, 16])),
     }

@@ -1,0 +1,122 @@
+"""What wrong outputs look like: a plausible bug that gives, on the same inputs, what an implementation gave.
+
+A bug *explains* a failure if it fails the same vector and gives nearly all of the elements that are wrong. Small
+numbers agree by chance, so bugs are ranked by how well they fit the whole stage: a bug that would fail vectors that
+the implementation passes, or fail others in another way, fits badly.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
+from conformance.mutants import Mutant, all_mutants, answer, called
+from conformance.stage import Values
+from conformance.vectors import Vector
+
+EXAMINED: Final = 12
+"""Failures of a stage that are compared with every bug."""
+
+EXPLAINED: Final = 0.9
+"""Fraction of the wrong elements that a bug must give."""
+
+NEARNESS: Final = 0.25
+"""An element is given by a bug if it is so many times nearer to the bug's answer than to the right one."""
+
+LEAST_FIT: Final = 0.2
+"""Bugs that fit the stage worse are not named."""
+
+Failure = tuple[Vector, Values]
+"""A vector and the wrong outputs."""
+
+
+def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
+    """What the failures of one stage look like.
+
+    Parameters
+    ----------
+    failures
+        All of the stage; `EXAMINED` of them are looked at.
+    passed
+        Vectors of the stage that were answered rightly.
+
+    Returns
+    -------
+    dict[str, list[str]]
+        By the id of a vector, at most two sentences, the better one first.
+    """
+    examined = failures[:EXAMINED]
+    named = {vector.id: _explanations(vector, outputs) for vector, outputs in examined}
+    explained = Counter(mutant for mutants in named.values() for mutant in mutants)
+    foreseen = Counter(
+        name for vector in [*passed, *(v for v, _ in examined)] for name in vector.manifest.get("kills", ())
+    )
+    fit = {mutant: count / max(foreseen[mutant.name], count) for mutant, count in explained.items()}
+    return {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+
+
+def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counter[Mutant]) -> list[str]:
+    fitting = [mutant for mutant in mutants if fit[mutant] >= LEAST_FIT]
+    if not fitting:
+        return []
+    ranked = sorted(fitting, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
+    as_good = [mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]]
+    return list(dict.fromkeys(as_good))[:2]
+
+
+def _explanations(vector: Vector, outputs: Values) -> list[Mutant]:
+    """The bugs that explain one failure."""
+    answers = ((mutant, answer(mutant, vector.stage, vector.inputs)) for mutant in bugs_for(vector))
+    return [mutant for mutant, theirs in answers if theirs is not None and _explains(vector, outputs, theirs)]
+
+
+def bugs_for(vector: Vector) -> list[Mutant]:
+    """The bugs that a vector can show: those that it is known to find, or all that it leads to."""
+    kills = vector.manifest.get("kills")
+    if kills is not None:
+        return [mutant for mutant in all_mutants() if mutant.name in kills]
+    run = called(vector.stage, vector.inputs)
+    return [mutant for mutant in all_mutants() if run & mutant.touched()]
+
+
+def _explains(vector: Vector, outputs: Values, theirs: Values) -> bool:
+    wrong = [name for name, expectation in vector.expected.items() if not expectation.judge(outputs.get(name)).passed]
+    return bool(wrong) and all(_gives(vector.expected[name], outputs.get(name), theirs.get(name)) for name in wrong)
+
+
+def _gives(expectation: Expectation, mine: Any, theirs: Any) -> bool:
+    """Whether a bug's output gives a wrong one."""
+    if isinstance(expectation, Refusal):
+        if not isinstance(mine, str) or not isinstance(theirs, str):
+            return False
+        told = mine.split()[:2]  # the kind, and the rule if it is told
+        return told == theirs.split()[: len(told)] and bool(told) == bool(theirs)
+    if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
+        return False
+    if mine.shape != theirs.shape or mine.dtype != theirs.dtype:
+        return False
+    if mine.shape != expectation.value.shape or mine.dtype.kind != expectation.value.dtype.kind:
+        return np.array_equal(mine, theirs)
+    wrong = _wrong(expectation, mine)
+    same = (mine == theirs) | ((mine != mine) & (theirs != theirs))
+    if not isinstance(expectation, Decision):
+        with np.errstate(invalid="ignore", over="ignore"):
+            a, b, c = (array.astype(np.float64) for array in (mine, theirs, expectation.value))
+            same |= abs(a - b) <= NEARNESS * abs(a - c)
+    return bool(np.mean(same[wrong]) >= EXPLAINED)
+
+
+def _wrong(expectation: Bounded | Decision | Exact | Interval, mine: NDArray[Any]) -> NDArray[np.bool_]:
+    """The wrong elements; all where only their sum is wrong."""
+    if isinstance(expectation, Bounded):
+        with np.errstate(invalid="ignore"):
+            near = abs(mine.astype(np.float64) - expectation.value) <= expectation.bound
+        wrong = ~(near | (mine == expectation.value))
+    elif isinstance(expectation, Interval):
+        wrong = (mine < expectation.lowest) | (mine > expectation.highest)
+    else:
+        wrong = mine != expectation.value
+    return wrong if wrong.any() else np.ones(mine.shape, np.bool_)
