@@ -8,6 +8,10 @@ import numpy as np
 
 from conformance.case import Case, Fault
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
+from conformance.implementations import ModuleImplementation
+from conformance.results import Report
+from conformance.runner import run_suite
+from conformance.selection import Selection, VectorFolder
 from conformance.stage import Stage, Values, _ports
 from conformance.vectors import files_of, write
 
@@ -126,3 +130,21 @@ def write_program(folder: Path, text: str) -> str:
 def good_program(folder: Path) -> str:
     """The command of a program that answers every toy stage."""
     return write_program(folder, PROGRAM.format(home=str(Path(__file__).parent)))
+
+
+def judge(folder, implementation, selection=None, **options) -> Report:
+    vectors = VectorFolder(folder)
+    results = run_suite(implementation, vectors.read(vectors.select(selection or Selection())), **options)
+    return Report({}, "run", "", [], results)
+
+
+def module(**changes) -> ModuleImplementation:
+    return ModuleImplementation("toy", {**REFERENCE, **changes})
+
+
+def outcomes(report) -> dict:
+    return {result.id: result.outcome for result in report.results}
+
+
+def verdicts(report) -> dict:
+    return {group.name: group.verdict for group in report.groups()}
