@@ -1,4 +1,4 @@
-"""Mean squared error and peak signal-to-noise ratio of integer frames, exact up to the last division and logarithm."""
+"""Mean squared error and PSNR of integer frames (R-11.2-1), exact up to the last division and logarithm."""
 
 import math
 

@@ -1,4 +1,4 @@
-r"""Multi-scale structural similarity (Wang, Simoncelli, Bovik 2003) of integer frames.
+r"""Multi-scale structural similarity (Wang, Simoncelli, Bovik 2003) of integer frames; R-11.2-2.
 
 With the means, variances and covariance of x and y under an 11 x 11 Gaussian window of standard deviation 1.5,
 

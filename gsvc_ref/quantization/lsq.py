@@ -6,7 +6,8 @@ The codes of a channel are 0..p with p = 2^b - 1::
     q  = round_half_even(clamp(t, 0, p))
     xq = q * s + beta
 
-The paper's equation writes a floor where this rounds; rounding halves the largest error and is what the authors train.
+This is R-10.5-1 of spec.md. The paper's equation writes a floor where this rounds; rounding halves the largest error
+and is what the authors train.
 Every function takes all channels at once: x is (N, C), scale and offset are (C,), and channel c uses scale[c] and
 offset[c]. The functions named `..._plain` are the definitions, those without are checked and fast.
 """
@@ -121,7 +122,7 @@ def gradients(
     *,
     gradient_scale: bool = False,
 ) -> LsqGradients:
-    """Straight-through gradients of a loss with respect to values, scale and offset.
+    """Straight-through gradients of a loss with respect to values, scale and offset (R-10.5-2).
 
     The bounds count as inside::
 

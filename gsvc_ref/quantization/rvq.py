@@ -41,7 +41,7 @@ def assign(
     penalties: Sequence[F4] | None = None,
     weights: ArrayLike | None = None,
 ) -> Indices:
-    """Codeword of each vector in each stage: the nearest, or the cheapest where codewords have a price.
+    """Codeword of each vector in each stage: the nearest (R-10.6-1), or the cheapest where codewords have a price.
 
     The cost of codeword b for splat n is fl(fl(w_n * d) + penalty_b), with the squared distance
     d = fl(fl(e_0^2 + e_1^2) + e_2^2) of e = fl(r - C[b]), every operation rounded to binary32. A decoder is not
@@ -151,7 +151,7 @@ def residuals(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> F4:
 
 
 def commitment(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> Commitment:
-    """Mean squared r^k - stopgrad(C^k[i^k]), summed over the stages.
+    """Mean squared r^k - stopgrad(C^k[i^k]), summed over the stages (R-10.6-2).
 
     With r^(k+1) = r^k - C^k[i^k] the loss is sum_k mean |r^(k+1)|^2 over the 3 N components, and its gradient
     dL/dx = sum_k 2 r^(k+1) / (3 N), because every r^k moves with x while the codewords stand still.

@@ -139,7 +139,7 @@ def update(
     rng: Generator,
     weights: ArrayLike | None = None,
 ) -> RvqState:
-    """One step of the moving averages, all stages from the residuals that the present codebooks leave.
+    """One step of the moving averages (R-10.6-3), all stages from the residuals that the present codebooks leave.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def exact_sum(splats: Splats, width: int, height: int) -> F8:
 
 
 def exact_gradients(splats: Splats, residual: ArrayLike) -> F8:
-    """The gradient of sum(residual * C) for every parameter, see `Footprint.gradient`.
+    """The gradient of sum(residual * C) for every parameter (R-10.3-1), see `Footprint.gradient`.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Objective:
         self._count = 0  # splats in all where some are frozen
 
     def evaluate(self, parameters: ArrayLike) -> tuple[float, F4]:
-        """The loss and its gradient.
+        """The loss and its gradient (R-10.2-1).
 
         Parameters
         ----------

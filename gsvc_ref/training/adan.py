@@ -11,7 +11,7 @@ For a learned value theta with gradient g, k counting its steps from 1, and g_pr
 No weight decay, no clipping, no restart. A learned value may have another unit than the parameter it stands for:
 parameter = unit * theta, so g = unit * dL/dparameter, and the parameter moves by unit times the step.
 
-`adan_step_plain` states every binary32 operation; the compiled step gives the same bits.
+This is R-10.4-2 of spec.md. `adan_step_plain` states every binary32 operation; the compiled step gives the same bits.
 """
 
 from dataclasses import dataclass

@@ -36,7 +36,7 @@ COLOR_SHARE: Final = 0.5
 
 
 def random_splats(count: int, width: int, height: int, rng: Generator) -> Splats:
-    """Splats uniformly at random over the frame: the start of an I-frame, or GSA's additions (paper section 3.5).
+    """Splats uniformly at random over the frame: the start of an I-frame, or GSA's additions (R-10.8-1).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""When training stops early (paper section 4.1)."""
+"""When training stops early (paper section 4.1; R-10.10-1)."""
 
 import math
 from dataclasses import dataclass

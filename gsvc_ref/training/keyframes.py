@@ -6,7 +6,8 @@ if D_t exceeds the mean of the window by more than k = 3 times its standard devi
 
     n D_t - S > 0   and   (n D_t - S)^2 > k^2 (n Q - S^2),     S = sum of D, Q = sum of D^2 over W_t
 
-which is the same without division and root. It is evaluated in rational numbers, so a tie is a tie on any machine.
+which is the same without division and root (R-10.9-1). It is evaluated in rational numbers, so a tie is a tie on any
+machine.
 
 The paper's rule is blind in two ways: D_t is one of the n values, so it is never more than sqrt(n - 1) deviations from
 the mean, and n <= 10 can never exceed 3; and a cut hides another (two equal cuts among 20 frames give exactly 3.0).

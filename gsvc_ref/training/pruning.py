@@ -56,7 +56,7 @@ class PruningSchedule:
         return cls(first=500, last=1000)
 
     def counts(self, splats: int, iterations: int) -> dict[int, int]:
-        """How many splats to remove after which iteration.
+        """How many splats to remove after which iteration (R-10.7-1).
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class PruningSchedule:
 
 
 def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
-    """Indices of the splats that stay when those with the least |w| are removed.
+    """Indices of the splats that stay when those with the least |w| are removed (R-10.7-2).
 
     Parameters
     ----------

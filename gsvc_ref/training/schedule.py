@@ -26,7 +26,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class StepDecay:
-    """Rates multiplied by `factor` after every `interval` iterations; the defaults are the paper's (section 4.1).
+    """Rates multiplied by `factor` after every `interval` iterations; the paper's defaults (section 4.1); R-10.4-1.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The weights w of splats in training (paper section 3.4): rendered are w c', and gradients come back through that.
 
 A splat in training is a row of nine values: the columns of `Splats.to_array`, then w. The functions named `..._plain`
-are the definitions, the kernels their twins, bit for bit.
+are the definitions (R-10.3-2), the kernels their twins, bit for bit.
 """
 
 import numpy as np

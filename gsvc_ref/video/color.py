@@ -1,4 +1,4 @@
-"""Colour conversion between Y'CbCr planes and full-range R'G'B' frames (ITU-T H.273, section 8.3).
+"""Colour conversion between Y'CbCr planes and full-range R'G'B' frames (ITU-T H.273, section 8.3; R-11.1-1).
 
 With E' in [0, 1]^3 the R'G'B' values, both directions are one affine map per pixel:
 

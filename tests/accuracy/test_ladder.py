@@ -1,6 +1,5 @@
 """A whole ladder on a small picture: what is in it, and how it is shown."""
 
-import html.parser
 import json
 import math
 import re
@@ -8,6 +7,7 @@ import re
 import numba
 import numpy as np
 import pytest
+from html_pages import parsed
 
 from gsvc_ref.accuracy import GROUPS, Source, ladder_html, ladder_object, markdown, measure_ladder
 from gsvc_ref.accuracy.cells import BEGIN, END, number, time_text, update_markdown
@@ -21,9 +21,6 @@ from gsvc_ref.cli.accuracy import describe
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.errors import UsageError
-
-VOID = {"meta", "img"}
-
 
 JIT = not numba.config.DISABLE_JIT
 ROWS, COLUMNS = (24, 40) if JIT else (10, 16)
@@ -105,37 +102,6 @@ def test_markdown_goes_between_the_markers(ladder, tmp_path):
         page.write_text(text, encoding="utf-8")
         with pytest.raises(UsageError, match="markdown"):
             update_markdown(page, ladder)
-
-
-class Checker(html.parser.HTMLParser):
-    """Collects tags, attributes and text, and fails on a tag that is not closed in its place."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.tags, self.attributes, self.text = [], [], [], []
-
-    def handle_starttag(self, tag, attrs):
-        self.handle_startendtag(tag, attrs)
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text.append(data)
-
-
-def parsed(page):
-    checker = Checker()
-    checker.feed(page)
-    checker.close()
-    assert checker.open == []
-    return checker
 
 
 def test_the_page_is_well_formed_and_needs_nothing_else(ladder):

@@ -1,51 +1,17 @@
 import dataclasses
-import html.parser
 import math
 import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from html_pages import parsed
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.report import Figure, FrameRecord, PictureRow, ReportData, pictures, report_html, write_report
 from gsvc_ref.report.charts import bits_chart, color_classes, nice_ticks, psnr_chart, share_bar
-
-VOID = {"meta", "img", "source", "br", "hr", "link", "input"}
-
-
-class Checker(html.parser.HTMLParser):
-    """Collects the text and the attributes, and fails on a tag that is not closed in its place."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.text, self.attributes, self.tags = [], [], [], []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text.append(data)
-
-
-def parsed(page):
-    checker = Checker()
-    checker.feed(page)
-    checker.close()
-    assert checker.open == []
-    return checker
 
 
 def record(number, kind="P", **changes):
