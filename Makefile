@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test vectors lint format figures bench clean
+.PHONY: help demo test lowest vectors lint format figures bench clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -21,6 +21,12 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest
+
+lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
+	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]'
+	.venv-lowest/bin/python -m pytest
 
 vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (a minute, and two for setting up)
 	$(BIN)/python -m conformance generate
@@ -44,5 +50,5 @@ bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold
 	$(BIN)/python -m benchmarks $(if $(LIMIT),--limit $(LIMIT))
 
 clean:            ## remove what the other commands made
-	rm -rf .venv demo benchmarks/cache .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	rm -rf .venv .venv-lowest demo benchmarks/cache .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
 	find . -name __pycache__ -prune -exec rm -rf {} +

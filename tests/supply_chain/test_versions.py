@@ -1,0 +1,41 @@
+"""The minimum versions that pyproject.toml promises are those that `make lowest` installs."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+REQUIREMENT = re.compile(r"(?P<name>[a-z0-9_-]+)(?:\[.*\])?(?P<relation>[<>=!~]*)(?P<version>[0-9.]*)", re.IGNORECASE)
+
+PINNED = {"lint", "clips", "peers"}
+"""Extras that state one version: of tools whose opinions change, of files, and of what numbers are compared with."""
+
+
+def required(*, extras: set[str]) -> dict[str, tuple[str, str]]:
+    """Relation and version by package."""
+    lines = [*PROJECT["dependencies"]] if "core" in extras else []
+    for extra in extras - {"core"}:
+        lines += PROJECT["optional-dependencies"][extra]
+    found = [REQUIREMENT.fullmatch(line) for line in lines if not line.startswith("gsvc_ref[")]
+    assert all(found), lines
+    return {match["name"]: (match["relation"], match["version"]) for match in found if match}
+
+
+def version(text: str) -> tuple[int, ...]:
+    numbers = [int(part) for part in text.split(".")]
+    return tuple(numbers + [0] * (3 - len(numbers)))
+
+
+def test_everything_that_is_not_pinned_has_a_tested_minimum() -> None:
+    open_ended = {"core", *PROJECT["optional-dependencies"]} - PINNED
+    needed = required(extras=open_ended)
+    assert {relation for relation, _ in needed.values()} == {">="}
+    lines = (Path(__file__).parent / "lowest.txt").read_text(encoding="utf-8").splitlines()
+    lowest = dict(line.split("==") for line in lines if not line.startswith("#"))
+    tested = {name: version(lowest[name]) for name in lowest}
+    assert tested == {name: version(minimum) for name, (_, minimum) in needed.items()}
+
+
+def test_what_is_pinned_is_pinned_to_one_version() -> None:
+    assert {relation for relation, _ in required(extras=PINNED).values()} == {"=="}
