@@ -179,10 +179,10 @@ def cases(level: int) -> dict[str, Case]:
     return {
         "splats": Case(small, splats(small)),
         "splats on a picture": Case(deep, splats(deep)),
-        "rows through all strips": Case(rows_head, frames(rows_head, lambda: crowded(0), lambda: crowded(1))),
         "pictures": Case(deep, frames(deep, lambda: intra(0, 0), lambda: repeated(1), lambda: intra(2, 0))),
         "tall picture": Case(tall, frames(tall, lambda: intra(0, 1, factor=(9, 0, 9)), lambda: predicted(1, 1))),
         "ancillary chunk": Case(small, ancillary),
         "index": Case(small, index),
         "words": Case(picture, frames(picture, lambda: intra(0, most.splats), words), rule="R-7-1"),
+        "rows through all strips": Case(rows_head, frames(rows_head, lambda: crowded(0), lambda: crowded(1))),
     }
