@@ -6,7 +6,7 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream.coder import GOLOMB_LONGEST, I8, U2, U4, UV_LIMIT, Coder, Element
+from gsvc_ref.bitstream.coder import GOLOMB_LONGEST, I8, U2, U4, UV_LIMIT, Bytes, Coder, Element
 from gsvc_ref.bitstream.golomb import TOO_LONG, UNDERFLOW, decode_golombs
 from gsvc_ref.bitstream.rules import broken
 
@@ -31,14 +31,14 @@ class Reader(Coder):
 
     def __init__(
         self,
-        data: bytes,
+        data: Bytes,
         *,
         first_bit: int = 0,
         end_rule: str = "R-6.2-3",
         trace: Callable[[Element], None] | None = None,
     ) -> None:
         super().__init__(first_bit, trace)
-        self._data = data
+        self._data = memoryview(data).toreadonly()  # parts of it are no copies
         self._bit = 0
         self._end_rule = end_rule
 
@@ -77,7 +77,7 @@ class Reader(Coder):
         self._bit += bits
         return window >> (-self._bit % 8) & ((1 << bits) - 1)
 
-    def _take_bytes(self, size: int, name: str) -> bytes:
+    def _take_bytes(self, size: int, name: str) -> memoryview:
         self._need(8 * size, name)
         first = self._bit >> 3
         self._bit += 8 * size
@@ -131,13 +131,13 @@ class Reader(Coder):
     def _golomb_too_long(self, name: str, bit: int) -> NoReturn:
         self.fail("R-3.1-3", f"`{name}` begins with more than {GOLOMB_LONGEST} zero bits", bit=bit)
 
-    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> bytes:
+    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> Bytes:
         """A run of `size` bytes; not `counted` if its elements are counted elsewhere."""
         start = self.position
-        value = self._take_bytes(size, name)
+        read = self._take_bytes(size, name)
         if counted:
-            self._record(name, start, value)
-        return value
+            self._record(name, start, read if self._trace is None else bytes(read))
+        return read
 
     def array(self, name: str, count: int, dtype: str, values: NDArray[Any] | None = None) -> NDArray[Any]:
         """A run of `count` elements `le(2)`, `le(4)`, `f16` or `f32`, dtype u2, u4, f2 or f4: (count,)."""
@@ -170,7 +170,7 @@ class Reader(Coder):
         if size == 0:
             return np.zeros(count, np.uint32)
         first, end = self._bit >> 3, (self._bit + count * size + 7) >> 3
-        window = np.frombuffer(self._data[first:end] + bytes(3), np.uint8).astype(np.uint32)
+        window = np.frombuffer(b"".join((self._data[first:end], bytes(3))), np.uint8).astype(np.uint32)
         phase = self._bit & 7
         offsets = np.arange(phase, phase + count * size, size, dtype=np.uint32)
         at = offsets >> 3

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
-from gsvc_ref.bitstream.coder import CATEGORIES, Element, encode_uv
+from gsvc_ref.bitstream.coder import CATEGORIES, Bytes, Element, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.decoded import DecodedFrame
 from gsvc_ref.bitstream.frames import Frame, frame
@@ -145,7 +145,8 @@ class ChunkDecoder:
             state = reconstruct(parsed.codes, place.state)
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
-        work = rendering_work(state.splats, self.header.width, self.header.height)
+        repeated = state is place.state  # an R-frame's work has been checked already
+        work = 0 if repeated else rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
             raise broken("R-5-4", message, 8 * place.offset)
@@ -166,7 +167,7 @@ class ChunkDecoder:
             p.fail("R-6.8-2", f"`index_length` is {index_length}; {place.index_length} bytes of index stand before it")
 
 
-def payload_reader(s: Reader, payload: bytes, trace: Callable[[Element], None] | None = None) -> Reader:
+def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
     """The Reader of the payload of the chunk that `s` has just read."""
     return Reader(payload, first_bit=s.position - chunks.CRC_BITS - 8 * len(payload), trace=trace)
 

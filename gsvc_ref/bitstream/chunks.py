@@ -5,7 +5,7 @@ from typing import Final, Literal, cast
 
 import numpy as np
 
-from gsvc_ref.bitstream.coder import U4, Coder, encode_uv
+from gsvc_ref.bitstream.coder import I8, U4, Bytes, Coder, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.errors import UsageError
 
@@ -49,16 +49,16 @@ def chunk_head(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, chu
     return chunk_type, chunk_length
 
 
-def chunk_rest(s: Coder, chunk_type: int, chunk_length: int, payload: bytes = b"") -> bytes:
+def chunk_rest(s: Coder, chunk_type: int, chunk_length: int, payload: bytes = b"") -> Bytes:
     """The other two elements of chunk(): the payload, whose bits the payload's own elements count, and the checksum."""
-    payload = s.raw("payload", chunk_length, payload, counted=False)
-    crc = crc32c(payload, crc32c(bytes([chunk_type]) + encode_uv(chunk_length)))
+    coded = s.raw("payload", chunk_length, payload, counted=False)
+    crc = crc32c(coded, crc32c(bytes([chunk_type]) + encode_uv(chunk_length)))
     if s.le("chunk_crc", 4, crc) != crc:
         s.fail("R-6.2-2", f"the checksum of a chunk {chr(chunk_type)} is wrong: the chunk is damaged")
-    return payload
+    return coded
 
 
-def chunk(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, payload: bytes = b"") -> tuple[int, bytes]:
+def chunk(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, payload: bytes = b"") -> tuple[int, Bytes]:
     """chunk() of spec.md section 6.2: its type and payload."""
     chunk_type, chunk_length = chunk_head(s, longest, chunk_type, len(payload))
     return chunk_type, chunk_rest(s, chunk_type, chunk_length, payload)
@@ -85,25 +85,34 @@ def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:
     return cast(Literal["I", "P", "R"], chr(chunk_type))
 
 
-def index(s: Coder, index_offset: int, steps: U4 | None = None) -> U4:
-    """index() of spec.md section 6.7: (entry_count, 2) u4 with columns `frame_number_step`, `offset_step`.
+def index(s: Coder, index_offset: int, steps: U4 | None = None, *, visit: Callable[[I8], object] | None = None) -> None:
+    """index() of spec.md section 6.7.
 
-    `index_offset` is the offset in bytes of the index chunk, before which all offsets lie.
+    Parameters
+    ----------
+    s
+        The bits.
+    index_offset
+        The offset in bytes of the index chunk, before which all offsets lie.
+    steps
+        (entry_count, 2) u4 with columns `frame_number_step`, `offset_step`: what a Writer writes.
+    visit
+        Called with block after block of the I-frames that the index names, (n, 2) i8 with columns frame number and
+        offset in bytes. All of them together may need many times the memory of the chunk.
     """
-    blocks: list[U4] = [np.empty((0, 2), np.uint32)]
-    offset = 0
+    last = np.zeros(2, np.int64)  # frame number and offset
     with s.part("index"):
         entry_count = s.uv("entry_count", 0 if steps is None else len(steps))
         first = s.position
-        for block in s.pairs(("frame_number_step", "offset_step"), entry_count, steps):
-            after_first = block[1:] if len(blocks) == 1 else block
-            offset += int(block[:, 1].sum(dtype=np.uint64))
-            if (after_first == 0).any() or offset >= index_offset:
+        for number, block in enumerate(s.pairs(("frame_number_step", "offset_step"), entry_count, steps)):
+            entries = last + block.cumsum(axis=0, dtype=np.int64)  # (n, 2): a block is too short to overflow
+            last = entries[-1] if len(entries) else last
+            if (block[int(number == 0) :] == 0).any() or last[1] >= index_offset:
                 s.fail(
                     "R-6.7-1", "frame numbers and offsets of the index must grow, and end before the index", bit=first
                 )
-            blocks.append(block)
-    return np.concatenate(blocks)
+            if visit is not None:
+                visit(entries)
 
 
 def index_steps(entries: list[tuple[int, int]]) -> U4:

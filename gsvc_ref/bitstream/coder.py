@@ -46,6 +46,7 @@ SMALLEST_NORMAL: Final = np.float32(2.0**-126)
 U2 = NDArray[np.uint16]
 U4 = NDArray[np.uint32]
 I8 = NDArray[np.int64]
+Bytes = bytes | bytearray | memoryview
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ class Coder(ABC):
         """`eg(order)` (R-3.1-3)."""
 
     @abstractmethod
-    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> bytes:
+    def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> Bytes:
         """A run of `size` bytes; not `counted` if its elements are counted elsewhere."""
 
     @abstractmethod

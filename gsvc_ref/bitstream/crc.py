@@ -58,7 +58,7 @@ def _crc32c_kernel(data: NDArray[np.uint8], register: np.int64, tables: NDArray[
     return register
 
 
-def crc32c(data: bytes | memoryview, crc: int = 0) -> int:
+def crc32c(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
     """CRC-32C of `data`, continuing from the checksum `crc` of what stood before it: of b"123456789", E3069283."""
     # Read-only, so that Numba compiles the kernel for one type of array only.
     bytes_ = np.frombuffer(memoryview(data).toreadonly(), np.uint8)

@@ -37,7 +37,7 @@ class DecodedFrame:
     size: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FrameSummary:
     """`number`, `type`, `splats` (how many), `bits` by category, `offset` and `size` in bytes of a frame."""
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from gsvc_ref.bitstream import chunks
+from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.chunk_decoder import ChunkDecoder, Place
+from gsvc_ref.bitstream.coder import I8
 from gsvc_ref.bitstream.source import SourceReader
 from gsvc_ref.errors import GsvcError
 
@@ -43,17 +45,29 @@ def find_by_index(decoder: ChunkDecoder, number: int) -> Place | None:
         chunk_type, p = decoder.chunk_at(index_offset)
         if chunk_type != chunks.INDEX_TYPE:
             return None
-        entries = chunks.index(p, index_offset).cumsum(axis=0, dtype=np.int64)  # (entry_count, 2): number, offset
-        entry = int(np.searchsorted(entries[:, 0], number, side="right")) - 1
-        if entry < 0 or entries[entry, 1] < decoder.first.offset:
+        frame_number, offset = last_entry(p, index_offset, number)
+        if offset < decoder.first.offset:
             return None
-        frame_number, offset = entries[entry].tolist()
         chunk_type, p = decoder.chunk_at(offset)
         if chunk_type != I_TYPE or p.uv("frame_number") != frame_number:
             return None
     except GsvcError:
         return None
     return replace(decoder.first, offset=offset, next_number=frame_number)
+
+
+def last_entry(p: Reader, index_offset: int, number: int) -> tuple[int, int]:
+    """Frame number and offset of the last I-frame at or before a frame that an index names; an offset of -1 if none."""
+    found = 0, -1
+
+    def look(entries: I8) -> None:
+        nonlocal found
+        before = int(np.searchsorted(entries[:, 0], number, side="right"))
+        if before > 0:
+            found = int(entries[before - 1, 0]), int(entries[before - 1, 1])
+
+    chunks.index(p, index_offset, visit=look)
+    return found
 
 
 def find_by_hopping(decoder: ChunkDecoder, number: int) -> Place:

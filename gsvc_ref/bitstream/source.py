@@ -53,19 +53,22 @@ class Source:
             self.size = self._file.seek(0, 2) - self._start
             self._file.seek(self._start)
 
-    def read(self, size: int) -> bytes:
+    def read(self, size: int) -> bytes | bytearray:
         """The next `size` bytes; fewer if the source ends before."""
-        pieces = []
-        while size > 0:
-            piece = self._file.read(min(size, PIECE))
-            if not piece:
-                break
-            if not isinstance(piece, bytes):
-                raise UsageError("the source yields text; open the file in mode 'rb'")
-            pieces.append(piece)
-            size -= len(piece)
-            self.offset += len(piece)
-        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+        data: bytes | bytearray = self._piece(size)
+        if 0 < len(data) < size:
+            data = bytearray(data)  # grows in place: nothing is held twice
+            while piece := self._piece(size - len(data)):
+                data += piece
+        return data
+
+    def _piece(self, size: int) -> bytes:
+        """Some of the next `size` bytes; none at the end of the source."""
+        piece = self._file.read(min(size, PIECE)) if size > 0 else b""
+        if not isinstance(piece, bytes):
+            raise UsageError("the source yields text; open the file in mode 'rb'")
+        self.offset += len(piece)
+        return piece
 
     def seek(self, offset: int) -> None:
         """Go to an offset.
@@ -100,7 +103,13 @@ class Source:
 
 
 class SourceReader(Reader):
-    """A Reader of what stands outside of payloads; it takes bytes from a source as they are needed."""
+    """A Reader of what stands outside of payloads; it takes bytes from a source as they are needed, and keeps none.
+
+    Attributes
+    ----------
+    first_bit
+        Offset in bits, from the start of the stream, of the bytes taken last.
+    """
 
     def __init__(
         self, source: Source, trace: Callable[[Element], None] | None = None, *, end_rule: str = "R-6.2-4"
@@ -111,11 +120,18 @@ class SourceReader(Reader):
     def at_end(self) -> bool:
         """Whether no byte follows."""
         if not self.bits_left:
-            self._data += self._source.read(1)
+            self._take_from_source(1)
         return not self.bits_left
 
     def _need(self, bits: int, name: str, start: int | None = None) -> None:
         missing = (bits - self.bits_left + 7) // 8
         if missing > 0:
-            self._data += self._source.read(missing)
+            self._take_from_source(missing)
         super()._need(bits, name, start)
+
+    def _take_from_source(self, size: int) -> None:
+        """Have `size` bytes more; only whole bytes stand outside of payloads."""
+        unread = self._data[self._bit >> 3 :]
+        self.first_bit, self._bit = self.position, 0
+        more = self._source.read(size)
+        self._data = memoryview(b"".join((unread, more)) if unread else more).toreadonly()

@@ -83,16 +83,23 @@ def open_stream(name: str) -> "Stream":
     Raises
     ------
     GsvcError
-        It is none, or has no complete header; the message names the file and, for another file type, what to do.
+        It is none, or has no complete header; the message names the file and says what to do.
     """
     import gsvc_ref
 
     try:
         return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name)
     except GsvcError as error:
-        advice = f"; if it is a video, encode it first: gsvc encode {name} OUT.gsvc" if error.rule == MAGIC_RULE else ""
-        message = f"{display_name(name)}: {error.message}{advice}"
+        message = f"{display_name(name)}: {error.message}; {_advice(error, name)}"
         raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
+
+
+def _advice(error: GsvcError, name: str) -> str:
+    if error.rule == MAGIC_RULE:
+        return f"if it is a video, encode it first: gsvc encode {name} OUT.gsvc"
+    if error.kind == "unsupported":
+        return "a newer version of gsvc may read it"
+    return "without its header nothing can be decoded: fetch the file again if you can"
 
 
 class CompleteFrames:

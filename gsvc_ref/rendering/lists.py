@@ -21,6 +21,9 @@ REACH: Final = RADIUS * (1 + 2.0**-18)
 ROW_MARGIN: Final = RADIUS * 2.0**-18
 """Room for roundings of a row, in units of |l21| + l22: above 17 eps RADIUS."""
 
+SELECTED: Final = 1 << 12
+"""Most entries of a selection, 76 bytes each."""
+
 ROWS_FOR_ENTRY: Final = 4.0
 ROWS_FOR_ROW: Final = 1.5
 """What selecting an entry, and clearing and writing a row of a strip, takes: in rows that a splat is added to."""
@@ -41,9 +44,13 @@ class Lists(NamedTuple):
         Per splat (2,) i4: the first strip and the one after the last; equal if no pixel centre can be covered.
     base
         (N + 1,) i8: the number of entries of the splats before.
-    entries, offsets
-        (entries, 2) i4 and i8: strip s has the entries offsets[s] to offsets[s + 1] - 1 in index order; each is the
-        splat and the entry's index in the order by splat, where a splat's entries are side by side.
+    offsets
+        (strips + 1,) i8: the number of entries of the strips before.
+    window
+        (2,) i8: the first strip whose entries are listed, and the one after the last.
+    entries
+        (entries of the window or more, 2) i4, strip after strip and in index order; each is the splat and the entry's
+        index in the order by splat, where a splat's entries are side by side.
     positions
         (strips,) i8 scratch: where the next entry of a strip goes.
     work
@@ -53,8 +60,9 @@ class Lists(NamedTuple):
     records: F4
     strips: I4
     base: I8
-    entries: I4
     offsets: I8
+    window: I8
+    entries: I4
     positions: I8
     work: F8
 
@@ -126,15 +134,22 @@ def count_entries(height: int, lists: Lists) -> None:
 
 @kernel()
 def fill_entries(lists: Lists) -> None:
-    """Fill `entries`: a counting sort by strip."""
+    """Fill `entries` for the strips of the window: a counting sort by strip."""
     positions = lists.positions
-    positions[:] = lists.offsets[:-1]
+    positions[:] = lists.offsets[:-1] - lists.offsets[lists.window[0]]
     for n in range(lists.strips.shape[0]):
-        first, end = lists.strips[n]
-        for s in range(first, end):
+        first = lists.strips[n, 0]
+        for s in range(max(first, lists.window[0]), min(lists.strips[n, 1], lists.window[1])):
             lists.entries[positions[s], 0] = n
             lists.entries[positions[s], 1] = lists.base[n] + s - first
             positions[s] += 1
+
+
+@kernel(inline=True)
+def entries_of(s: int, lists: Lists) -> int:
+    """The number of entries of strip s."""
+    count: int = lists.offsets[s + 1] - lists.offsets[s]
+    return count
 
 
 @kernel(inline=True)
@@ -163,7 +178,7 @@ def row_range(record: Any, strip: int, height: int) -> tuple[int, int]:
 
 
 class Selection(NamedTuple):
-    """The entries of one strip, side by side in memory: gathered in a loop of their own, the cache misses overlap.
+    """Entries of one strip, side by side in memory: gathered in a loop of their own, the cache misses overlap.
 
     Attributes
     ----------
@@ -178,10 +193,10 @@ class Selection(NamedTuple):
 
 
 @kernel()
-def select_strip(s: int, height: int, lists: Lists, selection: Selection) -> int:
-    """Fill the selection with the entries of strip s and return their number."""
-    first = lists.offsets[s]
-    count: int = lists.offsets[s + 1] - first
+def select_strip(s: int, skipped: int, height: int, lists: Lists, selection: Selection) -> int:
+    """Fill the selection with entries of strip s, all but the first `skipped` if it has room; return their number."""
+    first = lists.offsets[s] - lists.offsets[lists.window[0]] + skipped
+    count: int = min(entries_of(s, lists) - skipped, selection.rows.shape[0])
     for i in range(count):
         n = lists.entries[first + i, 0]
         record = lists.records[n]

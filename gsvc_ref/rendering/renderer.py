@@ -82,17 +82,17 @@ class Renderer:
         if self.precision == "exact":
             C = definition.exact_sum(splats, width, height)
             return (np.clip(C, 0, 1) if clamp else C).astype(np.float32)
-        self._work.load(splats.to_array())
+        self._work.load_splats(splats)
         picture = np.empty(self._shape, np.float32)  # (H, W, 3) f4
         self._work.over_strips(picture_task, picture_tasks, self._all, BLACK, picture.reshape(height, -1), clamp)
         return picture
 
     def frame(self, splats: Splats, bit_depth: int) -> NDArray[Any]:
         """What `render_frame` returns: (H, W, 3) u1 for 8 bits, else u2."""
-        frame = np.empty(self._shape, frame_type(bit_depth))  # (H, W, 3) u1 or u2
         if self.precision == "exact":
             return to_frame(self.picture(splats), bit_depth)
-        self._work.load(splats.to_array())
+        frame = np.empty(self._shape, frame_type(bit_depth))  # (H, W, 3) u1 or u2
+        self._work.load_splats(splats)
         self._draw(self._all, frame, bit_depth)
         return frame
 
@@ -105,7 +105,7 @@ class Renderer:
         if self.precision == "exact":
             return definition.exact_gradients(splats, e).astype(np.float32)
         work = self._work
-        work.load(splats.to_array())
+        work.load_splats(splats)
         gradients = np.empty((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
         work.over_strips(grad_picture_task, grad_picture_tasks, work.slots, e.reshape(height, -1))
         work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 1.0, gradients)
@@ -167,7 +167,7 @@ class SequenceRenderer(Renderer):
             if self.precision == "exact":
                 return self._frame
         else:
-            self._work.load(splats.to_array())
+            self._work.load_splats(splats)
             tiles = self._stale(self._before, np.asarray(origins, np.int64))
             if tiles.stale.any():
                 leave_out_fresh(self._work.lists.work, tiles)
@@ -280,7 +280,7 @@ def covered_pixels(
     if precision == "exact":
         return definition.exact_covered_pixels(splats, width, height)
     work = Workspace(width, height, threads)
-    work.load(splats.to_array())
+    work.load_splats(splats)
     counts = np.zeros(len(splats), np.int64)  # (N,) i8
     work.over_splats(count_task, count_tasks, width, height, counts)
     return counts

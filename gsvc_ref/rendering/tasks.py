@@ -3,7 +3,8 @@
 A strip's sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that
 all results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else.
 A task works on a run of neighbouring strips, see `run_of_strips`, and task t has row t of the `buffers`, (tasks, floats
-of a strip) f4, to itself. `strict` chooses the kernels without contraction.
+of a strip) f4, to itself. `strict` chooses the kernels without contraction. A strip's entries are gathered `SELECTED`
+at a time: most strips have fewer, and for those that do not, memory does not grow with the number of splats.
 """
 
 from typing import Any
@@ -12,7 +13,7 @@ import numba
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.lists import Lists, Selection, prepare, select_strip
+from gsvc_ref.rendering.lists import SELECTED, Lists, Selection, entries_of, prepare, select_strip
 from gsvc_ref.rendering.strip_pictures import read_strip, subtract_target, write_frame, write_picture
 from gsvc_ref.rendering.strip_sums import MOMENTS, add_tile, count_strip, grad_add_strip, grad_splat
 from gsvc_ref.rendering.strips import F4, F8, I8, RECORD, ROW, SLOT, SPARE_ROWS, STRIP_WIDTH
@@ -31,7 +32,8 @@ def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Li
 def run_of_strips(task: int, tasks: int, lists: Lists) -> tuple[int, int]:
     """The strips of a task, the first and the one after the last: neighbours, with about as much work as others have.
 
-    Neighbours share cache lines in every row of a picture, which two threads had better not write to in turn.
+    Neighbours share cache lines in every row of a picture, which two threads had better not write to in turn. Strips
+    outside of the window have no work.
     """
     first = end = 0
     for s in range(lists.positions.size):
@@ -40,25 +42,45 @@ def run_of_strips(task: int, tasks: int, lists: Lists) -> tuple[int, int]:
             first = s + 1
         if middle < lists.work[-1] * (task + 1):
             end = s + 1
-    return first, end
+    return max(first, lists.window[0]), min(end, lists.window[1])
 
 
 @kernel()
 def room_for_selection(first: int, end: int, lists: Lists) -> Selection:
-    """Memory for the selection of any of the strips first to end - 1."""
+    """Memory for the selection of any of the strips first to end - 1, but not for more than `SELECTED` entries."""
     largest = np.int64(0)
     for s in range(first, end):
         largest = max(largest, lists.offsets[s + 1] - lists.offsets[s])
-    return Selection(np.empty((largest, 3), np.int32), np.empty((largest, RECORD), np.float32))
+    room = min(int(largest), SELECTED)
+    return Selection(np.empty((room, 3), np.int32), np.empty((room, RECORD), np.float32))
+
+
+@kernel(inline=True)
+def rows_at_once(s: int, height: int, tiles: Tiles, count: int, lists: Lists) -> int:
+    """Rows of a tile of strip s, of whose entries `count` are selected: all rows if it has more.
+
+    To render a tile that is not stale takes time but changes nothing; to select entries for every tile might take more.
+    """
+    return tiles.rows if count == entries_of(s, lists) else height
 
 
 @kernel()
 def render_tile(
-    strip: F4, s: int, top: int, end: int, base: F4, selection: Selection, count: int, strict: bool
+    strip: F4,
+    s: int,
+    top: int,
+    end: int,
+    base: F4,
+    height: int,
+    lists: Lists,
+    selection: Selection,
+    count: int,
+    strict: bool,
 ) -> None:
     """Render the rows top to end - 1 of strip s, beginning with those of `base` (strips, H * ROW) f4.
 
-    A base without strips is black. The rows below are spoiled as far as `add_tile` says.
+    A base without strips is black. The rows below are spoiled as far as `add_tile` says. The first `count` entries are
+    selected; if there are others, they are selected next, and it is the last tile of the strip.
     """
     if base.shape[0]:
         strip[top * ROW : end * ROW] = base[s, top * ROW : end * ROW]
@@ -66,6 +88,31 @@ def render_tile(
         strip[top * ROW : end * ROW] = np.float32(0)
     strip[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
     add_tile(strip, s, top, end, selection, count, strict)
+    while count < entries_of(s, lists):
+        selected = select_strip(s, count, height, lists, selection)
+        add_tile(strip, s, top, end, selection, selected, strict)
+        count += selected
+
+
+@kernel()
+def grad_strip(
+    strip: F4,
+    s: int,
+    height: int,
+    lists: Lists,
+    selection: Selection,
+    count: int,
+    slots: F4,
+    moments: F4,
+    strict: bool,
+) -> None:
+    """`grad_add_strip` for all entries of strip s, of which `count` are selected: all of them, or any."""
+    done = 0
+    while done < entries_of(s, lists):
+        if count < entries_of(s, lists):
+            count = select_strip(s, done, height, lists, selection)
+        grad_add_strip(strip, s, selection, count, slots, moments, strict)
+        done += count
 
 
 @kernel()
@@ -78,11 +125,12 @@ def picture_task(
     selection = room_for_selection(first, end, lists)
     for s in range(first, end):
         if any_stale(tiles, s):
-            count = select_strip(s, height, lists, selection)
-            for tile in range(tiles.stale.shape[1]):
-                if tiles.stale[s, tile]:
-                    top, below = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
-                    render_tile(strip, s, top, below, base, selection, count, strict)
+            count = select_strip(s, 0, height, lists, selection)
+            rows = rows_at_once(s, height, tiles, count, lists)
+            for top in range(0, height, rows):
+                if rows == height or tiles.stale[s, top // rows]:
+                    below = min(top + rows, height)
+                    render_tile(strip, s, top, below, base, height, lists, selection, count, strict)
                     write_picture(strip, s, top, below, picture, clamp)
 
 
@@ -104,11 +152,12 @@ def frame_task(
     selection = room_for_selection(first, end, lists)
     for s in range(first, end):
         if any_stale(tiles, s):
-            count = select_strip(s, height, lists, selection)
-            for tile in range(tiles.stale.shape[1]):
-                if tiles.stale[s, tile]:
-                    top, below = tile * tiles.rows, min((tile + 1) * tiles.rows, height)
-                    render_tile(strip, s, top, below, black, selection, count, strict)
+            count = select_strip(s, 0, height, lists, selection)
+            rows = rows_at_once(s, height, tiles, count, lists)
+            for top in range(0, height, rows):
+                if rows == height or tiles.stale[s, top // rows]:
+                    below = min(top + rows, height)
+                    render_tile(strip, s, top, below, black, height, lists, selection, count, strict)
                     write_frame(strip, s, top, below, frame, peak)
 
 
@@ -126,9 +175,9 @@ def grad_picture_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bo
     first, end = run_of_strips(task, tasks, lists)
     selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        count = select_strip(s, residual.shape[0], lists, selection)
+        count = select_strip(s, 0, residual.shape[0], lists, selection)
         read_strip(residual, s, strip)
-        grad_add_strip(strip, s, selection, count, slots, moments, strict)
+        grad_strip(strip, s, residual.shape[0], lists, selection, count, slots, moments, strict)
 
 
 @kernel(parallel=True)
@@ -146,8 +195,8 @@ def base_task(task: int, tasks: int, strip: F4, lists: Lists, strict: bool, base
     first, end = run_of_strips(task, tasks, lists)
     selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        count = select_strip(s, height, lists, selection)
-        render_tile(strip, s, 0, height, black, selection, count, strict)
+        count = select_strip(s, 0, height, lists, selection)
+        render_tile(strip, s, 0, height, black, height, lists, selection, count, strict)
         base[s] = strip[: height * ROW]
 
 
@@ -182,11 +231,11 @@ def objective_task(
     first, end = run_of_strips(task, tasks, lists)
     selection = room_for_selection(first, end, lists)
     for s in range(first, end):
-        count = select_strip(s, height, lists, selection)
-        render_tile(strip, s, 0, height, base, selection, count, strict)
+        count = select_strip(s, 0, height, lists, selection)
+        render_tile(strip, s, 0, height, base, height, lists, selection, count, strict)
         losses[s] = subtract_target(strip, target[s], height, min(STRIP_WIDTH, width - s * STRIP_WIDTH), squares)
         if with_gradient:
-            grad_add_strip(strip, s, selection, count, slots, moments, strict)
+            grad_strip(strip, s, height, lists, selection, count, slots, moments, strict)
 
 
 @kernel(parallel=True)

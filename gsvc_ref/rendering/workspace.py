@@ -1,4 +1,9 @@
-"""What the fast renderer keeps between calls: the strips' lists and buffers of one frame size."""
+"""What the fast renderer keeps between calls: the strips' lists and buffers of one frame size.
+
+Splats come from strangers, and one splat may touch every strip. So the lists of all strips are made at once only while
+they are short. Otherwise they are made for one window of neighbouring strips after the other, which changes no bit, as
+strips have nothing in common.
+"""
 
 import os
 import threading
@@ -10,11 +15,11 @@ import numba
 import numpy as np
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.lists import Lists, count_entries, fill_entries, prepare
-from gsvc_ref.rendering.strips import F4, I4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
+from gsvc_ref.rendering.lists import SELECTED, Lists, count_entries, fill_entries, prepare
+from gsvc_ref.rendering.strips import F4, I8, RECORD, ROW, SLOT, SPARE_ROWS, aligned, strip_count
 from gsvc_ref.rendering.tasks import prepare_tasks
 from gsvc_ref.rendering.tiles import Prepared
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 # GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that
 # steals the very time slice they wait for: four times slower, measured. It reads this when Numba loads it.
@@ -25,6 +30,18 @@ _numba: Any = numba  # its thread functions carry no types
 
 SPLATS_PER_THREAD: Final = 4096
 """Fewer splats than this are not worth waking another thread for."""
+
+LISTED: Final = 1 << 20
+"""Most entries, 8 bytes each, that are listed at once, unless there are more splats than that."""
+
+SPLATS_KEPT: Final = 1 << 16
+"""Memory of more splats than this is given back to the system between two frames."""
+
+SELECTION_SIZE: Final = SELECTED * (4 * RECORD + 12)
+"""Most bytes of a selection."""
+
+BUFFERS_SIZE: Final = 40 << 20
+"""Most bytes for strips and selections of all threads; there are fewer threads if strips are very long."""
 
 
 def thread_count(threads: int | None) -> int:
@@ -40,6 +57,17 @@ def thread_count(threads: int | None) -> int:
     if threads < 1:
         raise UsageError(f"threads is {threads}; it must be at least 1, or None for one per CPU")
     return threads
+
+
+def windows_of(offsets: I8, most: int) -> list[tuple[int, int]]:
+    """Windows (first strip, the one after the last) of one strip or at most `most` entries; `offsets` is of `Lists`."""
+    windows = []
+    first = end = 0
+    while end < len(offsets) - 1:
+        end = max(first + 1, int(np.searchsorted(offsets, offsets[first] + most, side="right")) - 1)
+        windows.append((first, end))
+        first = end
+    return windows
 
 
 @contextmanager
@@ -79,7 +107,7 @@ class Workspace:
     parameters
         (N, 8) f4, a copy of what was loaded last.
     lists
-        The entries of every strip for these parameters.
+        What these parameters need; the entries are those of one window, see `over_strips`.
     buffers
         (threads, floats) f4, room for one strip each.
     """
@@ -87,28 +115,36 @@ class Workspace:
     def __init__(self, width: int, height: int, threads: int | None = None, *, strict: bool = False) -> None:
         count = strip_count(width)
         self.width, self.height, self.strict = width, height, strict
-        self.threads = min(thread_count(threads), count)
         # Padded to whole cache lines, so that every thread's buffer starts on one.
-        self.buffers = aligned((self.threads, -(-(height + SPARE_ROWS) * ROW // 16) * 16))
+        floats = -(-(height + SPARE_ROWS) * ROW // 16) * 16
+        most = max(1, BUFFERS_SIZE // (4 * floats + SELECTION_SIZE))
+        self.threads = min(thread_count(threads), count, most)
+        self.buffers = aligned((self.threads, floats))
         self._slots = aligned((0, SLOT))
-        self._resize(0, np.zeros((0, 2), np.int32), np.zeros(count + 1, np.int64), np.zeros(count, np.int64))
+        self.parameters = np.zeros((0, PARAMETERS_PER_SPLAT), np.float32)
+        self.lists = Lists(
+            records=aligned((0, RECORD)),
+            strips=np.zeros((0, 2), np.int32),
+            base=np.zeros(1, np.int64),
+            offsets=np.zeros(count + 1, np.int64),
+            window=np.array([0, count]),
+            entries=np.zeros((0, 2), np.int32),
+            positions=np.zeros(count, np.int64),
+            work=np.zeros(count + 1),
+        )
         self.load(self.parameters)
 
-    def _resize(self, splats: int, entries: I4, offsets: I8, positions: I8) -> None:
+    def _resize(self, splats: int) -> None:
         """Make room for exactly this number of splats: most calls come with the number of the call before."""
         self.parameters = np.zeros((splats, PARAMETERS_PER_SPLAT), np.float32)
-        self.lists = Lists(
+        self.lists = self.lists._replace(
             records=aligned((splats, RECORD)),
             strips=np.zeros((splats, 2), np.int32),
             base=np.zeros(splats + 1, np.int64),
-            entries=entries,
-            offsets=offsets,
-            positions=positions,
-            work=np.zeros(len(offsets)),
         )
 
     def load(self, parameters: F4) -> None:
-        """Copy the parameters (N, 8) f4 and list the entries of every strip.
+        """Copy the parameters (N, 8) f4 and count the entries of every strip.
 
         Raises
         ------
@@ -116,14 +152,33 @@ class Workspace:
             A parameter is NaN or infinite.
         """
         if len(parameters) != len(self.parameters):
-            self._resize(len(parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
+            self._resize(len(parameters))
         np.copyto(self.parameters, parameters)
+        self._list_entries()
+
+    def load_splats(self, splats: Splats) -> None:
+        """`load` without a copy of all parameters on the way."""
+        if len(splats) != len(self.parameters):
+            self._resize(len(splats))
+        first = 0
+        for part in (splats.positions, splats.cholesky, splats.colors):
+            self.parameters[:, first : first + part.shape[1]] = part
+            first += part.shape[1]
+        self._list_entries()
+
+    def _list_entries(self) -> None:
         self._prepare()
         count_entries(self.height, self.lists)
-        total = int(self.lists.base[-1])
+        # No strip has more entries than there are splats, so that every strip fits, and a pass over the splats for each
+        # of at most 2 total / most + 1 windows takes no longer than the entries themselves do.
+        most = max(LISTED, len(self.parameters))
+        self._windows = windows_of(self.lists.offsets, most)
+        total = min(int(self.lists.base[-1]), most)
         if total > len(self.lists.entries):
-            self.lists = self.lists._replace(entries=np.zeros((total + total // 4, 2), np.int32))
-        fill_entries(self.lists)
+            self.lists = self.lists._replace(entries=np.zeros((min(total + total // 4, most), 2), np.int32))
+        if len(self._windows) == 1:
+            self.lists.window[:] = self._windows[0]
+            fill_entries(self.lists)
 
     def _prepare(self) -> None:
         count, threads = len(self.parameters), self._threads_for_splats()
@@ -140,8 +195,11 @@ class Workspace:
     def exchange(self, other: Prepared | None) -> Prepared:
         """Hand out what was loaded last, and use the memory of `other` for what is loaded next if its size fits."""
         mine = Prepared(self.parameters, self.lists.records, self.lists.strips)
-        if other is None or len(other.parameters) != len(mine.parameters):
-            self._resize(len(mine.parameters), self.lists.entries, self.lists.offsets, self.lists.positions)
+        if len(mine.parameters) > SPLATS_KEPT:
+            self._resize(0)
+            self.lists = self.lists._replace(entries=np.zeros((0, 2), np.int32))
+        elif other is None or len(other.parameters) != len(mine.parameters):
+            self._resize(len(mine.parameters))
         else:
             self.parameters = other.parameters
             self.lists = self.lists._replace(records=other.records, strips=other.strips)
@@ -149,7 +207,7 @@ class Workspace:
 
     @property
     def slots(self) -> F4:
-        """Room for the sums of every entry: (entries or more, SLOT) f4."""
+        """Room for the sums of every entry: (entries or more, SLOT) f4. Only those who train splats ask for it."""
         total = int(self.lists.base[-1])
         if total > len(self._slots):
             self._slots = aligned((total + total // 4, SLOT))
@@ -157,11 +215,20 @@ class Workspace:
 
     def over_strips(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all strips, on as many threads as this workspace has."""
-        if self.threads == 1:
-            task(0, 1, self.buffers[0], self.lists, self.strict, *arguments)
-        else:
-            with parallel_region(self.threads):
-                tasks(self.buffers, self.lists, self.strict, *arguments)
+        for window in self._windows:
+            lists = self.lists if len(self._windows) == 1 else self._list_window(*window)
+            if self.threads == 1:
+                task(0, 1, self.buffers[0], lists, self.strict, *arguments)
+            else:
+                with parallel_region(self.threads):
+                    tasks(self.buffers, lists, self.strict, *arguments)
+
+    def _list_window(self, first: int, end: int) -> Lists:
+        """The lists with the entries, and the work, of the strips first to end - 1."""
+        self.lists.window[:] = first, end
+        fill_entries(self.lists)
+        work = self.lists.work
+        return self.lists._replace(work=np.clip(work, work[first], work[end]) - work[first])
 
     def over_splats(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
         """Run a kernel of `tasks` over all splats."""

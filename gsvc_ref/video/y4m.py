@@ -143,7 +143,7 @@ class Y4mWriter(VideoWriter):
             self._stream = target.open("wb")
         self._write_all(format_header(self._planar))
 
-    def _write_all(self, data: bytes) -> None:
+    def _write_all(self, data: bytes | memoryview) -> None:
         rest = memoryview(data)
         try:
             while rest:  # an unbuffered file may take less than it is given
@@ -155,7 +155,9 @@ class Y4mWriter(VideoWriter):
     def _write(self, frame: Frame) -> None:
         planes = frame_to_planes(frame, self._planar)
         little = self._planar.dtype.newbyteorder("<")
-        self._write_all(b"FRAME\n" + b"".join(plane.astype(little, copy=False).tobytes() for plane in planes))
+        self._write_all(b"FRAME\n")
+        for plane in planes:  # without a copy of any of them
+            self._write_all(plane.astype(little, copy=False).reshape(-1).view(np.uint8).data)
 
     def _finish(self) -> None:
         self._stream.flush()

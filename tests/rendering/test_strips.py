@@ -86,7 +86,7 @@ def test_the_inner_loops_are_packed(kernel, strict):
     work = loaded(population(5, 40, 20), 40, 20)
     strip, moments = work.buffers[0], np.zeros(96, np.float32)
     selection = room_for_selection(0, strip_count(40), work.lists)
-    count = select_strip(0, 20, work.lists, selection)
+    count = select_strip(0, 0, 20, work.lists, selection)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     arguments = {
         add_tile: (strip, 0, 0, 20, selection, count, strict),

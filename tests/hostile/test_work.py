@@ -1,0 +1,137 @@
+"""Time without a clock: what the renderer and the reader do is counted, and bounded by the level and the bytes.
+
+A splat whose box has c columns and r rows adds c r to the rendering work (5-1). It touches at most (c + 30) / 16
+strips, and never more than c. In each, at most r rows are added, in groups of three and of 16 pixels each: 16 (r + 2)
+pixels. So it takes at most min(16 c, c + 30) (r + 2) pixels, which is at most 16 c r + 64. Tiles of 64 rows break up
+groups: that makes it 17 c r + 128.
+"""
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gsvc_ref.bitstream import StreamReader
+from gsvc_ref.reconstruction import rendering_work
+from gsvc_ref.rendering.lists import row_range
+from gsvc_ref.rendering.strips import ROWS, STRIP_WIDTH
+from gsvc_ref.rendering.workspace import Workspace, windows_of
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing import splat_sets
+from tests.hostile.hostile_streams import chunk, encode_uv, end, header, intra, opening, repeated
+
+PIXELS_PER_WORK = 16
+PIXELS_PER_SPLAT = 64
+
+
+def pixels_added(splats: Splats, width: int, height: int) -> tuple[int, int]:
+    """The (splat, pixel) pairs that the inner loops of the renderer handle, and the entries of all strips."""
+    work = Workspace(width, height, threads=1)
+    work.load_splats(splats)
+    pixels = 0
+    for record, strips in zip(work.lists.records, work.lists.strips, strict=True):
+        for s in range(*strips):
+            top, below = row_range(record, s, height)
+            pixels += -(-(below - top) // ROWS) * ROWS * STRIP_WIDTH
+    return pixels, int(work.lists.base[-1])
+
+
+def check(splats: Splats, width: int, height: int) -> None:
+    work = rendering_work(splats, width, height)
+    pixels, entries = pixels_added(splats, width, height)
+    assert pixels <= PIXELS_PER_WORK * work + PIXELS_PER_SPLAT * len(splats)
+    assert entries <= work / STRIP_WIDTH + 2 * len(splats)
+
+
+def equal(x: float, y: float, l11: float, l21: float, l22: float) -> Splats:
+    return Splats.from_array([[x, y, l11, l21, l22, 1, 1, 1]])
+
+
+@pytest.mark.parametrize("x", [0.5, 15.5, 16.0, 16.5, 100.0])
+@pytest.mark.parametrize("l11", [1e-30, 0.1, 0.16, 0.3, 1, 5, 1e4])
+@pytest.mark.parametrize(("l21", "l22"), [(0, 0.1), (0, 1), (0, 1e4), (1e4, 0.001), (-30, 0.5), (3, 1e-30)])
+def test_hard_splats(x: float, l11: float, l21: float, l22: float) -> None:
+    """One column of all rows, one row of all columns, needles at 45 degrees, everything, next to nothing."""
+    for y in (0.5, 1.0, 64.0):
+        check(equal(x, y, l11, l21, l22), 200, 130)
+
+
+def test_the_bound_is_not_idle() -> None:
+    """A column of one pixel takes 16 times its work; one pixel takes 48 times its work."""
+    work = rendering_work(equal(8.5, 500, 0.1, 0, 1e4), 16, 1000)
+    pixels, _ = pixels_added(equal(8.5, 500, 0.1, 0, 1e4), 16, 1000)
+    assert pixels >= 0.99 * PIXELS_PER_WORK * work
+    assert pixels_added(equal(8.5, 8.5, 0.1, 0, 0.1), 16, 16)[0] == 48
+
+
+@given(splat_sets(70, 50, max_count=20))
+@settings(max_examples=60)
+def test_any_splats(splats: Splats) -> None:
+    check(splats, 70, 50)
+
+
+@given(st.lists(st.integers(0, 40), min_size=1, max_size=60), st.integers(1, 60))
+def test_windows_are_few(counts: list[int], most: int) -> None:
+    """Each window costs a pass over the splats: two neighbours have more than `most` entries, so there are few."""
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    windows = windows_of(offsets, most)
+    assert [first for first, _ in windows] == [0, *(end for _, end in windows[:-1])]
+    assert windows[-1][1] == len(counts)
+    assert len(windows) <= 2 * offsets[-1] / most + 1
+    for first, end_ in windows:
+        assert offsets[end_] - offsets[first] <= most or end_ == first + 1
+
+
+class Counting(io.BytesIO):
+    """A file that counts what is read of it."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self.reads = self.bytes = 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        data = super().read(size)
+        self.reads += 1
+        self.bytes += len(data)
+        return data
+
+
+CHUNKS = 3000
+CHUNK_TYPES = {"ancillary": chunk("z"), "index": chunk("x", b"\0"), "frames": b""}
+
+
+def many_chunks(kind: str) -> bytes:
+    """A stream of many chunks of the fewest bytes behind an I-frame, and another I-frame behind them."""
+    if kind == "frames":
+        parts, count = [repeated(number) for number in range(1, CHUNKS + 1)], CHUNKS
+    else:
+        parts, count = [CHUNK_TYPES[kind]] * CHUNKS, 0
+    return b"".join([opening(header(1, 16, 16)), intra(0, 0), *parts, intra(count + 1, 0), end(count + 2)])
+
+
+@pytest.mark.parametrize("kind", CHUNK_TYPES)
+def test_reading_is_linear(kind: str) -> None:
+    """Every byte is read once to decode, and once more at most to find a frame; a chunk takes a few reads."""
+    data = many_chunks(kind)
+    file = Counting(data)
+    frames = sum(1 for _ in StreamReader(file))
+    assert file.bytes == len(data)
+    assert file.reads <= 7 * CHUNKS + 50
+    file.reads = file.bytes = 0
+    file.seek(0)
+    assert [frame.number for frame in StreamReader(file).frames(frames - 1)] == [frames - 1]
+    assert file.bytes <= 2 * len(data)
+    assert file.reads <= 14 * CHUNKS + 100
+
+
+def test_an_index_is_read_once() -> None:
+    """Of a million entries, block after block: every piece of work is a fixed part of them."""
+    steps = 1 << 20
+    last = chunk("x", encode_uv(steps), b"\1\1" * steps)
+    data = b"".join([opening(header(3, 16, 16)), intra(0, 0), chunk("z", bytes(steps)), last, end(1, len(last))])
+    file = Counting(data)
+    assert len(list(StreamReader(file))) == 1
+    assert file.bytes == len(data)
+    assert file.reads <= 40
