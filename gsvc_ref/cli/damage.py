@@ -1,0 +1,99 @@
+"""What the commands say about damaged streams: what is missing, why, and what to do."""
+
+from typing import TYPE_CHECKING, Final
+
+from gsvc_ref.cli.text import plural
+from gsvc_ref.errors import GsvcError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gsvc_ref.bitstream import Gap
+    from gsvc_ref.codec import Stream
+
+CUT_RULE: Final = "R-6.2-4"
+OTHER_STREAM_RULE: Final = "R-6.1-3"
+
+
+def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> str:
+    """A sentence about the fault that ended reading after `count` frames from `start` on."""
+    total = stream.format.frame_count
+    frames = f"{count:,} of {plural(total, 'frame')}" if total and start == 0 else plural(count, "complete frame")
+    state = "cut off, or still being written," if _was_cut(stream, fault) else "damaged"
+    return f"{name} is {state} after {frames}: {fault}"
+
+
+def advise(stream: "Stream", fault: GsvcError, next_number: int) -> str:
+    """What to do: fetch the file again, or salvage what stands behind the fault, if there is a frame."""
+    advice = "Fetch the file again if you can"
+    if _was_cut(stream, fault) or not _more_frames(stream, next_number):
+        return advice
+    return f"{advice}; --salvage finds more frames behind the damage"
+
+
+def _was_cut(stream: "Stream", fault: GsvcError) -> bool:
+    """Whether nothing can stand behind the fault."""
+    return fault.rule == CUT_RULE and not stream.has_end
+
+
+def _more_frames(stream: "Stream", next_number: int) -> bool:
+    from gsvc_ref.bitstream import Gap
+
+    try:
+        return any(not isinstance(part, Gap) for part in stream.salvage(next_number))
+    except UsageError:  # a pipe
+        return False
+
+
+class Gaps:
+    """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`.
+
+    Attributes
+    ----------
+    found
+        All gaps so far.
+    missing
+        How many frames of the range are missing so far, as far as is known.
+    more_may_be_missing
+        Whether the stream does not tell how many frames it had.
+    """
+
+    def __init__(self, start: int, stop: int | None) -> None:
+        self._start, self._stop = start, stop
+        self.found: list[Gap] = []
+        self.missing = 0
+        self.more_may_be_missing = False
+
+    def __call__(self, gap: "Gap") -> None:
+        """Count a gap."""
+        self.found.append(gap)
+        if gap.missing_count is None:
+            self.more_may_be_missing = True
+            return
+        end = gap.first_missing + gap.missing_count
+        end = end if self._stop is None else min(end, self._stop)
+        self.missing += max(end - max(gap.first_missing, self._start), 0)
+
+    def lines(self) -> list[str]:
+        """A line for each gap, and one for each other stream that begins inside of one."""
+        lines = []
+        for gap in self.found:
+            lines.append(str(gap))
+            lines += [f"  inside: {fault}" for fault in gap.faults[1:] if fault.rule == OTHER_STREAM_RULE]
+        return lines
+
+    def total(self, count: int) -> str:
+        """How many frames are missing, of those that were found, `count`, and the missing ones."""
+        of_all = f"{self.missing:,} of {plural(count + self.missing, 'frame')}"
+        if self.more_may_be_missing:
+            known = f"{of_all} known, and" if self.missing else "an"
+            return f"{known} unknown number at the end may be missing"
+        return f"{of_all} {'is' if self.missing == 1 else 'are'} missing" if self.missing else "no frame is missing"
+
+
+def all_gaps(found: "Iterable[Gap]") -> Gaps:
+    """Gaps of a whole stream."""
+    gaps = Gaps(0, None)
+    for gap in found:
+        gaps(gap)
+    return gaps
