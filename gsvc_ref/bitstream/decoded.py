@@ -71,7 +71,8 @@ class Gap:
     missing_count: int | None
 
     def __str__(self) -> str:
-        more = f", and {self.fault_count - 1} more faults" if self.fault_count > 1 else ""
+        others = self.fault_count - 1
+        more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
         return f"{self.frames_missing}: {self.faults[0]}{more}; {self.bytes_skipped}"
 
     def reaches(self, start: int) -> bool:

@@ -77,7 +77,7 @@ class WholeChunks:
         self._source = source
         self.end = source.size or 0
         self._longest = longest
-        self._reach = longest + LONGEST_FRAME
+        self._reach = max(longest, LONGEST_HEADER) + LONGEST_FRAME
         self._step = max(PIECE, longest // 2)
         self._first = 0  # offset of the window in the file
         self._data = np.empty(0, np.uint8)
