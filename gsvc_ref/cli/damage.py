@@ -17,7 +17,7 @@ OTHER_STREAM_RULE: Final = "R-6.1-3"
 
 def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> str:
     """A sentence about the fault that ended reading after `count` frames from `start` on."""
-    total = stream.format.frame_count
+    total = stream.frame_count
     frames = f"{count:,} of {plural(total, 'frame')}" if total and start == 0 else plural(count, "complete frame")
     state = "cut off, or still being written," if _was_cut(stream, fault) else "damaged"
     return f"{name} is {state} after {frames}: {fault}"
@@ -84,11 +84,13 @@ class Gaps:
 
     def total(self, count: int) -> str:
         """How many frames are missing, of those that were found, `count`, and the missing ones."""
-        of_all = f"{self.missing:,} of {plural(count + self.missing, 'frame')}"
+        verb = "is" if self.missing == 1 else "are"
         if self.more_may_be_missing:
-            known = f"{of_all} known, and" if self.missing else "an"
-            return f"{known} unknown number at the end may be missing"
-        return f"{of_all} {'is' if self.missing == 1 else 'are'} missing" if self.missing else "no frame is missing"
+            known = f"{plural(self.missing, 'frame')} {verb} missing, and " if self.missing else ""
+            return f"{known}any number may be missing at the end, since the file does not tell how many there were"
+        if self.missing == 0:
+            return "no frame is missing"
+        return f"{self.missing:,} of {plural(count + self.missing, 'frame')} {verb} missing"
 
 
 def all_gaps(found: "Iterable[Gap]") -> Gaps:

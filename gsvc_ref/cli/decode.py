@@ -162,13 +162,13 @@ def _with_progress(frames: "Iterable[Frame]", expected: int | None, display: Pro
 def _expected(stream: "Stream", arguments: Namespace) -> int | None:
     """How many frames the stream promises for the range that was asked for."""
     start, stop = arguments.frames
-    total = stream.format.frame_count
+    total = stream.frame_count
     ends = [end for end in (stop, total) if end is not None]
     return max(min(ends) - start, 0) if ends else None
 
 
 def _frames_of(stream: "Stream", arguments: Namespace) -> str:
-    total = stream.format.frame_count
+    total = stream.frame_count
     return f"{display_name(arguments.input)}" + (f", with its {plural(total, 'frame')}," if total else "")
 
 
@@ -176,7 +176,7 @@ def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: 
     """Say what the fault is, what was saved, what is missing and what to do."""
     name, output = display_name(arguments.input), display_name(arguments.output, "standard output")
     start, stop = arguments.frames
-    total, next_number = stream.format.frame_count, start + count
+    total, next_number = stream.frame_count, start + count
     end = total if stop is None else min(stop, total or stop)
     if count == 0:
         missing = "all"

@@ -44,7 +44,12 @@ class Stream:
     @property
     def format(self) -> VideoFormat:
         """The format of the source that was encoded, with the number of frames if it can be told."""
-        return replace(video_format(self.header), frame_count=self._reader.frame_count)
+        return replace(video_format(self.header), frame_count=self.frame_count)
+
+    @property
+    def frame_count(self) -> int | None:
+        """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
+        return self._reader.frame_count
 
     def __iter__(self) -> Iterator[DecodedFrame]:
         return self._reader.frames()
