@@ -143,7 +143,7 @@ def _damage(side: Side) -> list[str]:
     if side.stream is None:
         count = plural(side.frames.count, "complete frame")
         return [f"{side.name} is damaged after {count}: {side.frames.damage}"]
-    damage = describe_damage(side.name, side.stream, side.frames.damage, side.start, side.frames.count)
+    damage, _ = describe_damage(side.name, side.stream, side.frames.damage, side.start, side.frames.count)
     return [f"{damage}; only the frames before it could be compared"]
 
 

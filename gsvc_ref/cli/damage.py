@@ -15,28 +15,20 @@ CUT_RULE: Final = "R-6.2-4"
 OTHER_STREAM_RULE: Final = "R-6.1-3"
 
 
-def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> str:
-    """A sentence about the fault that ended reading after `count` frames from `start` on."""
+def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> tuple[str, str]:
+    """Two sentences about the fault that ended reading after `count` frames from `start` on: what it is, what to do."""
     total = stream.frame_count
     frames = f"{count:,} of {plural(total, 'frame')}" if total and start == 0 else plural(count, "complete frame")
-    state = "cut off, or still being written," if _was_cut(stream, fault) else "damaged"
-    return f"{name} is {state} after {frames}: {fault}"
-
-
-def advise(stream: "Stream", fault: GsvcError, next_number: int) -> str:
-    """What to do: fetch the file again, or salvage what stands behind the fault, if there is a frame."""
     advice = "Fetch the file again if you can"
-    if _was_cut(stream, fault) or not _more_frames(stream, next_number):
-        return advice
-    return f"{advice}; --salvage finds more frames behind the damage"
-
-
-def _was_cut(stream: "Stream", fault: GsvcError) -> bool:
-    """Whether nothing can stand behind the fault."""
-    return fault.rule == CUT_RULE and not stream.has_end
+    if _more_frames(stream, start + count):
+        return f"{name} is damaged after {frames}: {fault}", f"{advice}; --salvage finds more frames behind the damage"
+    was_cut = fault.rule == CUT_RULE and not stream.has_end
+    state = "cut off, or still being written," if was_cut else "damaged"
+    return f"{name} is {state} after {frames}: {fault}", advice
 
 
 def _more_frames(stream: "Stream", next_number: int) -> bool:
+    """Whether salvaging finds a frame with this number or a greater one."""
     from gsvc_ref.bitstream import Gap
 
     try:

@@ -8,7 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import frame_range, positive, whole
-from gsvc_ref.cli.damage import Gaps, advise, describe_damage
+from gsvc_ref.cli.damage import Gaps, describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import (
     STDIO,
@@ -187,8 +187,9 @@ def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: 
     else:
         missing = "no frame"
     kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
-    say(COMMAND, describe_damage(name, stream, damage, start, count))
-    say(COMMAND, f"{kept}; missing: {missing}. {advise(stream, damage, next_number)}")
+    fault, advice = describe_damage(name, stream, damage, start, count)
+    say(COMMAND, fault)
+    say(COMMAND, f"{kept}; missing: {missing}. {advice}")
 
 
 def _report_gaps(arguments: Namespace, gaps: Gaps, count: int) -> None:

@@ -4,7 +4,7 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.damage import advise, all_gaps, describe_damage
+from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import check_input, display_name, open_stream
 from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
@@ -65,8 +65,7 @@ def _damage(name: str, stream: "Stream", summary: "StreamSummary") -> list[str]:
     """What to say about damage, if there is any."""
     count = len(summary.frames)
     if summary.error is not None:
-        damage = describe_damage(name, stream, summary.error, 0, count)
-        return [damage, advise(stream, summary.error, count)]
+        return list(describe_damage(name, stream, summary.error, 0, count))
     if not summary.gaps:
         return []
     return [f"{name} is damaged: {all_gaps(summary.gaps).total(count)}"]
