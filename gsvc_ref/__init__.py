@@ -8,6 +8,8 @@
     with gsvc_ref.open("clip.gsvc") as stream:
         for frame in stream.frames(30, 60):                     # starts decoding at the nearest I-frame
             frame.splats.positions, frame.bits
+    for frame in gsvc_ref.decode("damaged.gsvc", on_gap=print): # all that is left, and what is missing
+        ...
 
 spec.md says what the bytes mean, and `bitstream`, `reconstruction`, `rendering` and `quantization` do what it says;
 `training` has the paper's algorithms, `codec` the drivers, and `testing` Hypothesis strategies for those who test an
@@ -18,6 +20,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_ref.bitstream import Gap as Gap
     from gsvc_ref.codec import Settings as Settings
     from gsvc_ref.codec import Stream as open  # noqa: N813
     from gsvc_ref.codec import decode as decode
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES: Final = {
+    "Gap": ("gsvc_ref.bitstream", "Gap"),
     "GsvcError": ("gsvc_ref.errors", "GsvcError"),
     "Settings": ("gsvc_ref.codec", "Settings"),
     "Splats": ("gsvc_ref.splats", "Splats"),
@@ -46,6 +50,7 @@ _HOMES: Final = {
 """Where each public name lives. They are loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
 __all__ = [
+    "Gap",
     "GsvcError",
     "Settings",
     "Splats",

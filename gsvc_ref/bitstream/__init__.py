@@ -6,7 +6,7 @@ ways: `chunks` (6.1, 6.2, 6.7, 6.8), `header` (5, 6.3), `frames` (6.4, 6.5), `pl
 
 from gsvc_ref.bitstream.coder import CATEGORIES, Element
 from gsvc_ref.bitstream.crc import crc32c, parameter_checksum
-from gsvc_ref.bitstream.decoded import DecodedFrame, FrameSummary, StreamSummary
+from gsvc_ref.bitstream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
 from gsvc_ref.bitstream.header import LEVELS, Level, SequenceHeader, level_for
 from gsvc_ref.bitstream.reader import StreamReader
 from gsvc_ref.bitstream.writer import StreamWriter
@@ -17,6 +17,7 @@ __all__ = [
     "DecodedFrame",
     "Element",
     "FrameSummary",
+    "Gap",
     "Level",
     "SequenceHeader",
     "StreamReader",

@@ -69,7 +69,7 @@ class Reader(Coder):
     def _underflow(self, name: str, bit: int) -> NoReturn:
         if self._end_rule == "R-6.2-3":
             self.fail("R-6.2-3", f"the payload ends inside `{name}`; its elements need more bytes than it has", bit=bit)
-        self.fail(self._end_rule, f"the stream ends inside `{name}`; it was cut", bit=bit)
+        self.fail(self._end_rule, f"the stream ends inside `{name}`: it was cut, or a length is wrong", bit=bit)
 
     def _take(self, bits: int, name: str) -> int:
         self._need(bits, name)

@@ -1,7 +1,7 @@
 """The container: stream prefix, chunks, index and end (spec.md sections 6.1, 6.2, 6.7 and 6.8)."""
 
 from collections.abc import Callable
-from typing import Final, Literal, cast
+from typing import Final, Literal, NoReturn, cast
 
 import numpy as np
 
@@ -54,8 +54,13 @@ def chunk_rest(s: Coder, chunk_type: int, chunk_length: int, payload: bytes = b"
     coded = s.raw("payload", chunk_length, payload, counted=False)
     crc = crc32c(coded, crc32c(bytes([chunk_type]) + encode_uv(chunk_length)))
     if s.le("chunk_crc", 4, crc) != crc:
-        s.fail("R-6.2-2", f"the checksum of a chunk {chr(chunk_type)} is wrong: the chunk is damaged")
+        wrong_checksum(s, chunk_type)
     return coded
+
+
+def wrong_checksum(s: Coder, chunk_type: int, *, bit: int | None = None) -> NoReturn:
+    """Say that the `chunk_crc` coded last, or at `bit`, is wrong (R-6.2-2)."""
+    s.fail("R-6.2-2", f"the checksum of a chunk {chr(chunk_type)} is wrong: the chunk is damaged", bit=bit)
 
 
 def chunk(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, payload: bytes = b"") -> tuple[int, Bytes]:

@@ -65,6 +65,95 @@ def crc32c(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
     return int(_crc32c_kernel(bytes_, np.int64(crc ^ 0xFFFFFFFF), _TABLES)) ^ 0xFFFFFFFF
 
 
+KEPT_EVERY: Final = 64
+"""Bytes between two positions whose register `registers` keeps."""
+
+
+def _zero_tables() -> NDArray[np.uint32]:
+    """(32, 4, 256) u4: what 2^k zero bytes make of a register, for each value of each of its four bytes."""
+    tables = np.empty((32, 4, 256), np.uint32)
+    for byte in range(4):
+        register = np.arange(256, dtype=np.uint32) << np.uint32(8 * byte)
+        tables[0, byte] = (register >> 8) ^ _TABLES[0][register & 0xFF]
+    for k in range(1, 32):  # 2^k zero bytes are 2^(k-1), twice
+        half = tables[k - 1]
+        tables[k] = half[0][half & 0xFF] ^ half[1][half >> 8 & 0xFF] ^ half[2][half >> 16 & 0xFF] ^ half[3][half >> 24]
+    return tables
+
+
+ZERO_TABLES: Final = _zero_tables()
+
+
+@kernel()
+def _registers_kernel(data: NDArray[np.uint8], tables: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    kept = np.empty(len(data) // KEPT_EVERY + 1, np.uint32)
+    kept[0] = 0
+    for n in range(1, len(kept)):
+        part = data[(n - 1) * KEPT_EVERY : n * KEPT_EVERY]
+        kept[n] = _crc32c_kernel(part, np.int64(kept[n - 1]), tables)
+    return kept
+
+
+def registers(data: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """The register, which begins as 0, before each `KEPT_EVERY`-th byte of read-only data: u4, for `crc32c_of_part`."""
+    return _registers_kernel(data, _TABLES)
+
+
+@kernel()
+def _after_zeros(register: np.int64, size: int, zero_tables: NDArray[np.uint32]) -> np.int64:
+    """The register `size` zero bytes later."""
+    k = 0
+    while size > 0:
+        if size & 1:
+            register = (
+                np.int64(zero_tables[k, 0, register & 0xFF])
+                ^ np.int64(zero_tables[k, 1, (register >> 8) & 0xFF])
+                ^ np.int64(zero_tables[k, 2, (register >> 16) & 0xFF])
+                ^ np.int64(zero_tables[k, 3, (register >> 24) & 0xFF])
+            )
+        size >>= 1
+        k += 1
+    return register
+
+
+@kernel()
+def _register_at(
+    data: NDArray[np.uint8], kept: NDArray[np.uint32], at: int, zero_tables: NDArray[np.uint32]
+) -> np.int64:
+    n = at // KEPT_EVERY
+    register = np.int64(kept[n])
+    for i in range(n * KEPT_EVERY, at):
+        register = (register >> 8) ^ np.int64(zero_tables[0, 0, (register ^ data[i]) & 0xFF])
+    return register
+
+
+@kernel()
+def crc32c_of_part(
+    data: NDArray[np.uint8],
+    kept: NDArray[np.uint32],
+    first: int,
+    end: int,
+    zero_tables: NDArray[np.uint32],
+) -> np.int64:
+    """CRC-32C of data[first:end] in a time that does not depend on its length.
+
+    The register is a linear function of what it began as and of the data. So the register at `end` is that of the part
+    alone, begun as FFFFFFFF, plus what (register at `first` + FFFFFFFF) has become after end - first zero bytes.
+
+    Parameters
+    ----------
+    data, kept
+        Bytes, and what `registers` made of them.
+    first, end
+        Half-open range of bytes.
+    zero_tables
+        `ZERO_TABLES`.
+    """
+    before = _register_at(data, kept, first, zero_tables) ^ 0xFFFFFFFF
+    after = _register_at(data, kept, end, zero_tables)
+    return after ^ _after_zeros(before, end - first, zero_tables) ^ 0xFFFFFFFF
+
+
 def parameter_checksum(splats: Splats) -> int:
     """`parameter_checksum` of a frame with these splats (R-6.4-3)."""
     checksum = 0

@@ -1,11 +1,15 @@
 """What a reader hands out: frames, and the account of a whole stream."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameCodes, FrameType
 from gsvc_ref.splats import Splats
+
+MOST_FAULTS: Final = 8
+"""Faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,65 @@ class DecodedFrame:
     size: int
 
 
+@dataclass(frozen=True)
+class Gap:
+    """A damaged part of a stream that was skipped, and the frames that are missing because of it.
+
+    Attributes
+    ----------
+    faults
+        The rules that are broken in it, in the order of the stream; the first `MOST_FAULTS` only.
+    fault_count
+        How many faults there are.
+    offset, size
+        Where the first chunk at fault begins, in bytes from the start of the stream, and the bytes from there to the
+        end of what was skipped; 0 bytes where frames are missing without a trace.
+    skipped
+        How many of these bytes were skipped: all but those of sound chunks that hold no frame.
+    first_missing
+        The number that the next frame should have had.
+    missing_count
+        How many frames are missing from there on; None if the stream does not tell, which happens only at its end.
+    """
+
+    faults: tuple[GsvcError, ...]
+    fault_count: int
+    offset: int
+    size: int
+    skipped: int
+    first_missing: int
+    missing_count: int | None
+
+    def __str__(self) -> str:
+        others = self.fault_count - 1
+        more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
+        return f"{self.frames_missing}: {self.faults[0]}{more}; {self.bytes_skipped}"
+
+    def reaches(self, start: int) -> bool:
+        """Whether it lies behind the frame before `start`, or misses frames from there on."""
+        return self.missing_count is None or self.first_missing + max(self.missing_count, 1) > start
+
+    @property
+    def frames_missing(self) -> str:
+        """Which frames are missing, in words."""
+        first, count = self.first_missing, self.missing_count
+        if count is None:
+            return f"frames from {first} on are missing, if there were any"
+        if count == 0:
+            return "no frame is missing"
+        return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
+
+    @property
+    def bytes_skipped(self) -> str:
+        """Which bytes were skipped, in words."""
+        if self.skipped == 0:
+            return "no bytes skipped"
+        last = self.offset + self.size - 1
+        if self.skipped == self.size:
+            return f"bytes {self.offset:,} to {last:,} skipped"
+        return f"{self.skipped:,} of the bytes {self.offset:,} to {last:,} skipped"
+
+
 @dataclass(frozen=True, slots=True)
 class FrameSummary:
     """`number`, `type`, `splats` (how many), `bits` by category, `offset` and `size` in bytes of a frame."""
@@ -60,11 +123,14 @@ class StreamSummary:
     frames
         The complete frames.
     bits
-        How many bits went to each of `CATEGORIES`, and to ``unread``: what follows a fault. Together 8 · `file_bytes`.
+        How many bits went to each of `CATEGORIES`, and to ``unread``, what follows a fault, or when salvaging to
+        ``skipped``. Together 8 · `file_bytes`.
     file_bytes
         Size of the stream in bytes.
     error
         Why reading stopped before the end, or None.
+    gaps
+        What was skipped; empty unless salvaging.
     """
 
     header: SequenceHeader
@@ -72,3 +138,4 @@ class StreamSummary:
     bits: dict[str, int]
     file_bytes: int
     error: GsvcError | None
+    gaps: list[Gap] = field(default_factory=list)

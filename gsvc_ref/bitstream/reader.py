@@ -8,9 +8,10 @@ from typing import BinaryIO, Self
 
 from gsvc_ref.bitstream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.bitstream.coder import CATEGORIES, Element
-from gsvc_ref.bitstream.decoded import DecodedFrame, FrameSummary, StreamSummary
+from gsvc_ref.bitstream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
 from gsvc_ref.bitstream.header import SequenceHeader
-from gsvc_ref.bitstream.seeking import find_frame, read_end
+from gsvc_ref.bitstream.salvage import Salvage
+from gsvc_ref.bitstream.seeking import find_by_index, find_frame, read_end
 from gsvc_ref.bitstream.source import PIECE, Source
 from gsvc_ref.errors import GsvcError, UsageError
 
@@ -62,6 +63,11 @@ class StreamReader:
         ending = read_end(self._decoder)
         return ending[0] if ending else None
 
+    @property
+    def has_end(self) -> bool:
+        """Whether the last bytes of a file are an end chunk, so that it was not cut; False for a pipe."""
+        return read_end(self._decoder) is not None
+
     def __iter__(self) -> Iterator[DecodedFrame]:
         return self.frames()
 
@@ -71,9 +77,41 @@ class StreamReader:
         Decoding begins at the last I-frame at or before `start`, which the index tells, or else hopping from chunk to
         chunk; a pipe is decoded from its start.
         """
-        if start < 0 or (stop is not None and stop < start):
-            raise UsageError(f"frames {start}:{stop} were asked for; it must be 0 <= start <= stop")
+        _check_range(start, stop)
         return self._frames(start, stop)
+
+    def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
+        """Frames `start` to `stop` - 1 of a damaged file, and the gaps between them, in the order of the stream.
+
+        A damaged frame is skipped, and all frames after it up to the next I-frame (spec.md section 12.5). No fault is
+        raised: what is missing, and why, is in the gaps. A stream without a fault has none.
+
+        Raises
+        ------
+        UsageError
+            The source is a pipe: salvaging goes back and forth.
+        """
+        _check_range(start, stop)
+        self._check_salvage()
+        return self._salvaged(start, stop)
+
+    def _check_salvage(self) -> None:
+        if not self._source.seekable:
+            raise UsageError("salvaging reads parts of a stream more than once, so it needs a file, not a pipe")
+
+    def _salvaged(self, start: int, stop: int | None) -> Iterator[DecodedFrame | Gap]:
+        if stop == start:
+            return
+        first = find_by_index(self._decoder, start) if start else None
+        for part in Salvage(self._decoder, first or self._decoder.first):
+            if isinstance(part, Gap):
+                if part.reaches(start):
+                    yield part
+            elif part.frame is not None and part.frame.number >= start:
+                if stop is None or part.frame.number < stop:
+                    yield part.frame
+                if stop is not None and part.frame.number + 1 >= stop:
+                    return
 
     def _frames(self, start: int, stop: int | None) -> Iterator[DecodedFrame]:
         if stop == start:
@@ -93,15 +131,28 @@ class StreamReader:
                 break
         self._decoder.check_nothing_follows(place)
 
-    def summary(self) -> StreamSummary:
-        """Decode everything, keep no splats, and account for every bit; a fault is returned, not raised."""
+    def summary(self, *, salvage: bool = False) -> StreamSummary:
+        """Decode everything, keep no splats, and account for every bit; a fault is returned, not raised.
+
+        With `salvage`, which needs a file, as `salvage` does it, and all faults are returned in the gaps.
+        """
         bits = Counter(self._decoder.opening_bits)
         frames: list[FrameSummary] = []
+        gaps: list[Gap] = []
         error = None
+        parts: Iterator[DecodedChunk | Gap]
+        if salvage:
+            self._check_salvage()
+            parts = iter(Salvage(self._decoder, self._decoder.first))
+        else:
+            parts = self._chunks(self._decoder.first)
         try:
-            for decoded in self._chunks(self._decoder.first):
-                bits += decoded.bits
-                if (f := decoded.frame) is not None:
+            for part in parts:
+                if isinstance(part, Gap):
+                    gaps.append(part)
+                    continue
+                bits += part.bits
+                if (f := part.frame) is not None:
                     frames.append(FrameSummary(f.number, f.type, len(f.splats), f.bits, f.offset, f.size))
         except GsvcError as fault:
             error = fault
@@ -111,8 +162,8 @@ class StreamReader:
                 pass
             file_bytes = self._source.offset
         counted = {category: bits[category] for category in CATEGORIES}
-        counted["unread"] = 8 * file_bytes - sum(counted.values())
-        return StreamSummary(self.header, frames, counted, file_bytes, error)
+        counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
+        return StreamSummary(self.header, frames, counted, file_bytes, error, gaps)
 
     def close(self) -> None:
         """Close the file, if a path was given."""
@@ -125,3 +176,8 @@ class StreamReader:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _check_range(start: int, stop: int | None) -> None:
+    if start < 0 or (stop is not None and stop < start):
+        raise UsageError(f"frames {start}:{stop} were asked for; it must be 0 <= start <= stop")

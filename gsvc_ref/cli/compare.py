@@ -8,6 +8,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import frame_range
+from gsvc_ref.cli.damage import describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import (
     STDIO,
@@ -22,6 +23,7 @@ from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, tabl
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
+    from gsvc_ref.codec import Stream
     from gsvc_ref.metrics import Comparison, FrameComparison
     from gsvc_ref.rendering import Precision
     from gsvc_ref.video import VideoFormat
@@ -31,12 +33,14 @@ COMMAND: Final = "gsvc compare"
 
 @dataclass(frozen=True)
 class Side:
-    """One of the two videos: its name, format, notes of its reader, and its frames."""
+    """One of the two videos: its name, format, notes of its reader, its frames, and the stream, if it is one."""
 
     name: str
     format: "VideoFormat"
     notes: list[str]
     frames: CompleteFrames
+    start: int = 0
+    stream: "Stream | None" = None
 
 
 def add_command(commands: Any) -> None:
@@ -103,7 +107,7 @@ def open_side(name: str, frames: tuple[int, int | None], precision: "Precision")
 
         with open_stream(name) as stream:
             decoded = gsvc_ref.decode(stream, start=start, stop=stop, precision=precision)
-            yield Side(name, stream.format, [], CompleteFrames(iter(decoded)))
+            yield Side(name, stream.format, [], CompleteFrames(iter(decoded)), start, stream)
     else:
         from gsvc_ref.video import open_video
 
@@ -136,8 +140,11 @@ def _damage(side: Side) -> list[str]:
     """What is wrong with a video, if anything."""
     if side.frames.damage is None:
         return []
-    count = plural(side.frames.count, "complete frame")
-    return [f"{side.name} is damaged after {count}: {side.frames.damage}"]
+    if side.stream is None:
+        count = plural(side.frames.count, "complete frame")
+        return [f"{side.name} is damaged after {count}: {side.frames.damage}"]
+    damage, _ = describe_damage(side.name, side.stream, side.frames.damage, side.start, side.frames.count)
+    return [f"{damage}; only the frames before it could be compared"]
 
 
 def comparison_object(comparison: "Comparison", a: Side, b: Side, first: int) -> dict[str, Any]:

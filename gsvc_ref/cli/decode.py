@@ -8,6 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import frame_range, positive, whole
+from gsvc_ref.cli.damage import Gaps, describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import (
     STDIO,
@@ -33,7 +34,8 @@ def add_command(commands: Any) -> None:
     parser = commands.add_parser(
         "decode",
         help="decode a .gsvc file to a video",
-        description="Decode a .gsvc file to a video. Of a damaged file all complete frames are written (exit code 1).",
+        description="Decode a .gsvc file to a video. Of a damaged file all complete frames before the damage are "
+        "written, with --salvage also those behind it (exit code 1).",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
@@ -56,6 +58,11 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--chroma", choices=("rgb", "420", "422", "444"), help="chroma format to write; default: as the source had"
     )
+    parser.add_argument(
+        "--salvage", action="store_true",
+        help="of a damaged file write every frame that is left: skip damaged ones, and those after them up to the next "
+        "I-frame, and tell what is missing",
+    )  # fmt: skip
     parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
@@ -77,28 +84,41 @@ def _decode(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice
 
     start, stop = arguments.frames
-    with compilation_notice(COMMAND, silent=arguments.quiet), open_stream(arguments.input) as stream:
+    gaps = Gaps(start, stop) if arguments.salvage else None
+    with (
+        compilation_notice(COMMAND, silent=arguments.quiet),
+        open_stream(arguments.input, salvage=arguments.salvage) as stream,
+    ):
         decoded = gsvc_ref.decode(
             stream, start=start, stop=stop,
-            scale=arguments.scale, precision=arguments.precision, threads=arguments.threads,
+            scale=arguments.scale, precision=arguments.precision, threads=arguments.threads, on_gap=gaps,
         )  # fmt: skip
         frames = CompleteFrames(iter(decoded))
-        writer = _write(frames, stream, arguments)
-        if frames.damage is not None:
-            return _report_damage(arguments, frames.damage, frames.count, stream)
-        if writer is None:
+        writer = _write(frames, stream, arguments, gaps)
+        if writer is None and frames.damage is None and not (gaps and gaps.found):
             raise UsageError(f"{_frames_of(stream, arguments)} holds no frame of --frames {start}:{stop or ''}")
-    if not arguments.quiet:
-        out = sys.stderr if arguments.output == STDIO else sys.stdout
-        name, video = display_name(arguments.output, "standard output"), writer.format
-        frames_of = f"{plural(frames.count, 'frame')} of {video.width}x{video.height}"
-        print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
-        for note in writer.notes:
-            print(f"  note: {note}", file=out)
+        if writer is not None and frames.damage is None and not arguments.quiet:
+            _report(arguments, writer)
+        if frames.damage is not None:
+            _report_damage(arguments, frames.damage, frames.count, stream)
+            return EXIT_DATA
+    if gaps is not None and gaps.found:
+        _report_gaps(arguments, gaps, frames.count)
+        return EXIT_DATA
     return 0
 
 
-def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace) -> "VideoWriter | None":
+def _report(arguments: Namespace, writer: "VideoWriter") -> None:
+    """Say what was written."""
+    out = sys.stderr if arguments.output == STDIO else sys.stdout
+    name, video = display_name(arguments.output, "standard output"), writer.format
+    frames_of = f"{plural(writer.frames_written, 'frame')} of {video.width}x{video.height}"
+    print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
+    for note in writer.notes:
+        print(f"  note: {note}", file=out)
+
+
+def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace, gaps: Gaps | None) -> "VideoWriter | None":
     """Write all frames; the closed writer, or None when there was no frame."""
     from gsvc_ref.video import open_writer
 
@@ -114,6 +134,8 @@ def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace) -> "V
         ProgressDisplay(quiet=arguments.quiet) as display,
     ):
         for frame in _with_progress(chain([first], frames), _expected(stream, arguments), display):
+            if gaps is not None:
+                writer.skip(gaps.missing - writer.frames_skipped)
             writer.write(frame)
     return writer
 
@@ -138,27 +160,42 @@ def _with_progress(frames: "Iterable[Frame]", expected: int | None, display: Pro
 
 
 def _expected(stream: "Stream", arguments: Namespace) -> int | None:
-    """How many frames the header promises for the range that was asked for."""
+    """How many frames the stream promises for the range that was asked for."""
     start, stop = arguments.frames
-    total = stream.header.frame_count or None
+    total = stream.frame_count
     ends = [end for end in (stop, total) if end is not None]
     return max(min(ends) - start, 0) if ends else None
 
 
 def _frames_of(stream: "Stream", arguments: Namespace) -> str:
-    total = stream.header.frame_count
+    total = stream.frame_count
     return f"{display_name(arguments.input)}" + (f", with its {plural(total, 'frame')}," if total else "")
 
 
-def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: "Stream") -> int:
-    """Say what the fault is, what was saved and what is missing."""
+def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: "Stream") -> None:
+    """Say what the fault is, what was saved, what is missing and what to do."""
     name, output = display_name(arguments.input), display_name(arguments.output, "standard output")
-    expected, first_missing = _expected(stream, arguments), arguments.frames[0] + count
-    missing = (
-        f"frames {first_missing} to {first_missing + expected - count - 1}" if expected and expected > count else ""
-    )
-    missing = missing or f"what follows frame {first_missing - 1}" if count else "all"
+    start, stop = arguments.frames
+    total, next_number = stream.frame_count, start + count
+    end = total if stop is None else min(stop, total or stop)
+    if count == 0:
+        missing = "all"
+    elif end is None:
+        missing = f"what follows frame {next_number - 1}"
+    elif end > next_number:
+        missing = f"frame {next_number}" if end == next_number + 1 else f"frames {next_number} to {end - 1}"
+    else:
+        missing = "no frame"
     kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
-    say(COMMAND, f"{name} is damaged: {damage}")
-    say(COMMAND, f"{kept}; missing: {missing}. Fetch the file again if you can")
-    return EXIT_DATA
+    fault, advice = describe_damage(name, stream, damage, start, count)
+    say(COMMAND, fault)
+    say(COMMAND, f"{kept}; missing: {missing}. {advice}")
+
+
+def _report_gaps(arguments: Namespace, gaps: Gaps, count: int) -> None:
+    """Say what is damaged and what is missing: a line for each gap, and the sum."""
+    output = display_name(arguments.output, "standard output")
+    for line in gaps.lines():
+        say(COMMAND, line)
+    kept = f"{output} holds {plural(count, 'frame')}" if count else "nothing was written"
+    say(COMMAND, f"{display_name(arguments.input)} is damaged: {gaps.total(count)}; {kept}")

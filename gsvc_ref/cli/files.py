@@ -77,20 +77,29 @@ def holds_stream(name: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def open_stream(name: str) -> "Stream":
+def open_stream(name: str, *, salvage: bool = False) -> "Stream":
     """Open a GSVC stream, or standard input, which is read as it comes.
 
     Raises
     ------
     GsvcError
         It is none, or has no complete header; the message names the file and says what to do.
+    UsageError
+        A pipe is to be salvaged.
     """
     import gsvc_ref
 
+    if salvage and name == STDIO and not sys.stdin.buffer.seekable():
+        raise UsageError(
+            "--salvage goes back and forth in a file, and standard input is a pipe; save it to a file first"
+        )
     try:
         return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name)
     except GsvcError as error:
-        message = f"{display_name(name)}: {error.message}; {_advice(error, name)}"
+        advice = _advice(error, name)
+        if salvage:
+            advice += "; nothing can be salvaged without a sound beginning, which ends with the sequence header"
+        message = f"{display_name(name)}: {error.message}; {advice}"
         raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
 
 

@@ -4,13 +4,15 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import check_input, display_name, open_stream
 from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
 from gsvc_ref.errors import GsvcError
 
 if TYPE_CHECKING:
-    from gsvc_ref.bitstream import FrameSummary, SequenceHeader, StreamSummary
+    from gsvc_ref.bitstream import FrameSummary, Gap, SequenceHeader, StreamSummary
+    from gsvc_ref.codec import Stream
     from gsvc_ref.video import VideoFormat
 
 COMMAND: Final = "gsvc info"
@@ -28,6 +30,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument("input", metavar="FILE", help="a .gsvc file, or - for standard input")
     parser.add_argument("--json", action="store_true", help="print everything, frame by frame, as JSON")
     parser.add_argument("--frames-table", action="store_true", help="print a line for each frame")
+    parser.add_argument(
+        "--salvage", action="store_true", help="of a damaged file tell all that is left, and every gap in it"
+    )
 
 
 def run(arguments: Namespace) -> int:
@@ -37,20 +42,33 @@ def run(arguments: Namespace) -> int:
 
     name = display_name(arguments.input)
     try:
-        with compilation_notice(COMMAND, silent=arguments.json), open_stream(arguments.input) as stream:
-            video, summary = stream.format, stream.info()
+        with (
+            compilation_notice(COMMAND, silent=arguments.json),
+            open_stream(arguments.input, salvage=arguments.salvage) as stream,
+        ):
+            video, summary = stream.format, stream.info(salvage=arguments.salvage)
+            damage = _damage(name, stream, summary)
     except GsvcError as error:  # there is not even a header
         if arguments.json:
             print_json({"error": error_object(error)})
         raise
     if arguments.json:
-        print_json(info_object(summary))
+        print_json(info_object(summary, salvage=arguments.salvage))
     else:
         print("\n".join(describe(name, video, summary, frame_by_frame=arguments.frames_table)))
-    if summary.error is None:
-        return 0
-    say(COMMAND, f"{name} is damaged after {plural(len(summary.frames), 'complete frame')}: {summary.error}")
-    return EXIT_DATA
+    for line in damage:
+        say(COMMAND, line)
+    return EXIT_DATA if damage else 0
+
+
+def _damage(name: str, stream: "Stream", summary: "StreamSummary") -> list[str]:
+    """What to say about damage, if there is any."""
+    count = len(summary.frames)
+    if summary.error is not None:
+        return list(describe_damage(name, stream, summary.error, 0, count))
+    if not summary.gaps:
+        return []
+    return [f"{name} is damaged: {all_gaps(summary.gaps).total(count)}"]
 
 
 def error_object(error: GsvcError) -> dict[str, Any]:
@@ -58,8 +76,21 @@ def error_object(error: GsvcError) -> dict[str, Any]:
     return {"kind": error.kind, "message": error.message, "rule": error.rule, "bit": error.bit}
 
 
-def info_object(summary: "StreamSummary") -> dict[str, Any]:
-    """The summary for ``--json``; `error` is there only when the stream is damaged."""
+def gap_object(gap: "Gap") -> dict[str, Any]:
+    """A gap for JSON."""
+    return {
+        "first_missing": gap.first_missing,
+        "missing_count": gap.missing_count,
+        "offset": gap.offset,
+        "size": gap.size,
+        "skipped": gap.skipped,
+        "fault_count": gap.fault_count,
+        "faults": [error_object(fault) for fault in gap.faults],
+    }
+
+
+def info_object(summary: "StreamSummary", *, salvage: bool) -> dict[str, Any]:
+    """The summary for ``--json``; `gaps` is there with ``--salvage``, else `error` when the stream is damaged."""
     rate = summary.header.frame_rate
     info = {
         "header": summary.header,
@@ -70,7 +101,11 @@ def info_object(summary: "StreamSummary") -> dict[str, Any]:
         "bits": summary.bits,
         "frames": summary.frames,
     }
-    return info if summary.error is None else {**info, "error": error_object(summary.error)}
+    if salvage:
+        info["gaps"] = [gap_object(gap) for gap in summary.gaps]
+    if summary.error is not None:
+        info["error"] = error_object(summary.error)
+    return info
 
 
 def describe(name: str, video: "VideoFormat", summary: "StreamSummary", *, frame_by_frame: bool) -> list[str]:
@@ -82,6 +117,8 @@ def describe(name: str, video: "VideoFormat", summary: "StreamSummary", *, frame
     if summary.frames:
         lines += [_rate_line(summary), _type_line(summary.frames)]
     lines += ["", *bit_lines(summary)]
+    if summary.gaps:
+        lines += ["", *all_gaps(summary.gaps).lines()]
     return lines + (["", *_frame_lines(summary.frames)] if frame_by_frame and summary.frames else [])
 
 
@@ -112,10 +149,11 @@ def _rate_line(summary: "StreamSummary") -> str:
 
 def _type_line(frames: "list[FrameSummary]") -> str:
     types: list[str] = [frame.type for frame in frames]
+    numbers = [frame.number for frame in frames]
     splats = [frame.splats for frame in frames]
     counts = ", ".join(f"{types.count(kind)} {kind}" for kind in "IPR" if kind in types)
     span = f"{min(splats):,}" if min(splats) == max(splats) else f"{min(splats):,} to {max(splats):,}"
-    return f"  frames      {counts} ({frame_runs(types)}); {span} splats each"
+    return f"  frames      {counts} ({frame_runs(types, numbers)}); {span} splats each"
 
 
 def bit_lines(summary: "StreamSummary") -> list[str]:

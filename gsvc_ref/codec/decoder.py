@@ -1,6 +1,7 @@
 """Decoding: a `.gsvc` stream in, frames or splats out, one after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -9,7 +10,7 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
+from gsvc_ref.bitstream import DecodedFrame, Gap, SequenceHeader, StreamReader, StreamSummary
 from gsvc_ref.codec.formats import video_format
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
@@ -43,7 +44,12 @@ class Stream:
     @property
     def format(self) -> VideoFormat:
         """The format of the source that was encoded, with the number of frames if it can be told."""
-        return replace(video_format(self.header), frame_count=self._reader.frame_count)
+        return replace(video_format(self.header), frame_count=self.frame_count)
+
+    @property
+    def frame_count(self) -> int | None:
+        """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
+        return self._reader.frame_count
 
     def __iter__(self) -> Iterator[DecodedFrame]:
         return self._reader.frames()
@@ -52,9 +58,27 @@ class Stream:
         """Frames `start` to `stop` - 1 with their splats, beginning to decode at the nearest I-frame."""
         return self._reader.frames(start, stop)
 
-    def info(self) -> StreamSummary:
-        """All frames and where every bit of the stream went; a fault is in it, not raised."""
-        return self._reader.summary()
+    def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
+        """What is left of frames `start` to `stop` - 1 of a damaged file, and the gaps between, in their order.
+
+        Raises
+        ------
+        UsageError
+            The source is a pipe, which can be read only once.
+        """
+        return self._reader.salvage(start, stop)
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the last bytes of a file are an end chunk, so that it was not cut; False for a pipe."""
+        return self._reader.has_end
+
+    def info(self, *, salvage: bool = False) -> StreamSummary:
+        """All frames and where every bit of the stream went; a fault is in it, not raised.
+
+        With `salvage`, of a damaged file, everything that is left and all gaps.
+        """
+        return self._reader.summary(salvage=salvage)
 
     def close(self) -> None:
         """Close the file, if a path was given."""
@@ -75,6 +99,7 @@ def decode(
     scale: float = 1.0,
     precision: Precision = "fast",
     threads: int | None = None,
+    on_gap: Callable[[Gap], None] | None = None,
 ) -> Iterator[Frame]:
     """Decode a stream to frames, lazily.
 
@@ -88,6 +113,9 @@ def decode(
         Render at this many times the coded size (spec.md section 9.4).
     precision, threads
         As for `gsvc_ref.render`.
+    on_gap
+        Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
+        end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
 
     Yields
     ------
@@ -96,25 +124,31 @@ def decode(
     Raises
     ------
     GsvcError
-        The stream is damaged; all complete frames before the damage have been yielded.
+        The stream is damaged; all complete frames before the damage have been yielded. With `on_gap` only if not even
+        the sequence header is sound.
     UsageError
-        An argument is out of range.
+        An argument is out of range, or a pipe is to be salvaged.
     """
-    if isinstance(source, Stream):
-        yield from _decode(source, start, stop, scale, precision, threads)
-        return
-    with Stream(source) as stream:
-        yield from _decode(stream, start, stop, scale, precision, threads)
+    with nullcontext(source) if isinstance(source, Stream) else Stream(source) as stream:
+        frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
+        yield from _rendered(frames, stream.header, scale, precision, threads)
 
 
-def _decode(
-    stream: Stream, start: int, stop: int | None, scale: float, precision: Precision, threads: int | None
+def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
+    for part in parts:
+        if isinstance(part, Gap):
+            on_gap(part)
+        else:
+            yield part
+
+
+def _rendered(
+    frames: Iterator[DecodedFrame], header: SequenceHeader, scale: float, precision: Precision, threads: int | None
 ) -> Iterator[Frame]:
-    header = stream.header
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None
-    for decoded in stream.frames(start, stop):
+    for decoded in frames:
         if last is None or decoded.type != "R":
             try:
                 splats = decoded.splats.scaled(width / header.width, height / header.height)

@@ -173,7 +173,7 @@ class ImageFolderWriter(VideoWriter):
         self._written: list[Path] = []
 
     def _write(self, frame: Frame) -> None:
-        path = self._folder / f"frame_{self.frames_written:06d}.png"
+        path = self._folder / f"frame_{self.frames_written + self.frames_skipped:06d}.png"
         _write_png(path, frame, self.format)
         self._written.append(path)
 

@@ -75,12 +75,15 @@ class VideoWriter(ABC):
         What frames must fit, and what is written.
     notes
         Sentences about what the target cannot carry.
+    frames_written, frames_skipped
+        How many frames were written, and how many left out by `skip`.
     """
 
     def __init__(self, video: VideoFormat) -> None:
         self.format = video
         self.notes: list[str] = []
         self.frames_written = 0
+        self.frames_skipped = 0
         self._open = True
 
     def write(self, frame: Frame) -> None:
@@ -102,6 +105,10 @@ class VideoWriter(ABC):
             self.abort()
             raise
         self.frames_written += 1
+
+    def skip(self, count: int) -> None:
+        """Leave out frames that are missing: numbered files keep their numbers, other targets become shorter."""
+        self.frames_skipped += count
 
     def close(self) -> None:
         """Complete the result and put it in place; harmless when called twice or after `abort`."""

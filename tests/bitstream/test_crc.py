@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.bitstream import crc32c, parameter_checksum
-from gsvc_ref.bitstream.crc import crc32c_plain
+from gsvc_ref.bitstream.crc import ZERO_TABLES, crc32c_of_part, crc32c_plain, registers
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing import splat_sets
 
@@ -45,3 +45,18 @@ def test_parameter_checksum_sees_the_sign_of_zero() -> None:
     negative = Splats.from_array(np.array([[0, 0, 0, 0, 0, 0, 0, -0.0]]))
     assert parameter_checksum(zero) != parameter_checksum(negative)
     assert parameter_checksum(Splats.empty()) == 0
+
+
+@given(st.binary(max_size=300), st.data())
+def test_the_checksum_of_a_part_is_that_of_its_bytes(data: bytes, draw: st.DataObject) -> None:
+    first = draw.draw(st.integers(0, len(data)))
+    end = draw.draw(st.integers(first, len(data)))
+    array = np.frombuffer(data, np.uint8)
+    assert crc32c_of_part(array, registers(array), first, end, ZERO_TABLES) == crc32c_plain(data[first:end])
+
+
+@pytest.mark.parametrize("size", [1 << 20, (1 << 21) + 77])
+def test_the_checksum_of_a_long_part(size: int) -> None:
+    array = np.frombuffer(np.random.default_rng(1).bytes(size + 100), np.uint8)
+    part = array[33 : 33 + size]
+    assert crc32c_of_part(array, registers(array), 33, 33 + size, ZERO_TABLES) == crc32c(part.tobytes())

@@ -46,6 +46,7 @@ def compiled(stream, tmp_path_factory) -> None:
     """All kernels, so that no test finds the notice of the compiler among a command's messages."""
     output = str(tmp_path_factory.mktemp("compiled"))
     assert main(["decode", str(stream), output, "--quiet"]) == 0
+    assert main(["info", str(stream), "--salvage", "--json"]) == 0
     assert main(["compare", output, str(stream), "--no-vmaf", "--quiet"]) == 0
 
 

@@ -185,7 +185,7 @@ def test_decode_keeps_the_complete_frames_of_a_cut_stream(stream, tmp_path, caps
     folder = tmp_path / "frames"
     assert main(["decode", str(cut), str(folder)]) == 1
     fault, consequence = capsys.readouterr().err.splitlines()
-    assert fault.startswith(f"gsvc decode: {cut} is damaged: malformed: ")
+    assert fault.startswith(f"gsvc decode: {cut} is cut off, or still being written, after {complete} of 4 frames: ")
     if complete:
         assert f"{folder} holds the {complete} complete frame" in consequence
         np.testing.assert_array_equal(read(folder), list(gsvc_ref.decode(stream, stop=complete)))
@@ -201,7 +201,7 @@ def test_info_tells_of_damage(stream, tmp_path, capsys):
     assert main(["info", str(cut)]) == 1
     out, err = capsys.readouterr()
     assert "2 complete frames" in out
-    assert "is damaged after 2 complete frames: malformed:" in err
+    assert "is cut off, or still being written, after 2 of 4 frames: malformed:" in err
     assert main(["info", str(cut), "--json"]) == 1
     info = strict_json(capsys.readouterr().out)
     assert len(info["frames"]) == 2
@@ -259,7 +259,8 @@ def test_compare_goes_as_far_as_a_damaged_stream(clip, stream, tmp_path, capsys)
     assert main(["compare", str(clip), str(cut), "--no-vmaf"]) == 1
     out, err = capsys.readouterr()
     assert "mean of 2 frames" in out
-    assert f"{cut} is damaged after 2 complete frames" in err
+    assert f"{cut} is cut off, or still being written, after 2 of 4 frames" in err
+    assert "only the frames before it could be compared" in err
 
 
 def test_compare_of_a_stream_without_a_frame(clip, stream, tmp_path, capsys):
@@ -269,7 +270,7 @@ def test_compare_of_a_stream_without_a_frame(clip, stream, tmp_path, capsys):
     assert main(["compare", str(clip), str(cut), "--no-vmaf"]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert "is damaged after 0 complete frames" in err
+    assert "after 0 of 4 frames" in err
 
 
 def interrupting(frames_before):

@@ -51,7 +51,7 @@ def test_table_aligns_its_columns():
 @given(st.lists(st.sampled_from("IPR"), min_size=1, max_size=20), st.integers(0, 50))
 def test_frame_runs_name_every_frame_once(types, first):
     named = []
-    for run in frame_runs(types, first).split(", "):
+    for run in frame_runs(types, range(first, first + len(types))).split(", "):
         span, kind = run.split(" ")
         start, _, stop = span.partition("-")
         named += [(number, kind) for number in range(int(start), int(stop or start) + 1)]
@@ -59,7 +59,7 @@ def test_frame_runs_name_every_frame_once(types, first):
 
 
 def test_many_runs_are_cut_short():
-    assert frame_runs("IP" * 50).endswith("19 P, and 80 more runs")
+    assert frame_runs("IP" * 50, range(100)).endswith("19 P, and 80 more runs")
 
 
 def test_format_in_one_line():

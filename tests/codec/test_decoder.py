@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from codec_cases import encoded, fast, video_format, waves
 
+from gsvc_ref.bitstream import Gap
 from gsvc_ref.codec import Stream, decode, encode, scaled_size
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import render, to_frame
@@ -160,6 +161,35 @@ def test_a_cut_stream_gives_the_frames_before_the_cut(stream):
             assert np.array_equal(next(frames), expected[number])
         with pytest.raises(GsvcError, match=r"R-6\.2-4"):
             next(frames)
+
+
+def test_salvaged_frames_are_those_of_the_undamaged_stream(stream):
+    """I P P I P P R with frame 1 damaged: frames 1 and 2 are missing, and on_gap is told before frame 3 comes."""
+    with Stream(stream) as opened:
+        place = next(itertools.islice(opened, 1, None)).offset + 9
+        assert opened.has_end
+    damaged = bytearray(stream)
+    damaged[place] ^= 1
+    expected = list(decode(stream))
+    events = []
+    for frame in decode(bytes(damaged), on_gap=events.append):
+        events.append(frame)
+    first, gap, *others = events
+    assert (gap.first_missing, gap.missing_count) == (1, 2)
+    assert "frames 1 to 2 are missing" in str(gap)
+    assert all(np.array_equal(a, b) for a, b in zip([first, *others], [expected[0], *expected[3:]], strict=True))
+    gaps = []
+    part = list(decode(bytes(damaged), start=2, stop=5, on_gap=gaps.append))
+    assert [str(found) for found in gaps] == [str(gap)]
+    assert all(np.array_equal(a, b) for a, b in zip(part, expected[3:5], strict=True))
+    with Stream(bytes(damaged)) as opened:
+        assert [part.number for part in opened.salvage(3) if not isinstance(part, Gap)] == [3, 4, 5, 6]
+        assert sum(opened.info(salvage=True).bits.values()) == 8 * len(stream)
+
+
+def test_a_pipe_is_not_salvaged(stream):
+    with pytest.raises(UsageError, match="needs a file"):
+        next(decode(Pipe(stream), on_gap=print))
 
 
 def test_format_and_account_of_a_stream(clip, stream):

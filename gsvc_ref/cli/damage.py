@@ -1,0 +1,93 @@
+"""What the commands say about damaged streams: what is missing, why, and what to do."""
+
+from typing import TYPE_CHECKING, Final
+
+from gsvc_ref.cli.text import plural
+from gsvc_ref.errors import GsvcError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gsvc_ref.bitstream import Gap
+    from gsvc_ref.codec import Stream
+
+CUT_RULE: Final = "R-6.2-4"
+OTHER_STREAM_RULE: Final = "R-6.1-3"
+
+
+def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> tuple[str, str]:
+    """Two sentences about the fault that ended reading after `count` frames from `start` on: what it is, what to do."""
+    total = stream.frame_count
+    frames = f"{count:,} of {plural(total, 'frame')}" if total and start == 0 else plural(count, "complete frame")
+    advice = "Fetch the file again if you can"
+    if _more_frames(stream, start + count):
+        return f"{name} is damaged after {frames}: {fault}", f"{advice}; --salvage finds more frames behind the damage"
+    was_cut = fault.rule == CUT_RULE and not stream.has_end
+    state = "cut off, or still being written," if was_cut else "damaged"
+    return f"{name} is {state} after {frames}: {fault}", advice
+
+
+def _more_frames(stream: "Stream", next_number: int) -> bool:
+    """Whether salvaging finds a frame with this number or a greater one."""
+    from gsvc_ref.bitstream import Gap
+
+    try:
+        return any(not isinstance(part, Gap) for part in stream.salvage(next_number))
+    except UsageError:  # a pipe
+        return False
+
+
+class Gaps:
+    """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`.
+
+    Attributes
+    ----------
+    found
+        All gaps so far.
+    missing
+        How many frames of the range are missing so far, as far as is known.
+    more_may_be_missing
+        Whether the stream does not tell how many frames it had.
+    """
+
+    def __init__(self, start: int, stop: int | None) -> None:
+        self._start, self._stop = start, stop
+        self.found: list[Gap] = []
+        self.missing = 0
+        self.more_may_be_missing = False
+
+    def __call__(self, gap: "Gap") -> None:
+        """Count a gap."""
+        self.found.append(gap)
+        if gap.missing_count is None:
+            self.more_may_be_missing = True
+            return
+        end = gap.first_missing + gap.missing_count
+        end = end if self._stop is None else min(end, self._stop)
+        self.missing += max(end - max(gap.first_missing, self._start), 0)
+
+    def lines(self) -> list[str]:
+        """A line for each gap, and one for each other stream that begins inside of one."""
+        lines = []
+        for gap in self.found:
+            lines.append(str(gap))
+            lines += [f"  inside: {fault}" for fault in gap.faults[1:] if fault.rule == OTHER_STREAM_RULE]
+        return lines
+
+    def total(self, count: int) -> str:
+        """How many frames are missing, of those that were found, `count`, and the missing ones."""
+        verb = "is" if self.missing == 1 else "are"
+        if self.more_may_be_missing:
+            known = f"{plural(self.missing, 'frame')} {verb} missing, and " if self.missing else ""
+            return f"{known}any number may be missing at the end, since the file does not tell how many there were"
+        if self.missing == 0:
+            return "no frame is missing"
+        return f"{self.missing:,} of {plural(count + self.missing, 'frame')} {verb} missing"
+
+
+def all_gaps(found: "Iterable[Gap]") -> Gaps:
+    """Gaps of a whole stream."""
+    gaps = Gaps(0, None)
+    for gap in found:
+        gaps(gap)
+    return gaps
