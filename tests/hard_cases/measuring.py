@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import wraps
+from functools import cached_property, wraps
 from typing import Any, Final, ParamSpec, TypeVar
 
 import numpy as np
-from mpmath import isinf, mpf, workdps
+from mpmath import mpf, workdps
 from numpy.typing import ArrayLike, NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
@@ -31,6 +31,7 @@ bound rounds itself. A decision of coverage within the rounding of binary64 woul
 Variant = Callable[..., Mapping[str, Any]]
 """An implementation of a stage: from its inputs, by name, to its outputs."""
 
+F8 = NDArray[np.float64]
 Objects = NDArray[np.object_]
 
 
@@ -61,6 +62,16 @@ class Truth:
     value: Objects
     bound: ArrayLike | None = None
 
+    @cached_property
+    def parts(self) -> tuple[F8, F8]:
+        """The value as a sum of two binary64 numbers."""
+        high = np.array([float(v) for v in self.value.flat]).reshape(self.value.shape)
+        with workdps(DIGITS):
+            low = [
+                float(v - mpf(h)) if np.isfinite(h) else 0.0 for v, h in zip(self.value.flat, high.flat, strict=True)
+            ]
+        return high, np.array(low).reshape(high.shape)
+
 
 @dataclass(frozen=True)
 class Worst:
@@ -85,9 +96,9 @@ class Worst:
         return self.error / self.bound if self.bound > 0 else np.inf
 
     @property
-    def rank(self) -> tuple[float, float]:
+    def rank(self) -> tuple[float, float, float]:
         """What makes it worse than another; without an error anywhere, the largest bound is the one to show."""
-        return self.ratio, self.bound
+        return self.ratio, self.error, self.bound
 
 
 @dataclass(frozen=True)
@@ -101,7 +112,7 @@ class Measurement:
     naive
         Of the naive formula.
     kit
-        Of the kit's own oracle; None without a vector.
+        Of the kit's own oracle; None where it is the bits themselves that are fixed.
     """
 
     ours: Mapping[str, Worst]
@@ -127,10 +138,12 @@ def measure(
     naive: Variant,
 ) -> Measurement:
     """Run implementations on the inputs of a vector and compare them with the truth."""
+    judged_by_kit = {name: truth for name, truth in truths.items() if truth.bound is None}
+    of_kit = {name: expectation.value for name, expectation in expected.items()}
     return Measurement(
         {name: _worst(expected, truths, _run(variant, inputs)) for name, variant in ours.items()},
         _worst(expected, truths, _run(naive, inputs)),
-        _worst(expected, truths, {name: expectation.value for name, expectation in expected.items()}),
+        _worst(expected, judged_by_kit, of_kit) if judged_by_kit else None,
     )
 
 
@@ -151,12 +164,12 @@ def _worst(expected: Mapping[str, Expectation], truths: Mapping[str, Truth], act
 def _errors(expectation: Expectation, truth: Truth, actual: NDArray[Any]) -> list[Worst]:
     """The worst element of an output, by its bound and, where bits are fixed, by those."""
     if isinstance(expectation, Bounded):
-        return [compared(truth.value, actual, expectation.bound)]
+        return [compared(truth, actual, expectation.bound)]
     found = [outside(expectation, actual)]
     if truth.bound is not None:
-        found.append(compared(truth.value, actual, truth.bound))
+        found.append(compared(truth, actual, truth.bound))
     elif actual is expectation.value:  # the kit's: it has to be the true one of the legal integers
-        found.append(compared(truth.value, actual, 0.0))
+        found.append(compared(truth, actual, 0.0))
     return found
 
 
@@ -182,21 +195,18 @@ def outside(expectation: Expectation, actual: NDArray[Any]) -> Worst:
     return Worst(float(np.max(np.where(error > 0, error, 2.0**-149))), 0.0)
 
 
-def compared(truth: Objects, actual: NDArray[Any], bound: ArrayLike) -> Worst:
-    """The worst element of an output against the truth."""
+def compared(truth: Truth, actual: NDArray[Any], bound: ArrayLike) -> Worst:
+    """The worst element of an output against the truth; the difference is good to 30 digits of the truth."""
+    high, low = truth.parts
+    if high.shape != actual.shape:
+        raise ValueError(f"the truth has shape {high.shape}, the output {actual.shape}")
+    wide = actual.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        error = abs((wide - high) - low)
+    error = np.where(np.isfinite(wide) & np.isfinite(high), error, np.where(wide == high, 0.0, np.inf))
     bounds = np.broadcast_to(np.asarray(bound, np.float64), actual.shape)
-    if truth.shape != actual.shape:
-        raise ValueError(f"the truth has shape {truth.shape}, the output {actual.shape}")
-    found = [Worst(_error(*pair), float(b)) for *pair, b in zip(truth.flat, actual.flat, bounds.flat, strict=True)]
+    found = (Worst(*pair) for pair in zip(error.ravel().tolist(), bounds.ravel().tolist(), strict=True))
     return max(found, key=lambda worst: worst.rank, default=Worst(0.0, 0.0))
-
-
-@precise
-def _error(truth: Any, actual: Any) -> float:
-    number = mpf(int(actual)) if isinstance(actual, np.integer | int) else mpf(float(actual))
-    if isinf(truth) or not np.isfinite(float(actual)):
-        return 0.0 if number == truth else np.inf
-    return float(abs(number - truth))
 
 
 def exactly(values: ArrayLike) -> Objects:

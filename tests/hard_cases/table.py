@@ -3,6 +3,8 @@
 import sys
 from collections.abc import Iterable
 
+import numpy as np
+
 from tests.hard_cases.catalogue import Entry, catalogue
 from tests.hard_cases.measuring import Measurement, Worst
 
@@ -14,7 +16,9 @@ END = "<!-- end -->"
 
 def number(value: float) -> str:
     """Two digits."""
-    return "0" if value == 0 else f"{value:.2g}"
+    if value == 0:
+        return "0"
+    return f"{value:.2g}" if np.isfinite(value) else "not finite"
 
 
 def _allowed(worst: Worst) -> str:
@@ -24,7 +28,7 @@ def _allowed(worst: Worst) -> str:
 def row(entry: Entry, measured: Measurement) -> tuple[str, ...]:
     """One line of the table; the naive error and ours are each those of their own worst element."""
     naive, ours = measured.naive, measured.worst
-    of_naive = number(naive.error) + (f" ({number(naive.ratio)} bounds)" if 0 < naive.ratio < float("inf") else "")
+    of_naive = number(naive.error) + (f" ({number(naive.ratio)} bounds)" if 0 < naive.ratio < np.inf else "")
     return (
         entry.name, entry.stage, entry.naive_name, of_naive, number(ours.error), _allowed(ours), number(ours.ratio),
     )  # fmt: skip

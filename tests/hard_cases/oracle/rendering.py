@@ -76,11 +76,15 @@ def _clamped(value: Any) -> mpf:
 
 
 @precise
+def scaled(C: Objects, bit_depth: int) -> Objects:
+    """R-9.1-1 but for the rounding: clamp, and scale to the peak."""
+    return np.array([_clamped(value) * (2**bit_depth - 1) for value in C.flat], object).reshape(C.shape)
+
+
+@precise
 def rounded(C: Objects, bit_depth: int) -> Objects:
     """R-9.1-1: clamp, scale, and round half to even, as integers."""
-    peak = 2**bit_depth - 1
-    samples = [int(_nearest(_clamped(value) * peak)) for value in C.flat]
-    return np.array(samples, object).reshape(C.shape)
+    return np.array([_nearest(value) for value in scaled(C, bit_depth).flat], object).reshape(C.shape)
 
 
 def _nearest(value: mpf) -> int:
