@@ -29,7 +29,7 @@ WHAT_THEY_ARE = {
     "thousands_of_frames": "a thousand, a hundred thousand and a million times as large as the frame",
     "leaning_bands": "bands of one or two pixels that lean, a thousand to a million frames long",
     "shear_of_1e6_to_1e30": "l21 of 1e6, 5e17 and 1e30",
-    "smallest_l11_or_l22": "l11, l22 or both are the smallest normal number",
+    "smallest_l11_or_l22": "l11 or l22 is the smallest normal number, or both are 2^-62",
     "a_million_pixels_away": "their centres a million pixels away, their edge or flank in the frame",
     "a_line_from_a_million_pixels_away": "narrow splats through the frame with centres a million pixels away",
 }

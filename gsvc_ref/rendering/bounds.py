@@ -91,7 +91,9 @@ class WeightErrors:
         self.g_plain = np.exp(-sigma)
         highest = np.exp(-np.maximum(sigma - d_sigma, 0))
         lowest = np.exp(-(sigma + d_sigma))
-        of_exp = (3 + 2 * np.maximum(sigma - d_sigma, 0)) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
+        of_exp = (
+            (3 + 2 * np.maximum(sigma - d_sigma, 0)) * EPS * highest
+        )  # exp(-x) (3 + 2 x) falls: most at the least x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
         self.band = abs(sigma - SUPPORT_SIGMA) <= d_sigma + EPS * SUPPORT_SIGMA
 
