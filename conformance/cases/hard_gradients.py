@@ -82,7 +82,7 @@ def hard_residual_that_cancels() -> Inputs:
 def hard_products(value: float, rng: np.random.Generator) -> Inputs:
     """Residuals of {key} over colours of the inverse order: the product is of the order of 1."""
     rows = [
-        splat(3.3, 2.6, 1.5, 0.7, 1.25, np.array(COLOR) / value),
+        splat(3.3, 2.6, 1.5, 0.7, 1.25, [c / value for c in COLOR]),
         splat(2.3, 3.6, 0.5, -0.7, 2.25, (1 / value,) * 3),
     ]
     expected = yield {"parameters": splats(*rows), "residual": noise(rng, WIDTH, HEIGHT) * np.float32(value)}

@@ -34,7 +34,7 @@ def test_a_line_shows_the_worst_elements():
 
 def test_only_the_table_of_a_page_is_replaced():
     lines = [(entry.name, entry.stage, *"abcde") for entry in catalogue().values()]
-    page = replaced(f"before\n{BEGIN}\nold\n{END}\nafter\n", markdown(lines))
+    page = replaced(f"before\n{BEGIN}\nwhat was\n{END}\nafter\n", markdown(lines))
     assert page.startswith(f"before\n{BEGIN}\n| case |")
     assert page.endswith(f"|\n{END}\nafter\n")
-    assert "old" not in page
+    assert "what was" not in page

@@ -30,7 +30,7 @@ CASES: Final[tuple[Entry, ...]] = (
         "hard_needles_that_lie",
         INVERSE,
         "The reciprocals of (9-3) of a needle lose its width.",
-        BITS + "; condition 10.",
+        BITS + "; roundings count up to 12 times.",
     ),
     _case("hard_specks", NORMALIZED, "1/l11 is a million: d must be exact before it is multiplied.", BITS + "."),
     _case(
@@ -42,7 +42,7 @@ CASES: Final[tuple[Entry, ...]] = (
     _case(
         "hard_a_line_from_a_million_pixels_away",
         OTHER_ORDER,
-        "With a condition of 10^6 each order of roundings puts the line elsewhere.",
+        "Where roundings count 10^6 times, each order of them puts the line elsewhere.",
         BITS + ": every machine puts it at the same place, a fraction of a pixel from the true one.",
     ),
     *(
@@ -59,7 +59,7 @@ CASES: Final[tuple[Entry, ...]] = (
         "hard_grey_of_colours_of_10000",
         BINARY16,
         "Another order of adding gives another grey.",
-        BITS + "; condition 400000, the same grey everywhere, 0.003 off.",
+        BITS + "; condition 370,000: the same grey everywhere, 0.003 off.",
     ),
     *(
         _case(f"extreme_{name}", naive, danger, BITS + ".")

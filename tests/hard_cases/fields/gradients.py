@@ -57,7 +57,7 @@ CASES: Final[tuple[Entry, ...]] = (
             f"core/render_gradients/needle_{slope}",
             CONIC,
             "A needle thinner than a pixel: derivatives of the inverse divide by the square of a determinant of 0.",
-            MOMENTS + "; here up to 10^4, the aspect.",
+            MOMENTS + ".",
         )
         for slope in ("slope_1", "slope_minus_half", "slope_2", "slope_third")
     ),
@@ -76,13 +76,13 @@ CASES: Final[tuple[Entry, ...]] = (
     _case(
         "stress/render_gradients/hard_specks",
         CONIC,
-        "Splats of a millionth of a pixel: determinants of 10^-24, gradients of 10^6.",
+        "Splats of a millionth of a pixel: determinants of 10^-24, gradients of 400,000.",
         "Condition 1: one pixel, and each gradient is a product.",
     ),
     _case(
         "stress/render_gradients/hard_thousands_of_frames",
         CONIC,
-        "Splats a million times as large as the frame: gradients of 10^-7, squares of determinants beyond 10^38.",
+        "Splats a million times as large as the frame: gradients of 10^-6, squares of determinants beyond 10^38.",
         "The residual's signs cancel in each sum, by its own condition sum abs(q m) / abs(sum q m).",
     ),
     _case(
@@ -107,14 +107,14 @@ CASES: Final[tuple[Entry, ...]] = (
     _case(
         "stress/render_gradients/hard_a_million_pixels_away",
         CONIC,
-        "The tail of a splat 10^6 pixels away: gradients of 10^-6 from moments of 3.",
+        "The tail of a splat 10^6 pixels away: gradients of 10^-7 from moments of 3.",
         "The residual's signs cancel; u is nearly the same in all pixels.",
     ),
     _case(
         "stress/render_gradients/hard_a_line_from_a_million_pixels_away",
         CONIC,
         "Narrow splats through the frame with centres 10^6 pixels away.",
-        "The condition 10^6 of u2 goes into every moment: bounds are a hundred times the gradients of such a splat.",
+        "The error of u2, 10^6 roundings, goes into every moment: one splat's bounds are 10^5 times its gradients.",
     ),
     _case(
         "stress/render_gradients/hard_ends_before_the_frame",
@@ -150,7 +150,7 @@ CASES: Final[tuple[Entry, ...]] = (
         "stress/render_gradients/hard_colours_of_10000",
         BINARY16,
         "e . c cancels: colours of 10000, 10000 and -20000 under a grey residual.",
-        "Condition sum abs(e c) / abs(e . c), 10^4 and more: bounds are as large as the gradients, errors a fiftieth.",
+        "Condition sum abs(e c) / abs(e . c), 10^4 and more: bounds are as large as gradients, our errors a fiftieth.",
     ),
     _case(
         "stress/render_gradients/hard_residual_that_cancels",

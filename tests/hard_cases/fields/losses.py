@@ -41,7 +41,7 @@ CASES: Final[tuple[Entry, ...]] = (
     HardCase(
         "stress/weighted_gradients/hard_weights",
         danger="Products of 10000 with gradients cancel to a thousandth, and weights reach from 1e-40 to 1e30.",
-        condition="dL/dw has the condition sum abs(G c) / abs(sum G c), here up to 10^10; its bound is 2^-22 of "
+        condition="dL/dw has the condition sum abs(G c) / abs(sum G c), here 10^7 to 10^8; its bound is 2^-22 of "
         "the sum of magnitudes.",
         truth=weighted_gradients,
         naive=("binary16", naive.in_binary16),
