@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -17,8 +17,6 @@ F4 = NDArray[np.float32]
 WIDTH, HEIGHT = 5, 3
 PRECISIONS = ("fast", "deterministic")
 LARGEST = float(np.finfo(np.float32).max)
-
-examples = settings(max_examples=150)
 
 
 @st.composite
@@ -51,7 +49,6 @@ def within(actual: NDArray, value: NDArray, bound: NDArray, what: str) -> None:
     assert np.all(abs(actual.astype(np.float64) - value)[bounded] <= bound[bounded]), what
 
 
-@examples
 @given(any_splats())
 @example(np.array([[4.5, 3e38, 1, 3e38, 0.5, 1, 1, 1]], np.float32))
 @example(np.array([[0.5, 0.5, 2.0**-126, 3e38, 2.0**-126, 1, 1, 1]], np.float32))
@@ -68,7 +65,6 @@ def test_sums_of_any_splats(parameters):
     assert of_spec.tobytes() == render_sum_deterministic(parameters, WIDTH, HEIGHT)["sum"].tobytes()
 
 
-@examples
 @given(any_splats(), painters())
 def test_gradients_of_any_splats(parameters, rng):
     parameters[:, 5:] = np.clip(parameters[:, 5:], -1e20, 1e20)  # so that no moment leaves the range of binary32
