@@ -75,14 +75,13 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
         for row in range(ROWS):
             v = ((y + np.float32(row)) - mu_y) * inverse_l22 - shear
             s = u * u + v * v
-            covered = s <= SUPPORT_SQUARED
-            g = exp_minus_half(s) if covered else ZERO
-            # v and e . c' may be infinite where nothing is covered, and 0 * infinity is no sum.
-            v = v if covered else ZERO
+            g = exp_minus_half(s) if s <= SUPPORT_SQUARED else ZERO
+            v = v if s <= SUPPORT_SQUARED else ZERO  # it may be infinite there, and 0 * infinity is no sum
             e_red = strip[row * ROW + k]
             e_green = strip[row * ROW + STRIP_WIDTH + k]
             e_blue = strip[row * ROW + 2 * STRIP_WIDTH + k]
-            q = g * (e_red * red + e_green * green + e_blue * blue) if covered else ZERO
+            q = g * (e_red * red + e_green * green + e_blue * blue)
+            q = q if s <= SUPPORT_SQUARED else ZERO  # for the same reason
             qv = q * v
             m_q += q
             m_qv += qv
