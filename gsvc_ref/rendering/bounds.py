@@ -16,7 +16,8 @@ added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 
   w = |u1| delta_1 + |u2| delta_2 + (delta_1^2 + delta_2^2) / 2 and d(sigma) = w + gamma_2 (sigma + w).
 
 **g = exp(-sigma).** The computed value lies between exp(-sigma - d(sigma)) and min(exp(-sigma + d(sigma)), 1), times
-1 ± (3 + 2 (sigma + d(sigma))) eps: d(g) is the larger distance, and 2^-126.
+1 ± (3 + 2 x) eps with x that sigma: exp(-x) (3 + 2 x) falls for x >= 0, so that error is largest at the lower end. d(g)
+is the larger distance, that error and 2^-126.
 
 **The sum** of n terms: smooth = sum |c| d(g) + gamma_(n+2) sum |c| (g + d(g)) + 2 n eta.
 
@@ -90,7 +91,9 @@ class WeightErrors:
         self.g_plain = np.exp(-sigma)
         highest = np.exp(-np.maximum(sigma - d_sigma, 0))
         lowest = np.exp(-(sigma + d_sigma))
-        of_exp = (3 + 2 * (sigma + d_sigma)) * EPS * highest
+        of_exp = (
+            (3 + 2 * np.maximum(sigma - d_sigma, 0)) * EPS * highest
+        )  # exp(-x) (3 + 2 x) falls: most at the least x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
         self.band = abs(sigma - SUPPORT_SIGMA) <= d_sigma + EPS * SUPPORT_SIGMA
 

@@ -101,7 +101,7 @@ def gradients_plain(splats: Splats, residual: F4) -> F4:
 def _strip_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
     """The eight sums of one strip: `u1` (16,), `u2` and `g` (H, 16), `e` (H, 16, 3)."""
     u2 = np.where(g > 0, u2, np.float32(0))
-    q = g * (e[..., 0] * color[0] + e[..., 1] * color[1] + e[..., 2] * color[2])
+    q = np.where(g > 0, g * (e[..., 0] * color[0] + e[..., 1] * color[1] + e[..., 2] * color[2]), np.float32(0))
     r = q * u2
     lanes = np.stack([q, r, r * u2, *(g * e[..., k] for k in range(3))])  # (6, H, 16) f4
     totals = np.zeros((6, STRIP_WIDTH), np.float32)

@@ -81,6 +81,7 @@ def grad_add_rows(moments: F4, strip: F4, x: np.float32, y: np.float32, record: 
             e_green = strip[row * ROW + STRIP_WIDTH + k]
             e_blue = strip[row * ROW + 2 * STRIP_WIDTH + k]
             q = g * (e_red * red + e_green * green + e_blue * blue)
+            q = q if s <= SUPPORT_SQUARED else ZERO  # for the same reason
             qv = q * v
             m_q += q
             m_qv += qv

@@ -1,0 +1,19 @@
+"""Deterministic rendering of the inputs of all hard sums: the bits of spec.md's code."""
+
+import numpy as np
+import pytest
+
+from conformance.case import cases
+from conformance.spec import namespace
+from conformance.stages.rendering import render_sum_deterministic
+from tests.hard_cases.catalogue import HardCase, catalogue
+
+SUMS = [entry.vector for entry in catalogue().values() if isinstance(entry, HardCase) and entry.stage == "render_sum"]
+
+
+@pytest.mark.parametrize("vector", SUMS)
+def test_deterministic_sums_have_the_bits_of_the_text(vector):
+    inputs, _ = cases()[vector].run()
+    with np.errstate(all="ignore"):
+        expected = namespace()["render_sum_deterministic"](**inputs)["sum"]
+    assert render_sum_deterministic(**inputs)["sum"].tobytes() == expected.tobytes()
