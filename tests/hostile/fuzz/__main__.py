@@ -19,7 +19,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--atheris", action="store_true", help="be guided by coverage; kernels run uncompiled")
     parser.add_argument("--seconds", type=int, default=0, help="with --atheris: stop after this time; 0: no limit")
     parser.add_argument("--found", type=Path, default=Path("fuzz-found"), help="with --atheris: keeps new inputs")
-    parser.add_argument("--minimise", type=Path, help="replace the corpus by its own and this folder's inputs of worth")
+    parser.add_argument(
+        "--minimise",
+        type=Path,
+        help="replace the corpus by those of its own and this folder's inputs that are worth keeping",
+    )
     given = parser.parse_args(arguments)
     if given.atheris or given.minimise:
         os.environ["NUMBA_DISABLE_JIT"] = "1"  # before gsvc_ref is imported: coverage sees into Python only

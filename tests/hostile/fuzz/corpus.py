@@ -43,7 +43,7 @@ def reached(target: Target, data: bytes) -> set[Hashable]:
         outcome = execute(target, data)
     finally:
         sys.settrace(None)
-    return found | {(outcome, last_element(data))}
+    return found | {(outcome, last_element(data) if target.folder == "streams" else "")}
 
 
 def last_element(data: bytes) -> str:
@@ -69,14 +69,18 @@ def minimised(target: Target, inputs: Iterable[bytes]) -> list[bytes]:
 
 
 def minimise(name: str, folder: Path) -> None:
-    """Replace the corpus of a target by the minimised union of what it has and of what a folder has."""
+    """Replace the corpus of a target by the minimised union of what it has and of what a folder has.
+
+    A file's origin is the folder, or the folder in it, where it was found.
+    """
     target = TARGETS[name]
     origins = {path.read_bytes(): path.name.rpartition("-")[0] for path in target.corpus()}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         data = path.read_bytes()
         if len(data) <= LONGEST:
-            origins.setdefault(data, name)
-    kept = minimised(target, origins)
+            origins.setdefault(data, path.relative_to(folder.parent).parts[0 if path.parent == folder else 1])
+    made = set(target.seeds())  # these are there anyway
+    kept = [data for data in minimised(target, origins) if data not in made]
     home = CORPUS / target.folder
     home.mkdir(parents=True, exist_ok=True)
     for path in target.corpus():

@@ -12,6 +12,7 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.planes import plane
+from gsvc_ref.bitstream.rans import encode
 from gsvc_ref.codec import Settings
 from gsvc_ref.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_ref.video.images import ImageReader
@@ -34,7 +35,7 @@ def plane_numbers(data: bytes) -> tuple[int, int, int, int]:
 
 
 def planes(data: bytes) -> str:
-    """A plane: gsvc_ref and spec.md's decoder read the same, and what is written of it is read again."""
+    """A plane: gsvc_ref and spec.md's code read and encode the same, and what is written of it is read again."""
     count, alphabet, precision, lanes = plane_numbers(data)
     header = SequenceHeader(level=1, width=1, height=1, entropy_precision=precision, lane_count=lanes)
     spec = namespace()
@@ -55,17 +56,32 @@ def planes(data: bytes) -> str:
         return error.split()[1]
     assert mine.tobytes() == theirs.tobytes()
     assert reader.position == bits.position()
-    _check_encoding(mine, header, alphabet)
+    _check_writing(mine, header, alphabet)
+    _check_encoding(mine, precision, lanes, alphabet)
     return ACCEPTED
 
 
-def _check_encoding(symbols: np.ndarray[Any, Any], header: SequenceHeader, alphabet: int) -> None:
+def _check_writing(symbols: np.ndarray[Any, Any], header: SequenceHeader, alphabet: int) -> None:
+    """What a writer makes of a plane, a reader reads."""
     writer = Writer()
     plane(writer, header, "colors", "plane", len(symbols), alphabet, symbols)
     reader = Reader(writer.getvalue())
     again = plane(reader, header, "colors", "plane", len(symbols), alphabet)
     assert again.tobytes() == symbols.tobytes()
     assert reader.bits_left == 0
+
+
+def _check_encoding(symbols: np.ndarray[Any, Any], precision: int, lanes: int, alphabet: int) -> None:
+    """With any table, gsvc_ref and spec.md's encoder find the same states and words."""
+    counts = np.bincount(symbols, minlength=alphabet).astype(np.int64) + 1
+    if counts.sum() > 1 << precision:
+        return
+    frequencies = (counts << precision) // counts.sum()
+    frequencies[-1] += (1 << precision) - frequencies.sum()
+    states, words = encode(symbols, frequencies, 0, precision, lanes)
+    theirs = namespace()["encode_plane"](symbols, frequencies, precision, lanes)
+    assert states.tobytes() == theirs["lane_states"].tobytes()
+    assert words.tobytes() == theirs["words"].tobytes()
 
 
 def videos(data: bytes) -> str:
