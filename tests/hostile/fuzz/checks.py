@@ -1,0 +1,130 @@
+"""What must hold of what a reader says about any stream."""
+
+import io
+import re
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.errors import ERROR_KINDS, GsvcError
+
+RULE: Final = re.compile(r"R-[3-8](\.\d+)?-\d+")
+DIGITS_OF_UV: Final = range(0, 35, 7)
+
+
+class Pipe(io.BytesIO):
+    """Bytes that come a few at a time and cannot be read again."""
+
+    def seekable(self) -> bool:
+        return False
+
+    def read(self, size: int | None = -1) -> bytes:
+        return super().read(min(7, size) if size is not None and size >= 0 else 7)
+
+
+def taken(reader: StreamReader, start: int = 0) -> tuple[list[DecodedFrame], GsvcError | None]:
+    """The frames from `start` on, and the fault behind them."""
+    frames: list[DecodedFrame] = []
+    try:
+        frames.extend(reader.frames(start))
+    except GsvcError as error:
+        return frames, error
+    return frames, None
+
+
+def read(data: bytes, *, pipe: bool = False) -> tuple[SequenceHeader | None, list[DecodedFrame], GsvcError | None]:
+    """All that a reader says, from its construction on."""
+    try:
+        reader = StreamReader(Pipe(data) if pipe else data)
+    except GsvcError as error:
+        return None, [], error
+    return reader.header, *taken(reader)
+
+
+def uv(data: bytes, at: int) -> tuple[int, int]:
+    """A `uv` at a byte, as far as it goes, and the byte behind it."""
+    value = 0
+    for shift in DIGITS_OF_UV:
+        if at >= len(data):
+            break
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            break
+    return value, at
+
+
+def declared_splats(data: bytes) -> int:
+    """The splats that all frames of a stream declare together: a bound of what decoding it costs."""
+    at, total, checksum_size = PREFIX_SIZE, 0, 0
+    while at < len(data):
+        chunk_type = data[at : at + 1]
+        size, at = uv(data, at + 1)
+        payload = data[at : at + size]
+        at += size + 4
+        if chunk_type == b"H" and total == 0:
+            checksum_size = 4 * (len(payload) > 2 and payload[2] & 1)
+        if chunk_type in b"IP":
+            _, behind = uv(payload, 0)
+            total += uv(payload, behind + checksum_size)[0]
+    return total
+
+
+def same_error(a: GsvcError | None, b: GsvcError | None) -> bool:
+    """Whether two readings failed in the same way."""
+    return str(a) == str(b) and (a is None or b is None or (a.kind, a.rule, a.bit) == (b.kind, b.rule, b.bit))
+
+
+def check_error(error: GsvcError | None, data: bytes, frames: list[DecodedFrame]) -> None:
+    """A fault names a rule, the kind of that rule, and a bit behind all complete frames."""
+    if error is None:
+        return
+    assert error.kind in ERROR_KINDS
+    assert error.rule is not None, f"no rule: {error}"
+    assert RULE.fullmatch(error.rule), error.rule
+    assert error.kind == kind_of(error.rule)
+    assert error.message
+    complete = 8 * (frames[-1].offset + frames[-1].size) if frames else 0
+    assert error.bit is not None, f"no bit: {error}"
+    assert complete <= error.bit <= 8 * len(data), f"{error}: bit {error.bit} of {8 * len(data)}, frames to {complete}"
+
+
+def check_frames(frames: list[DecodedFrame], data: bytes) -> None:
+    """Frames are numbered, follow each other, account for their bits, and are finite."""
+    end = PREFIX_SIZE
+    for number, frame in enumerate(frames):
+        assert frame.number == number
+        assert frame.offset >= end
+        assert data[frame.offset : frame.offset + 1] == frame.type.encode()
+        assert sum(frame.bits.values()) == 8 * frame.size
+        end = frame.offset + frame.size
+        assert np.isfinite(frame.splats.to_array()).all()
+        if frame.type == "R":
+            assert frame.splats == frames[number - 1].splats
+    assert end <= max(PREFIX_SIZE, len(data))
+
+
+def check_summary(
+    summary: StreamSummary, frames: list[DecodedFrame], error: GsvcError | None, data: bytes, header: SequenceHeader
+) -> None:
+    """An account of a stream says what reading says, and every bit is in it once."""
+    assert summary.header == header
+    told = [(f.number, f.type, f.splats, f.bits, f.offset, f.size) for f in summary.frames]
+    assert told == [(f.number, f.type, len(f.splats), f.bits, f.offset, f.size) for f in frames]
+    assert same_error(summary.error, error)
+    assert summary.file_bytes == len(data)
+    assert sum(summary.bits.values()) == 8 * len(data)
+    assert min(summary.bits.values()) >= 0
+    assert error is not None or summary.bits["unread"] == 0
+
+
+def check_same_frames(a: list[DecodedFrame], b: list[DecodedFrame]) -> None:
+    """Two readings gave the same frames, bit for bit."""
+    assert [(f.number, f.type, f.offset, f.size) for f in a] == [(f.number, f.type, f.offset, f.size) for f in b]
+    for mine, theirs in zip(a, b, strict=True):
+        assert mine.splats == theirs.splats
+        assert mine.codes == theirs.codes

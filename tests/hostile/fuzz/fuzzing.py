@@ -1,0 +1,83 @@
+"""The targets by name: what they run, what they begin with, and how their inputs are mutated."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, overview_frames, random_stream, rich_frames, write_stream
+
+from . import other_mutations, other_targets, targets
+from .recoding import plane_recoded
+from .stream_mutations import mutate_stream
+
+CORPUS: Final = Path(__file__).parents[1] / "corpus"
+
+RANDOM_STREAMS: Final = 240
+LONGEST_SEED: Final = 700
+"""How many random streams of at most so many bytes fuzzing begins with, beside the corpus."""
+
+
+def some_streams() -> list[bytes]:
+    """The two example streams and small random ones, many with coded planes; together they use all of the syntax."""
+    made = [write_stream(OVERVIEW_HEADER, overview_frames()), write_stream(RICH_HEADER, rich_frames(12))]
+    seed = 0
+    while len(made) < RANDOM_STREAMS:
+        most = (1, 2, 3, 4, 24, 60)[seed % 6]
+        data = random_stream(seed, max_frames=3, max_count=most, max_pixels=(64, 1024, 4096)[seed % 7 % 3]).data
+        for _ in range(seed % 4):
+            data = plane_recoded(data, Random(seed), made)
+        if len(data) <= LONGEST_SEED:
+            made.append(data)
+        seed += 1
+    return made
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something that is fuzzed.
+
+    Attributes
+    ----------
+    run
+        Takes an input; returns a word for what came of it, and raises only for a defect.
+    folder
+        Of the corpus.
+    seeds
+        Inputs to begin with, beside the corpus.
+    mutate
+        Another input from one, a generator, and others to take parts from.
+    """
+
+    run: Callable[[bytes], str]
+    folder: str
+    seeds: Callable[[], list[bytes]]
+    mutate: Callable[[bytes, Random, Sequence[bytes]], bytes]
+
+    def corpus(self) -> list[Path]:
+        """The files of the corpus that are inputs of this target."""
+        return sorted((CORPUS / self.folder).glob("*.bin"))
+
+
+def _of_streams(run: Callable[[bytes], str]) -> Target:
+    return Target(run, "streams", some_streams, mutate_stream)
+
+
+TARGETS: Final[dict[str, Target]] = {
+    "parser": _of_streams(targets.parser),
+    "reencode": _of_streams(targets.reencode),
+    "pictures": _of_streams(targets.pictures),
+    "differential": _of_streams(targets.differential),
+    "planes": Target(other_targets.planes, "planes", other_mutations.some_planes, other_mutations.mutate_plane),
+    "videos": Target(other_targets.videos, "videos", other_mutations.some_videos, other_mutations.mutate_video),
+    "settings": Target(
+        other_targets.settings, "settings", other_mutations.some_settings, other_mutations.mutate_settings
+    ),
+}
+
+
+def name_of(origin: str, data: bytes) -> str:
+    """The name of a file of the corpus: where it comes from, and its hash."""
+    return f"{origin}-{hashlib.sha256(data).hexdigest()[:12]}.bin"

@@ -1,0 +1,156 @@
+"""What is fuzzed: functions of bytes that say in a word what came of them, and raise only for a defect.
+
+Only GsvcError may come out of readers; it is caught here. Anything else that is raised, an AssertionError included, is
+a defect of gsvc_ref, of spec.md's decoder or of a target.
+"""
+
+import io
+import zlib
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+import gsvc_ref
+from conformance.spec import namespace
+from conformance.stages.bitstream import decode_stream_deterministic, read_stream, reconstruct_stream
+from gsvc_ref.bitstream import DecodedFrame, StreamReader, StreamWriter
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.reconstruction import rendering_work
+from gsvc_ref.rendering import Precision
+
+from .checks import (
+    check_error,
+    check_frames,
+    check_same_frames,
+    check_summary,
+    declared_splats,
+    read,
+    same_error,
+    taken,
+)
+
+SKIPPED: Final = "skipped"
+ACCEPTED: Final = "accepted"
+
+MOST_SPLATS: Final = {"parser": 20_000, "reencode": 600, "pictures": 2_000, "differential": 600}
+"""Splats that a stream may declare, lest single executions take seconds; larger ones have tests of their own."""
+
+MOST_PIXELS: Final = 1 << 12
+MOST_WORK: Final = 1 << 20
+MOST_WORK_OF_SPEC: Final = 1 << 14
+"""Pixels of a frame and pairs of rendering work of a stream that are rendered."""
+
+PRECISIONS: Final[tuple[Precision, ...]] = ("fast", "deterministic")
+
+
+def parser(data: bytes) -> str:
+    """The frames of a stream; for some inputs also its summary, the same from a pipe, and from frames in the middle."""
+    if declared_splats(data) > MOST_SPLATS["parser"]:
+        return SKIPPED
+    way = zlib.crc32(data) % 8  # of the input, so that replaying it goes the same way
+    header, frames, error = read(data)
+    check_frames(frames, data)
+    check_error(error, data, frames)
+    if way == 0:
+        _, from_pipe, error_from_pipe = read(data, pipe=True)
+        check_same_frames(from_pipe, frames)
+        assert same_error(error_from_pipe, error)
+    if header is not None and way == 1:
+        check_summary(StreamReader(data).summary(), frames, error, data, header)
+    if header is not None and way == 2:
+        _check_seeking(StreamReader(data), data, frames, complete=error is None)
+    return ACCEPTED if error is None else str(error.rule)
+
+
+def _check_seeking(reader: StreamReader, data: bytes, frames: list[DecodedFrame], *, complete: bool) -> None:
+    """Frames from any number on are those of the whole stream; an index that lies about payloads may be believed."""
+    count = len(frames)
+    told = reader.frame_count
+    assert not complete or told == count
+    for start in {1, max(0, count - 1), zlib.crc32(data) // 8 % (count + 2)}:
+        found, error = taken(reader, start)
+        check_error(error, data, [])
+        if not complete:
+            continue
+        believed = not {frame.offset for frame in found} <= {frame.offset for frame in frames}
+        if not believed:
+            check_same_frames(found, frames[start:])
+            assert error is None
+
+
+def reencode(data: bytes) -> str:
+    """What a reader accepts, a writer writes, and a reader reads the same again."""
+    if declared_splats(data) > MOST_SPLATS["reencode"]:
+        return SKIPPED
+    header, frames, error = read(data)
+    if header is None or not frames:
+        return str(error and error.rule)
+    target = io.BytesIO()
+    writer = StreamWriter(target, replace(header, frame_count=0), index=zlib.crc32(data) % 2 == 0)
+    for frame in frames:
+        assert writer.write_frame(frame.codes).splats == frame.splats
+    assert sum(writer.finish().values()) == 8 * len(target.getvalue())
+    _, again, fault = read(target.getvalue())
+    assert fault is None, fault
+    assert len(again) == len(frames)
+    for first, second in zip(frames, again, strict=True):
+        assert second.codes == first.codes
+        assert second.splats == first.splats
+    return ACCEPTED if error is None else f"{error.rule} behind frames"
+
+
+def pictures(data: bytes) -> str:
+    """All pictures of a stream, in both precisions."""
+    if declared_splats(data) > MOST_SPLATS["pictures"]:
+        return SKIPPED
+    header, frames, error = read(data)
+    if header is None:
+        return str(error and error.rule)
+    size = header.width, header.height
+    if size[0] * size[1] > MOST_PIXELS or sum(rendering_work(f.splats, *size) for f in frames) > MOST_WORK:
+        return SKIPPED
+    for precision in PRECISIONS:
+        shown: list[Any] = []
+        fault = None
+        try:
+            shown.extend(gsvc_ref.decode(data, precision=precision, threads=1))
+        except GsvcError as raised:
+            fault = raised
+        assert same_error(fault, error)
+        assert len(shown) == len(frames)
+        for number, (frame, picture) in enumerate(zip(frames, shown, strict=True)):
+            assert picture.shape == (header.height, header.width, 3)
+            assert picture.dtype == (np.uint8 if header.bit_depth == 8 else np.uint16)
+            assert picture.max() < 1 << header.bit_depth
+            assert len(frame.splats) or not picture.any()
+            assert frame.type != "R" or np.array_equal(picture, shown[number - 1])
+    if not frames:
+        return str(error and error.rule)
+    return ACCEPTED if error is None else f"{error.rule} behind frames"
+
+
+def differential(data: bytes) -> str:
+    """gsvc_ref and spec.md's decoder: the same frames, kind, rule and bit; without a fault also codes and pictures."""
+    if declared_splats(data) > MOST_SPLATS["differential"]:
+        return SKIPPED
+    mine = reconstruct_stream(data)
+    _assert_same(mine, namespace()["reconstruct_stream"](stream=data))
+    if mine["error"]:
+        return str(mine["error"]).split()[1] + (" behind frames" if len(mine["counts"]) else "")
+    _assert_same(read_stream(data), namespace()["read_stream"](stream=data))
+    reader = StreamReader(data)
+    size = reader.header.width, reader.header.height
+    if size[0] * size[1] <= MOST_PIXELS and sum(rendering_work(f.splats, *size) for f in reader) <= MOST_WORK_OF_SPEC:
+        _assert_same(decode_stream_deterministic(data), namespace()["decode_stream_deterministic"](stream=data))
+    return ACCEPTED
+
+
+def _assert_same(mine: dict[str, Any], theirs: dict[str, Any]) -> None:
+    assert mine.keys() == theirs.keys()
+    for name, value in mine.items():
+        if isinstance(value, str):
+            assert value == theirs[name], f"gsvc_ref says {value!r}, spec.md's decoder {theirs[name]!r}"
+        else:
+            assert (value.dtype, value.shape) == (theirs[name].dtype, theirs[name].shape), name
+            assert value.tobytes() == theirs[name].tobytes(), f"{name} differ"

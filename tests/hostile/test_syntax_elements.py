@@ -1,0 +1,297 @@
+"""Every syntax element at and beyond its limits, with checksums made right: it is accepted, or the rule of its clause.
+
+Elements take their values at all edges. gsvc_ref and spec.md's decoder must say
+the same, down to the bit. (vectors/faulty has one stream per fault; here the whole range of an element stands.)
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+from conformance.cases.building import HEADER, intra_block, operated
+from conformance.elements import ELEMENTS
+from conformance.spec import namespace
+from conformance.stages.bitstream import reconstruct_stream
+from gsvc_ref.bitstream.coder import encode_uv
+from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, split_chunks, write_stream
+
+ACCEPTED: Final = ""
+MOST: Final = 2**32 - 1
+SPLATS: Final = 2**14
+PAYLOAD: Final = 2**20
+"""Splats of a frame and bytes of a payload that level 1 allows."""
+
+ALL_BYTES: Final = range(256)
+BYTES: Final = (*range(18), 31, 32, 63, 64, 65, 66, 127, 128, 129, 254, 255)
+EDGES: Final = (0, 1, 2, 127, 128, 254, 255)
+LARGEST: Final = float(np.finfo(np.float32).max)
+TINY: Final = 2.0**-126
+
+Rule = Callable[[Any], str | tuple[str, ...]]
+"""From a value to the rule that it breaks, or to the possible ones if what follows decides."""
+
+FOLLOWS: Final = (
+    ACCEPTED, "R-3.1-1", "R-3.1-2", "R-3.1-3", "R-3.1-4", "R-5-2", "R-5-4", "R-6.2-3", "R-6.4-3", "R-6.5-1", "R-6.5-2",
+    "R-6.5-3", "R-6.5-4", "R-6.5-5", "R-6.5-6", "R-6.5-7", "R-6.6-1", "R-6.6-2", "R-6.6-3", "R-6.6-4", "R-6.6-5",
+    "R-6.6-6", "R-7-1", "R-8-1",
+)  # fmt: skip
+"""What may come when the element itself is legal, and the elements that follow are taken for others."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Values of one element of a stream, and what each of them breaks.
+
+    Attributes
+    ----------
+    element
+        Of `conformance.elements.ELEMENTS`.
+    values
+        What the element says.
+    rule
+        What must come of a value.
+    stream
+        The stream in which the element says a value.
+    """
+
+    element: str
+    values: Iterable[Any]
+    rule: Rule
+    stream: Callable[[Any], bytes]
+
+
+def overview(*lies: Lie, **header: Any) -> bytes:
+    return write_stream(replace(OVERVIEW_HEADER, **header), overview_frames(), lies=lies)
+
+
+def rich(*lies: Lie, **header: Any) -> bytes:
+    return write_stream(replace(RICH_HEADER, **header), rich_frames(), lies=lies)
+
+
+def one_of_five(*lies: Lie) -> bytes:
+    """One splat, whose first colour is one of five codewords."""
+    return write_stream(HEADER, [FrameCodes.intra_frame(intra_block(1))], lies=lies)
+
+
+def said(name: str, occurrence: int = 0, of: Callable[..., bytes] = overview, **header: Any) -> Callable[[Any], bytes]:
+    """The stream in which an element says a value."""
+    return lambda value: of(Lie(name, value, occurrence), **header)
+
+
+def within(allowed: Iterable[Any], rule: str, then: str | tuple[str, ...] = ACCEPTED) -> Rule:
+    """Allowed values, and the rule that others break."""
+    kept = frozenset(allowed)
+    return lambda value: then if value in kept else rule
+
+
+def always(rule: str) -> Rule:
+    return lambda _: rule
+
+
+def header_rows() -> Iterable[Row]:
+    """The sequence header."""
+    ranges = {
+        "bit_depth": range(8, 17), "video_full_range_flag": range(2), "chroma_sample_loc_type": range(6),
+        "color_stages": range(1, 9), "entropy_precision": range(12, 17), "lane_count": range(1, 65),
+    }  # fmt: skip
+    for name, allowed in ranges.items():
+        yield Row(name, BYTES, within(allowed, "R-6.3-1"), said(name))
+    for name in ("color_primaries", "transfer_characteristics", "matrix_coefficients"):
+        yield Row(name, EDGES, always(ACCEPTED), said(name))
+    yield Row("cholesky_bits", BYTES, within(range(1, 13), "R-6.3-1", FOLLOWS), said("cholesky_bits"))
+    for name, reserved in {"profile": [0], "level": range(1, 6), "chroma_format": range(4)}.items():
+        yield Row(name, BYTES, within(reserved, "R-3.2-1"), said(name))
+    yield Row("flags", BYTES, within([0, 1], "R-3.2-1", FOLLOWS), said("flags"))
+    sizes = {"width": (0, 1, 2, 2**17 // 12, 2**17 // 12 + 1, 65535), "height": (0, 1, 2, 2**13, 2**13 + 1, 65535)}
+    for name, values in sizes.items():
+        most = {"width": 2**17 // 12, "height": 2**13}[name]
+        yield Row(name, values, lambda v, most=most: "R-6.3-1" if v == 0 else ACCEPTED if v <= most else "R-5-1",
+                  said(name))  # fmt: skip
+    for name in ("frame_rate_numerator", "frame_rate_denominator"):
+        yield Row(name, (0, 1, 2**31, MOST), within([1, 2**31, MOST], "R-6.3-1"), said(name))
+    for name in ("sample_aspect_numerator", "sample_aspect_denominator"):
+        yield Row(name, (0, 1, 65535), within([0], "R-6.3-1"), said(name))
+        known = {"sample_aspect_numerator": 1, "sample_aspect_denominator": 1}
+        yield Row(name, (0, 1, 65535), within([1, 65535], "R-6.3-1"), said(name, **known))
+    yield Row("color_codewords", (0, 1, 2, 1024, 1025, 65535), within([1, 2, 1024], "R-6.3-1"), said("color_codewords"))
+    yield Row("frame_count", (0, 1, 2, 3, 4, MOST), within([0, 3], "R-6.3-2"), said("frame_count"))
+
+
+def container_rows() -> Iterable[Row]:
+    """The prefix, chunks, index and end."""
+    magic = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
+    changed = [magic[:n] + bytes([magic[n] ^ bit]) + magic[n + 1 :] for n in range(8) for bit in (1, 0x80)]
+    yield Row("magic", changed, always("R-6.1-1"), said("magic"))
+    yield Row("version_major", BYTES, within([1], "R-6.1-2"), said("version_major"))
+    yield Row("version_minor", EDGES, always(ACCEPTED), said("version_minor"))
+    yield Row("chunk_type", ALL_BYTES, _rule_of_an_empty_chunk,
+              lambda code: operated(lambda c: [*c[:2], (bytes([code]), b""), *c[2:]]))  # fmt: skip
+    for number, chunk in enumerate("HIPRxE"):
+        longest = 1024 if chunk == "H" else PAYLOAD
+        truth = _payload_size(number)
+        lengths = {0, 1, truth, truth + 1, 127, 128, longest, longest + 1, 2**28, MOST}
+        yield Row("chunk_length", sorted(lengths), _rule_of_a_length(truth, longest), said("chunk_length", number))
+        forms = (encode_uv(truth)[:-1] + bytes([encode_uv(truth)[-1] | 0x80, 0]), b"\xff" * 5, b"\x80\x80\x80\x80\x10")
+        yield Row("chunk_length", forms, always("R-3.1-1"), said("chunk_length", number))
+        flips = [lambda crc, bit=bit: crc ^ 1 << bit for bit in (0, 7, 8, 16, 31)]
+        yield Row("chunk_crc", flips, always("R-6.2-2"), said("chunk_crc", number))
+    yield Row("entry_count", (0, 1, 2, 2**20, MOST), within([1], "R-6.2-3"), said("entry_count"))
+    steps = [np.array([[n, o]], np.uint32) for n in (0, 1, MOST) for o in (0, 53, 131, 132, MOST)]
+    yield Row("frame_number_step", steps, lambda s: ACCEPTED if s[0, 1] < 131 else "R-6.7-1", said("frame_number_step"))
+    yield Row("offset_step", steps, lambda s: ACCEPTED if s[0, 1] < 131 else "R-6.7-1", said("frame_number_step"))
+    yield Row("frame_count (end)", (0, 1, 2, 3, 4, MOST), within([3], "R-6.8-1"), said("frame_count", 1))
+    yield Row("index_length", (0, 1, 8, 9, 10, 2**20, MOST), within([9], "R-6.8-2"), said("index_length"))
+
+
+def _payload_size(number: int) -> int:
+    return len(split_chunks(overview())[number][1])
+
+
+def _rule_of_an_empty_chunk(code: int) -> str:
+    letter = bytes([code])
+    if not letter.isalpha():
+        return "R-6.2-1"
+    if letter.islower():
+        return "R-6.2-3" if letter == b"x" else ACCEPTED
+    return {b"H": "R-6.1-3"}.get(letter, "R-6.2-3" if letter in b"IPRE" else "R-3.2-1")
+
+
+def _rule_of_a_length(truth: int, longest: int) -> Rule:
+    """Another length is too long for the level, or for what follows, or moves the checksum."""
+
+    def rule(length: int) -> str | tuple[str, ...]:
+        if length == truth:
+            return ACCEPTED
+        return "R-5-3" if length > longest else ("R-6.2-4", "R-6.2-2")
+
+    return rule
+
+
+def frame_rows() -> Iterable[Row]:
+    """What frames and splat blocks begin with."""
+    for number in range(3):
+        values = (0, 1, 2, 3, 127, 128, 2**28, MOST)
+        yield Row("frame_number", values, within([number], "R-6.4-1"), said("frame_number", number))
+        changes: list[Any] = [0, MOST, *(lambda crc, bit=bit: crc ^ 1 << bit for bit in (0, 7, 8, 16, 31))]
+        yield Row("parameter_checksum", changes, always("R-6.4-3"),
+                  said("parameter_checksum", number, parameter_checksum_flag=True))  # fmt: skip
+    counts = (0, 1, 2, 128, SPLATS, SPLATS + 1, 2**22, 2**22 + 1, MOST)
+    # All planes of the overview are constant: they stand for as many splats as are claimed.
+    yield Row("splat_count", counts, lambda n: "R-6.2-3" if n == 0 else ACCEPTED if n <= SPLATS else "R-5-2",
+              said("splat_count"))  # fmt: skip
+    yield Row("new_splat_count", counts, lambda n: ACCEPTED if n == 0 else "R-6.2-3" if n < SPLATS else "R-5-2",
+              said("new_splat_count"))  # fmt: skip
+    yield Row("survivor_map", (0, 1), within([1], "R-6.2-3"), said("survivor_map.symbol"))
+    intra = {"positions": "R-6.5-2", "cholesky": "R-6.5-2", "quantizer": "R-6.5-4", "colors": "R-6.5-2",
+             "codebooks": "R-6.5-4"}  # fmt: skip
+    inter = {"positions": (ACCEPTED, 0, "R-6.2-3"), "cholesky": (ACCEPTED, 1, "R-6.5-4"),
+             "quantizer": (ACCEPTED, 1, "R-6.5-3"), "colors": (ACCEPTED, 1, "R-6.5-4"),
+             "codebooks": (ACCEPTED, 1, "R-6.5-3")}  # fmt: skip
+    for name, broken in intra.items():
+        flag = f"{name}_present"
+        yield Row(flag, (0, 1), within([1], broken), said(flag))
+        _, other, rule = inter[name]
+        yield Row(flag, (0, 1), within([1 - other], rule), said(flag, 1))
+    for block in range(2):
+        yield Row("block_reserved", range(8), within([0], "R-6.5-1"), said("block_reserved", block))
+
+
+def value_rows() -> Iterable[Row]:
+    """Positions, quantisers, codebooks and what planes stand for."""
+    for axis in "xy":
+        for block in range(2):
+            high_bytes = ALL_BYTES if (axis, block) == ("x", 0) else (*EDGES, 0x7B, 0x7C, 0x7D, 0xFB, 0xFC)
+            yield Row("position_high", high_bytes, lambda high: "R-6.5-7" if high & 0x7C == 0x7C else ACCEPTED,
+                      said(f"position_high[{axis}].symbol", block))  # fmt: skip
+            yield Row("position_low", EDGES, always(ACCEPTED), said(f"position_low[{axis}].symbol", block))
+    scales = (0.0, -0.0, 2.0**-149, TINY - 2.0**-149, TINY, 1.0, 1e30, LARGEST, -TINY, -1.0, np.inf, -np.inf, np.nan)
+    offsets = (0.0, -0.0, 2.0**-149, -TINY, 1e30, -1e30, LARGEST / 2, -LARGEST, np.inf, -np.inf, np.nan)
+    for channel in range(3):
+        yield Row(
+            "cholesky_scale", scales, _rule_of_a_scale, lambda v, c=channel: overview(Lie("cholesky_scale", [v], c))
+        )
+        yield Row("cholesky_offset", offsets, lambda v: ACCEPTED if np.isfinite(v) else "R-3.1-2",
+                  lambda v, c=channel: overview(Lie("cholesky_offset", [v], c)))  # fmt: skip
+    for name in ("l11", "l21", "l22"):
+        yield Row("cholesky_code", (0, 1, 31, 32, 63), always(ACCEPTED), said(f"cholesky_code[{name}].symbol"))
+    yield Row("stage_count", BYTES, within([1], "R-6.5-6"), said("stage_count"))
+    yield Row("codeword_count", (0, 1, 2, 255, 256, 1024, 65535), within([1], "R-6.5-6"), said("codeword_count"))
+    yield Row("codeword_count", (0, 1, 2, 255, 1024, 1025, 65535),
+              lambda n: ACCEPTED if n == 1 else "R-6.2-3" if 1 < n <= 1024 else "R-6.5-6",
+              said("codeword_count", color_codewords=1024))  # fmt: skip
+    patterns = [
+        sign << 15 | exponent << 10 | rest for sign in (0, 1) for exponent in range(32) for rest in (0, 1, 1023)
+    ]
+    yield Row("codeword", patterns, lambda p: "R-3.1-2" if p & 0x7C00 == 0x7C00 else ACCEPTED,
+              lambda p: overview(Lie("codeword", np.array([0, p, 0], "<u2").tobytes())))  # fmt: skip
+    yield Row("color_index", range(8), within(range(5), "R-6.6-2"), said("color_index[1].symbol", of=one_of_five))
+
+
+def _rule_of_a_scale(scale: float) -> str:
+    """The codes of the overview are 8 and more."""
+    if not np.isfinite(scale):
+        return "R-3.1-2"
+    return "R-6.5-5" if scale < TINY else ACCEPTED if scale < 1e36 else "R-8-1"
+
+
+def plane_rows() -> Iterable[Row]:
+    """Planes: of one splat, a raw one has the bits of a constant one."""
+    for plane in range(13):
+        yield Row("plane_mode", range(4), lambda mode: ("R-6.6-1" if mode == 3 else FOLLOWS if mode == 2 else ACCEPTED),
+                  said("plane_mode", plane))  # fmt: skip
+    yield Row("symbol", range(8), within(range(5), "R-6.6-2"), said("color_index[1].symbol", of=one_of_five))
+    in_rich = partial(said, of=rich)
+    yield Row("first_symbol", range(8), always_of(FOLLOWS), in_rich("color_index[1].first_symbol"))
+    yield Row("last_symbol", range(8), always_of(FOLLOWS), in_rich("color_index[1].last_symbol"))
+    for table in range(2):
+        yield Row("table_bits", range(32), lambda bits: (ACCEPTED, "R-6.6-4") if 1 <= bits <= 12 else "R-6.6-3",
+                  in_rich("table_bits", table))  # fmt: skip
+        yield Row("golomb_order", range(16), always_of(FOLLOWS), in_rich("golomb_order", table))
+        others = [lambda f, n=n: [*f[:-1].tolist(), int(f[-1]) + n] for n in (1, 2, 2**12)]
+        others += [lambda f: [0, *f[1:].tolist()], lambda f: [*f[:-1].tolist(), 0]]
+        yield Row("frequency", others, always("R-6.6-4"), in_rich("frequency", table))
+        yield Row(
+            "frequency", ["0" * z + "1" * 40 for z in range(17, 20)], always("R-3.1-3"), in_rich("frequency", table)
+        )
+        yield Row("word_count", (2**14, 2**20, MOST), always("R-6.6-6"), in_rich("word_count", table))
+        yield Row(
+            "word_count", [lambda n, d=d: n + d for d in (1, 2, 3)], always_of(FOLLOWS), in_rich("word_count", table)
+        )
+        low = [lambda x, v=v: [v, *x[1:].tolist()] for v in (0, 1, 65535)]
+        yield Row("lane_state", low, always("R-6.6-5"), in_rich("lane_state", table))
+        other = [lambda x, d=d: [*x[:-1].tolist(), (int(x[-1]) ^ d) | 65536] for d in (1, 2**15, 2**31)]
+        yield Row("lane_state", [*other, lambda x: [MOST] * len(x)], always("R-7-1"), in_rich("lane_state", table))
+    words = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (1, 0x8000, 0xFFFF)]
+    yield Row("word", words, always("R-7-1"), in_rich("word"))
+
+
+def always_of(rules: tuple[str, ...]) -> Rule:
+    return lambda _: rules
+
+
+ROWS: Final = [*header_rows(), *container_rows(), *frame_rows(), *value_rows(), *plane_rows()]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.element)
+def test_values(row: Row) -> None:
+    for value in row.values:
+        data = row.stream(value)
+        mine = reconstruct_stream(data)
+        theirs = namespace()["reconstruct_stream"](stream=data)
+        assert mine["error"] == theirs["error"], value
+        assert mine["parameters"].tobytes() == theirs["parameters"].tobytes(), value
+        expected = row.rule(value)
+        rules = expected if isinstance(expected, tuple) else (expected,)
+        kind, _, rule = str(mine["error"]).rpartition(" ")[0].partition(" ")
+        assert rule in rules, (value, mine["error"])
+        assert rule == ACCEPTED or kind == kind_of(rule)
+
+
+def test_every_element_has_a_row() -> None:
+    assert {row.element for row in ROWS} == ELEMENTS.keys()
