@@ -20,6 +20,8 @@ FLAGS: Final[dict[str, tuple[str, str]]] = {
     "factor": ("a mean in place of a sum, or of another count", "thresholds and learning rates mean something else"),
     "first-step": ("the optimiser's first difference of gradients is not zero", "the first step is too large"),
     "fused": ("a multiplication and an addition are fused", "the last bit of parameters differs, and drifts"),
+    "hard": ("a formula that is right for real numbers loses its digits or leaves the range",
+             "NaN, infinities or garbage where a result is promised"),
     "index": ("the index is believed, or demanded", "wrong frames after a seek, legal streams refused"),
     "kept": ("quantisers or codebooks are kept too long, not long enough, or for the wrong kind of block",
              "colours or shapes of later frames are wrong"),

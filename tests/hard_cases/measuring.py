@@ -1,0 +1,208 @@
+"""How far outputs are from the truth, against the bound of that very element."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any, Final, ParamSpec, TypeVar
+
+import numpy as np
+from mpmath import isinf, mpf, workdps
+from numpy.typing import ArrayLike, NDArray
+
+from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
+from conformance.spec import namespace
+from conformance.stage import Values, stages
+
+DIGITS: Final = 60
+"""Decimal digits of the truth."""
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+FAR: Final = 2.0**-29
+"""How much of a bound the kit's own oracle, in binary64, may use.
+
+The bounds are sums of terms that are proportional to eps = 2^-23 or to higher powers of it, one for each operation, or
+cover an underflow. The oracle performs the same operations to the nearest binary64, where each is off by at most
+2^-53 = 2^-30 eps, and nothing underflows: it is within 2^-30 of the bound, and 2^-29 leaves a factor 2 for what the
+bound rounds itself. A decision of coverage within the rounding of binary64 would be an exception; no case has one.
+"""
+
+Variant = Callable[..., Mapping[str, Any]]
+"""An implementation of a stage: from its inputs, by name, to its outputs."""
+
+Objects = NDArray[np.object_]
+
+
+def precise(function: Callable[P, R]) -> Callable[P, R]:
+    """A function of `tests.hard_cases.oracle`: it calculates with DIGITS digits."""
+
+    @wraps(function)
+    def with_digits(*args: P.args, **kwargs: P.kwargs) -> R:
+        with workdps(DIGITS):
+            return function(*args, **kwargs)
+
+    return with_digits
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What an output is.
+
+    Attributes
+    ----------
+    value
+        In the output's shape, of mpf; or integers, for outputs that are decided or rounded.
+    bound
+        (same shape) f8, for outputs that the kit fixes to the bit and that lie within a bound all the same; else None:
+        the bound of the vector.
+    """
+
+    value: Objects
+    bound: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The element of all outputs whose error is largest as a multiple of its bound.
+
+    Attributes
+    ----------
+    error
+        Its error: infinite for a NaN, or where only one of output and truth is infinite.
+    bound
+        Its bound: 0 for integers and bits, which have to be the legal ones.
+    """
+
+    error: float
+    bound: float
+
+    @property
+    def ratio(self) -> float:
+        """The error as a multiple of the bound."""
+        if self.error == 0:
+            return 0.0
+        return self.error / self.bound if self.bound > 0 else np.inf
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What makes it worse than another; without an error anywhere, the largest bound is the one to show."""
+        return self.ratio, self.bound
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a case finds.
+
+    Attributes
+    ----------
+    ours
+        By implementation: gsvc_ref, the code of spec.md, and others.
+    naive
+        Of the naive formula.
+    kit
+        Of the kit's own oracle; None without a vector.
+    """
+
+    ours: Mapping[str, Worst]
+    naive: Worst
+    kit: Worst | None = None
+
+    @property
+    def worst(self) -> Worst:
+        """The worst of ours."""
+        return max(self.ours.values(), key=lambda worst: worst.rank)
+
+
+def implementations(stage: str) -> dict[str, Variant]:
+    """What the project has of a stage."""
+    return {"gsvc_ref": stages()[stage].reference, "spec.md": namespace()[stage]}
+
+
+def measure(
+    inputs: Values,
+    expected: Mapping[str, Expectation],
+    truths: Mapping[str, Truth],
+    ours: Mapping[str, Variant],
+    naive: Variant,
+) -> Measurement:
+    """Run implementations on the inputs of a vector and compare them with the truth."""
+    return Measurement(
+        {name: _worst(expected, truths, _run(variant, inputs)) for name, variant in ours.items()},
+        _worst(expected, truths, _run(naive, inputs)),
+        _worst(expected, truths, {name: expectation.value for name, expectation in expected.items()}),
+    )
+
+
+def _run(variant: Variant, inputs: Values) -> Mapping[str, Any]:
+    own = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in inputs.items()}
+    with np.errstate(all="ignore"):
+        return variant(**own)
+
+
+def _worst(expected: Mapping[str, Expectation], truths: Mapping[str, Truth], actual: Mapping[str, Any]) -> Worst:
+    worst = Worst(0.0, 0.0)
+    for name, truth in truths.items():
+        for found in _errors(expected[name], truth, np.asarray(actual[name])):
+            worst = max(worst, found, key=lambda one: one.rank)
+    return worst
+
+
+def _errors(expectation: Expectation, truth: Truth, actual: NDArray[Any]) -> list[Worst]:
+    """The worst element of an output, by its bound and, where bits are fixed, by those."""
+    if isinstance(expectation, Bounded):
+        return [compared(truth.value, actual, expectation.bound)]
+    found = [outside(expectation, actual)]
+    if truth.bound is not None:
+        found.append(compared(truth.value, actual, truth.bound))
+    elif actual is expectation.value:  # the kit's: it has to be the true one of the legal integers
+        found.append(compared(truth.value, actual, 0.0))
+    return found
+
+
+def outside(expectation: Expectation, actual: NDArray[Any]) -> Worst:
+    """By how much integers, or numbers that are fixed to the bit, are others than the legal ones; the bound is 0."""
+    assert isinstance(expectation, Exact | Decision | Interval)
+    with np.errstate(all="ignore"):
+        same_type = actual.astype(expectation.value.dtype)
+    if expectation.judge(same_type).passed:
+        return Worst(0.0, 0.0)
+    if isinstance(expectation, Interval):
+        low, high = expectation.lowest, expectation.highest
+    else:
+        other = expectation.alternative if isinstance(expectation, Decision) else None
+        low = high = expectation.value
+        if other is not None:
+            low, high = np.minimum(low, other), np.maximum(high, other)
+    wide = actual.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        error = np.maximum(low.astype(np.float64) - wide, wide - high.astype(np.float64))
+    error = np.where(np.isnan(wide), np.inf, error)
+    # Wrong as well, if by nothing that can be subtracted: a zero of the other sign, one infinity for another.
+    return Worst(float(np.max(np.where(error > 0, error, 2.0**-149))), 0.0)
+
+
+def compared(truth: Objects, actual: NDArray[Any], bound: ArrayLike) -> Worst:
+    """The worst element of an output against the truth."""
+    bounds = np.broadcast_to(np.asarray(bound, np.float64), actual.shape)
+    if truth.shape != actual.shape:
+        raise ValueError(f"the truth has shape {truth.shape}, the output {actual.shape}")
+    found = [Worst(_error(*pair), float(b)) for *pair, b in zip(truth.flat, actual.flat, bounds.flat, strict=True)]
+    return max(found, key=lambda worst: worst.rank, default=Worst(0.0, 0.0))
+
+
+@precise
+def _error(truth: Any, actual: Any) -> float:
+    number = mpf(int(actual)) if isinstance(actual, np.integer | int) else mpf(float(actual))
+    if isinf(truth) or not np.isfinite(float(actual)):
+        return 0.0 if number == truth else np.inf
+    return float(abs(number - truth))
+
+
+def exactly(values: ArrayLike) -> Objects:
+    """Numbers of binary32, binary64 or integers as mpf, exactly, in the same shape."""
+    array = np.asarray(values)
+    wide = [mpf(int(v)) if array.dtype.kind in "iub" else mpf(float(v)) for v in array.flat]
+    result = np.empty(len(wide), object)
+    result[:] = wide
+    return result.reshape(array.shape)

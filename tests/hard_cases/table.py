@@ -1,0 +1,69 @@
+"""The table of all hard cases: what a naive formula, our code and the bound say."""
+
+import sys
+from collections.abc import Iterable
+
+from tests.hard_cases.catalogue import Entry, catalogue
+from tests.hard_cases.measuring import Measurement, Worst
+
+HEADER = ("case", "stage", "naive formula", "naive error", "our error", "bound", "error / bound")
+
+BEGIN = "<!-- the table of `python -m tests.hard_cases --markdown`: begin -->"
+END = "<!-- end -->"
+
+
+def number(value: float) -> str:
+    """Two digits."""
+    return "0" if value == 0 else f"{value:.2g}"
+
+
+def _allowed(worst: Worst) -> str:
+    return number(worst.bound) if worst.bound else "exact"
+
+
+def row(entry: Entry, measured: Measurement) -> tuple[str, ...]:
+    """One line of the table; the naive error and ours are each those of their own worst element."""
+    naive, ours = measured.naive, measured.worst
+    of_naive = number(naive.error) + (f" ({number(naive.ratio)} bounds)" if 0 < naive.ratio < float("inf") else "")
+    return (
+        entry.name, entry.stage, entry.naive_name, of_naive, number(ours.error), _allowed(ours), number(ours.ratio),
+    )  # fmt: skip
+
+
+def rows() -> list[tuple[str, ...]]:
+    """All lines, measured; progress goes to the standard error."""
+    made = []
+    for done, entry in enumerate(catalogue().values(), 1):
+        print(f"\r{done} of {len(catalogue())}", end="", file=sys.stderr)
+        made.append(row(entry, entry.measure()))
+    print(file=sys.stderr)
+    return made
+
+
+def plain(lines: Iterable[tuple[str, ...]]) -> str:
+    """The table for a terminal."""
+    table = [HEADER, *lines]
+    widths = [max(len(line[k]) for line in table) for k in range(len(HEADER))]
+    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in table)
+
+
+def markdown(lines: Iterable[tuple[str, ...]]) -> str:
+    """The table for a page, and below it what could go wrong and how accurate each case can be."""
+    lines = list(lines)
+    names = [f"`{stage}` {case}" for case, stage, *_ in lines]
+    parts = [
+        "| case | naive formula | naive error | our error | bound | error / bound |",
+        "|---|---|---:|---:|---:|---:|",
+    ]
+    parts += [f"| {name} | {' | '.join(line[2:])} |" for name, line in zip(names, lines, strict=True)]
+    parts += ["", "| case | what could go wrong | how accurate the result can be |", "|---|---|---|"]
+    entries = catalogue().values()
+    parts += [f"| {name} | {e.danger} | {e.condition} |" for name, e in zip(names, entries, strict=True)]
+    return "\n".join(parts)
+
+
+def replaced(page: str, table: str) -> str:
+    """A page with another table between its two marks."""
+    before, _, rest = page.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{table}\n{END}{after}"
