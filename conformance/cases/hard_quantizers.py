@@ -56,14 +56,14 @@ def zero_that_fusing_misses() -> Inputs:
 
 @case("stress", "lsq_gradients", flags=["cancellation"])
 def gradients_of_large_codes(rng: np.random.Generator) -> Inputs:
-    """200 codes in the thousands whose values lie at most half a step away: dL/ds is a sum of g (q - t).
+    """64 codes of 16 bits whose values lie at most half a step away: dL/ds is a sum of g (q - t).
 
-    The sums of g q and g t, which differ by it, are ten thousand times larger.
+    The sums of g q and g t, which differ by it, are a hundred thousand times larger.
     """
-    codes, fraction = rng.integers(3000, 4095, 200), rng.integers(-500, 500, 200) / 1024
+    codes, fraction = rng.integers(50_000, 65_535, 64), rng.integers(-60, 61, 64) / 128
     x = ((codes + fraction) / 64).astype(np.float32)[:, None]
-    grad = rng.normal(size=(200, 1)).astype(np.float32)
-    expected = yield {"x": x, **channels(1 / 64, 0), "bits": 12, "grad_output": grad}
+    grad = rng.normal(size=(64, 1)).astype(np.float32)
+    expected = yield {"x": x, **channels(1 / 64, 0), "bits": 16, "grad_output": grad}
     assert np.isclose(expected["grad_scale"].value[0], -np.sum(grad[:, 0] * fraction), rtol=1e-9)
 
 
@@ -113,17 +113,17 @@ def fewer_colours_than_codewords() -> Inputs:
 
 @case("stress", "commitment", flags=["cancellation", "stages"])
 def residuals_that_cancel() -> Inputs:
-    """Colours near 30,000 of which the stages leave 3/8 and then -3/8 and a little: the gradient is that little.
+    """Colours near 1000 of which the stages leave 3/8, then -3/8, then nothing but a little: the gradient is little.
 
-    M x - M C1 - (M - 1) C2 ... is the same sum in real numbers, formed of terms of 60,000.
+    M x - M C1 - (M - 1) C2 - ... is the same sum in real numbers, formed of terms of 3000.
     """
-    near = np.array([30_000, -28_000, 16_384], np.float32)
-    little = f4([1, -2, 3], [-5, 7, 9], [11, -13, 15]) * np.float32(2.0**-10)
+    near, little = f4(1000, -900, 1020), f4([5, -7, 9], [-11, 13, 15], [17, -19, 23]) * np.float32(2.0**-13)
     expected = yield {
-        "x": near + np.float32(0.375) + little, "indices": np.array([[1, 0], [1, 1], [1, 0]], np.uint16),
-        "codebook_sizes": np.array([2, 2], np.int64),
-        "codebooks": np.concatenate([f4([0, 0, 0]), near[None], f4([0.75] * 3, [0.75 + 2.0**-9] * 3)]),
+        "x": near + np.float32(0.375) + little, "indices": np.array([[1, 0, 0]] * 3, np.uint16),
+        "codebook_sizes": np.array([2, 1, 1], np.int64),
+        "codebooks": np.concatenate([f4([0, 0, 0]), near[None], f4([0.75] * 3, [-0.375] * 3)]),
     }  # fmt: skip
+    assert np.allclose(expected["grad_x"].value, 2 / 9 * 3 * little, rtol=1e-9)
     assert np.all(expected["grad_x"].bound < 1e-3 * abs(expected["grad_x"].value))
 
 

@@ -8,19 +8,22 @@ from conformance.cases.key_frames import PAPER, losses
 
 @case("stress", "select_key_frames", flags=["ties"], each={"11": 11, "40": 40}, said={"11": "11 frames"})
 def equal_differences(value: int) -> Inputs:
-    """All losses are equal, 0.1 from scratch and 0.7 predicted, {key}: nothing stands out.
+    """All losses are equal, 0.1 from scratch and 1.2 predicted, {key}: nothing stands out.
 
     Neither the mean nor the deviation of equal decimal fractions comes out exactly in binary64.
     """
-    inputs = {"losses_i": np.full(value, 0.1), "losses_p": np.full(value - 1, 0.7), **PAPER}
+    inputs = {"losses_i": np.full(value, 0.1), "losses_p": np.full(value - 1, 1.2), **PAPER}
     expected = yield inputs
     assert expected["key_frames"].value.tolist() == [0]
 
 
 @case("stress", "select_key_frames", flags=["window"])
 def cuts_at_both_ends() -> Inputs:
-    """Cuts at the first and the last of 40 frames that have a difference: their windows are half as long."""
-    expected = yield {**losses(40, {1: 50, 39: 60}), **PAPER}
+    """Cuts on a high floor, at the first and the last frame with a difference: their windows are half as long.
+
+    Zeros in place of the missing frames would be far below the floor, and the deviation large.
+    """
+    expected = yield {**losses(40, {1: 60, 39: 70}, floor=50), **PAPER}
     assert expected["key_frames"].value.tolist() == [0, 1, 39]
 
 

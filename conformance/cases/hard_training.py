@@ -26,7 +26,7 @@ def late_steps(rng: np.random.Generator) -> Inputs:
     k = inputs["steps"][:, None] + 1.0
     true, rounded = (np.sqrt(1 - b**k) for b in (SLOW["beta3"], float(np.float32(SLOW["beta3"]))))
     assert np.all(abs(rounded / true - 1)[2:4] > 1e-4)
-    assert np.all(expected["parameters"].bound < 1e-5 * abs(expected["parameters"].value))
+    assert np.all(expected["parameters"].bound < 2e-4 * abs(expected["parameters"].value))
 
 
 @case("stress", "adan_step", flags=["cancellation"])
