@@ -69,7 +69,7 @@ def gradients_of_large_codes(rng: np.random.Generator) -> Inputs:
 
 @case("stress", "lsq_gradients", flags=["signed-zero", "region"])
 def gradients_of_signed_zeros() -> Inputs:
-    """t = -0 is not below 0: by its sign alone it would be, and its gradient would go to the offset."""
+    """T = -0 is not below 0: by its sign alone it would be, and its gradient would go to the offset."""
     x = f4([-0.0, 2.5], [0.0, -2.5], [-0.0, 2.5])
     expected = yield {
         "x": x, "scale": f4(0.5, 0.25), "offset": f4(0, 2.5), "bits": 6, "grad_output": f4([1, -2], [4, 8], [16, -32]),

@@ -70,24 +70,17 @@ def gradients_at_the_limit() -> Inputs:
 
     (g + b2 d)^2 is 2^127 then. Averages kept as plain sums, without the factors 1 - b, pass the end of binary32.
     """
-    rows, columns = 4, 3
-    sign = np.where(np.arange(rows * columns).reshape(rows, columns) % 2 == 0, 1, -1)
-    gradients = (sign * LARGEST_GRADIENT).astype(np.float32)
     steps = np.array([0, 1, 60, 99_999], np.int64)
-    past = (steps > 0)[:, None]
-    largest = 2.84**2 * LARGEST_GRADIENT**2
-    zeros = np.zeros((rows, columns), np.float32)
-    inputs = {
-        "parameters": f4(*[[1, -2, 3]] * rows), "gradients": gradients,
-        "m": np.where(past, -0.01 * gradients, zeros), "v": np.where(past, -0.9 * gradients, zeros),
-        "n": np.where(past, np.float32(largest) * np.minimum(1 - 0.99 ** steps[:, None], 1), zeros).astype(np.float32),
-        "previous": np.where(past, -gradients, zeros), "steps": steps, "rates": f4(1e-2, 0, 1e-3),
-        "units": f4(1, 1, 1), **BETAS,
+    gradients = (np.resize([1, -1], (4, 3)) * LARGEST_GRADIENT).astype(np.float32)
+    past = np.where(steps[:, None] > 0, gradients, 0)
+    n = (2.84 * past.astype(np.float64)) ** 2 * (1 - 0.99 ** steps[:, None])
+    expected = yield {
+        "parameters": f4(*[[1, -2, 3]] * 4), "gradients": gradients, "m": (-0.01 * past).astype(np.float32),
+        "v": (-0.9 * past).astype(np.float32), "n": n.astype(np.float32), "previous": -past, "steps": steps,
+        "rates": f4(1e-2, 0, 1e-3), "units": f4(1, 1, 1), **BETAS,
     }  # fmt: skip
-    inputs["m"], inputs["v"] = inputs["m"].astype(np.float32), inputs["v"].astype(np.float32)
-    expected = yield inputs
     assert np.all(expected["n"].value < np.finfo(np.float32).max)
-    assert expected["parameters"].value[:, 1].tolist() == [-2] * rows
+    assert expected["parameters"].value[:, 1].tolist() == [-2] * 4
 
 
 # --- Learning rates and convergence ----------------------------------------------------------------------------------

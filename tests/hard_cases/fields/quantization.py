@@ -49,7 +49,9 @@ HALVES: Final[tuple[Entry, ...]] = (
         "Bits are cut off before the rounding, and a number just above a tie becomes one.",
         "cut, then rounded",
     ),
-    halves("core/to_half/largest_half", "What is below 65520 rounds to 65504, not to infinity.", "beyond 65504 is infinity"),
+    halves(
+        "core/to_half/largest_half", "What is below 65520 rounds to 65504, not to infinity.", "beyond 65504 is infinity"
+    ),
     halves("core/to_half/down_to_zero", "Subnormal results are flushed to zero.", "subnormal numbers are zero"),
 )
 
@@ -109,9 +111,7 @@ LSQ: Final[tuple[Entry, ...]] = (
 )
 
 CODEBOOKS: Final[tuple[Entry, ...]] = (
-    nearest(
-        "core/rvq_assign/equal_codewords", "Of equal codewords the last is taken.", EXACT, "the last of equals"
-    ),
+    nearest("core/rvq_assign/equal_codewords", "Of equal codewords the last is taken.", EXACT, "the last of equals"),
     nearest(
         "stress/rvq_assign/identical_codewords",
         "A codebook of one codeword again and again has ties everywhere, in every stage.",
@@ -143,7 +143,7 @@ CODEBOOKS: Final[tuple[Entry, ...]] = (
     HardCase(
         "stress/commitment/residuals_that_cancel",
         "The residuals of the stages, of either sign, add up to a hundredth of the first.",
-        "Each residual is exact where codewords are near; their sum has the condition sum abs(r) / abs(sum r), 50 to 400 here.",
+        "Each residual is exact for near codewords; their sum has the condition sum abs(r) / abs(sum r), 130 to 600.",
         oracle.commitment,
         ("M x - M C1 - (M - 1) C2", naive.commitment_expanded),
     ),

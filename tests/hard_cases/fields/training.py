@@ -8,8 +8,8 @@ from tests.hard_cases.naive.training import rates_in_binary32
 from tests.hard_cases.oracle.training import adan_step, learning_rates
 
 CORRECTION: Final = (
-    "1 - b^k is formed in binary64 and rounded once, so that it has one rounding for any k; from a binary32 b it has the "
-    "condition k b^k / (1 - b^k)."
+    "1 - b^k is formed in binary64 and rounded once, so that it has one rounding for any k; from a binary32 b it has "
+    "the condition k b^k / (1 - b^k)."
 )
 EPSILON: Final = (
     "Where sqrt(n) is far below epsilon, n may lose all its digits, or be flushed to zero: the step is m / epsilon to "

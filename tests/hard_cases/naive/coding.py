@@ -10,6 +10,7 @@ from tests.hard_cases.oracle.coding import Bits
 
 U2 = NDArray[np.uint16]
 
+
 def encode_in_32_bits(symbols: U2, frequencies: NDArray[np.int64], entropy_precision: int, lane_count: int) -> Values:
     """f(s) 2^(32 - R) in 32 bits; a state of 0 would be shifted forever."""
     f, R = [int(frequency) for frequency in frequencies], entropy_precision

@@ -45,7 +45,9 @@ def plain_sums(gradients: F4, rate: float, settings: AdanSettings) -> float:
         for g in gradients:
             M, V = b1 * M + g, b2 * V + (g - p)
             N = b3 * N + (g + b2 * (g - p)) ** 2
-            weights = [b * w + 1 for b, w in zip((settings.beta1, settings.beta2, settings.beta3), weights, strict=True)]
+            weights = [
+                b * w + 1 for b, w in zip((settings.beta1, settings.beta2, settings.beta3), weights, strict=True)
+            ]
             below = np.sqrt(N / np.float32(weights[2])) + np.float32(settings.epsilon)
             theta -= np.float32(rate) * (M / np.float32(weights[0]) + b2 * V / np.float32(weights[1])) / below
             p = g

@@ -15,6 +15,7 @@ F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 U2 = NDArray[np.uint16]
 
+
 def half_bits(value: Any, *, negative: bool) -> int:
     """(8-6)."""
     magnitude = abs(value)
@@ -50,7 +51,9 @@ def from_half(bits: U2) -> Mapping[str, Truth]:
 @precise
 def lsq_quantize(x: F4, scale: F4, offset: F4, bits: int) -> Mapping[str, Truth]:
     """(10-15) and (10-16), t as a real number."""
-    codes = [nearest(min(max(t, mpf(0)), mpf(2**bits - 1))) for t in ((exactly(x) - exactly(offset)) / exactly(scale)).flat]
+    codes = [
+        nearest(min(max(t, mpf(0)), mpf(2**bits - 1))) for t in ((exactly(x) - exactly(offset)) / exactly(scale)).flat
+    ]
     return {"codes": Truth(np.array(codes, object).reshape(x.shape))}
 
 

@@ -54,9 +54,7 @@ def adan_step(
 
 
 @precise
-def learning_rates(
-    iterations: NDArray[np.int64], rate: float, factor: float, interval: int
-) -> Mapping[str, Truth]:
+def learning_rates(iterations: NDArray[np.int64], rate: float, factor: float, interval: int) -> Mapping[str, Truth]:
     """(10-12)."""
     rates = [mpf(rate) * mpf(factor) ** (int(iteration) // interval) for iteration in iterations]
     return {"rates": Truth(np.array(rates, object))}
