@@ -1,10 +1,11 @@
 """Ten thousand frames of a few splats that move all the time: one I-frame, then predictions of predictions.
 
 The encoder is the closed loop at its barest: the difference between where a splat should be and where the decoder has
-it, quantised by the functions of gsvc_ref. P-frames have positions, Cholesky factors and colours in turn. The open loop
-codes the differences of the source instead.
+it, quantised by the functions of gsvc_ref. Every other frame is an R-frame; P-frames have positions, Cholesky factors
+and colours in turn. The open loop codes the differences of the source instead.
 """
 
+import sys
 from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
@@ -26,7 +27,7 @@ WIDTH: Final = 64
 HEIGHT: Final = 48
 BITS: Final = 6
 POSITIONS, CHOLESKY, COLORS = 0, 1, 2
-"""What a P-frame of this number modulo 3 has."""
+"""What the P-frames have in turn."""
 SCALE: Final = np.full(3, 0.01, np.float32)  # pixels; no power of two, so that products are rounded
 HEADER: Final = SequenceHeader(
     level=1, parameter_checksum_flag=True, width=WIDTH, height=HEIGHT, cholesky_bits=BITS, color_stages=2,
@@ -66,21 +67,28 @@ def first_frame() -> FrameCodes:
     return FrameCodes.intra_frame(SplatBlock(places, shapes, colors, INTRA, books))
 
 
-def difference(wanted: F4, number: int) -> FrameCodes:
-    """A frame of differences (SPLATS, 8) f4: an R-frame now and then, else a P-frame of one attribute.
+def is_repeated(number: int) -> bool:
+    """Whether a frame is an R-frame."""
+    return number % 2 == 0
 
-    The first P-frames bring quantiser and codebooks.
-    """
-    if number % 17 == 16:
+
+def attribute(number: int) -> int:
+    """What a P-frame has."""
+    return number // 2 % 3
+
+
+def difference(wanted: F4, number: int) -> FrameCodes:
+    """An R-frame, or a P-frame of differences (SPLATS, 8) f4; the first ones bring quantiser and codebooks."""
+    if is_repeated(number):
         return FrameCodes.repeated_frame()
     positions = cholesky = colors = None
-    if number % 3 == POSITIONS:
+    if attribute(number) == POSITIONS:
         positions = to_half_bits(wanted[:, :2] / np.array([WIDTH / 2, HEIGHT / 2], np.float32))
-    elif number % 3 == CHOLESKY:
+    elif attribute(number) == CHOLESKY:
         cholesky = lsq.quantize(wanted[:, 2:5], INTER.scale, INTER.offset, BITS)
     else:
         colors = rvq.assign(wanted[:, 5:], [book.astype(np.float32) for book in BOOKS])
-    own_quantizer, own_books = number == CHOLESKY, number == COLORS
+    own_quantizer, own_books = number == 2 * CHOLESKY + 1, number == 2 * COLORS + 1
     block = SplatBlock(positions, cholesky, colors, INTER if own_quantizer else None, BOOKS if own_books else None)
     return FrameCodes.predicted_frame(np.ones(SPLATS, np.bool_), block)
 
@@ -110,12 +118,18 @@ def closed_loop(frames: int = FRAMES) -> Sequence:
 
 
 @cache
-def decoded() -> F4:
-    """What a reader has after each frame of the closed loop, (FRAMES, SPLATS, 8) f4."""
+def decoded() -> tuple[F4, int]:
+    """What a reader has after each frame of the closed loop, (FRAMES, SPLATS, 8) f4.
+
+    Also how many more blocks of memory are in use after the last frame than after frame 100.
+    """
     found = np.empty((FRAMES, SPLATS, 8), np.float32)
+    blocks = []
     for frame in StreamReader(closed_loop().data):
         found[frame.number] = frame.splats.to_array()
-    return found
+        if frame.number in (100, FRAMES - 1):
+            blocks.append(sys.getallocatedblocks())
+    return found, blocks[1] - blocks[0]
 
 
 @cache
@@ -127,7 +141,7 @@ def open_loop() -> F4:
         codes = difference(source()[number] - last, number)
         state = reconstruct(codes, state)
         if codes.type == "P":
-            columns = (slice(0, 2), slice(2, 5), slice(5, 8))[number % 3]
+            columns = (slice(0, 2), slice(2, 5), slice(5, 8))[attribute(number)]
             last[:, columns] = source()[number, :, columns]
         found.append(state.splats.to_array())
     return np.stack(found)
