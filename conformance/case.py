@@ -37,7 +37,8 @@ FULL: Final = "full"
 MODULES: Final = (
     "bitstream", "faulty", "reconstruction", "rendering", "frames", "deterministic", "other_sizes", "gradients",
     "training", "adan", "quantization", "rvq", "codebooks", "selection", "key_frames", "color", "metrics",
-    "hard_splats", "hard_gradients", "hard_losses", "hard_frames", "full",
+    "hard_splats", "hard_gradients", "hard_losses", "hard_frames", "hard_training", "hard_quantizers",
+    "hard_selection", "full",
 )  # fmt: skip
 """Where cases are, in conformance.cases."""
 

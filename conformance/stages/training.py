@@ -148,6 +148,12 @@ def adan_oracle(
     stands epsilon.
     """
     k = steps[:, None] + 1.0
+
+    def correction(beta: float) -> F8:
+        """1 - beta^k, without the cancellation of beta near 1."""
+        with np.errstate(divide="ignore"):  # log(0) is -infinity, and so is k times it
+            return np.asarray(-np.expm1(k * np.log1p(beta - 1)))
+
     b1, b2, b3 = rounded_once(beta1), rounded_once(beta2), rounded_once(beta3)
     c1, c2, c3 = rounded_once(1 - beta1), rounded_once(1 - beta2), rounded_once(1 - beta3)
     g = given(gradients) * given(units)
@@ -158,10 +164,10 @@ def adan_oracle(
     new_v = _average(b2, c2, given(v), d)
     ahead = g + b2 * d
     new_n = _average(b3, c3, given(n), ahead * ahead)
-    denominator = new_n.sqrt() / rounded_once(np.sqrt(1 - beta3**k)) + rounded_once(epsilon)
+    denominator = new_n.sqrt() / rounded_once(np.sqrt(correction(beta3))) + rounded_once(epsilon)
     rate = given(rates) * given(units)
-    by_m = rate * (new_m / rounded_once(1 - beta1**k) / denominator)
-    by_v = rate * (b2 * (new_v / rounded_once(1 - beta2**k)) / denominator)
+    by_m = rate * (new_m / rounded_once(correction(beta1)) / denominator)
+    by_v = rate * (b2 * (new_v / rounded_once(correction(beta2))) / denominator)
     moved = stack(given(parameters), -by_m, -by_v).total(0)
     return {
         "parameters": expected(moved),

@@ -18,14 +18,18 @@ from gsvc_ref.training.fit import Population
 TRIAL_ITERATIONS: Final = 10
 """Fine-tuning iterations that each candidate gets."""
 
+NOTHING_TO_TELL: Final = 59.0
+"""PSNR in dB from which on a frame tells no quantiser from another: rounding to 8 bits leaves 58.9 dB."""
+
 
 def with_best_quantizer(
     population: Population, objective: Objective, settings: Settings, before: State, seed: list[int]
 ) -> Settings:
     """The settings with the candidate (b, M, B) that serves a fitted I-frame best; unchanged without candidates.
 
-    Best is the highest PSNR after a short fine-tuning, less what the bits could have bought otherwise: DB_PER_DOUBLING
-    for each doubling, since that is what twice the splats bring for about twice the bits.
+    Unchanged as well if a candidate has next to no error: a black frame is met by the smallest quantisers, which are no
+    good for what follows it. Best is the highest PSNR after a short fine-tuning, less what the bits could have bought
+    otherwise: DB_PER_DOUBLING for each doubling, since that is what twice the splats bring for about twice the bits.
     """
     best, highest = settings, -np.inf
     for bits, stages, codewords in settings.intra.candidates:
@@ -34,6 +38,8 @@ def with_best_quantizer(
         tune = scaled(candidate.intra.tune, TRIAL_ITERATIONS)
         codes, state, _ = fine_tune(population.parameters(), quantizer, objective, tune)
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
+        if psnr >= NOTHING_TO_TELL:
+            return settings
         score = psnr - DB_PER_DOUBLING * float(np.log2(frame_bytes(codes, candidate, before)))
         if score > highest:
             best, highest = candidate, score

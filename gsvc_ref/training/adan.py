@@ -12,8 +12,13 @@ No weight decay, no clipping, no restart. A learned value may have another unit 
 parameter = unit * theta, so g = unit * dL/dparameter, and the parameter moves by unit times the step.
 
 This is R-10.4-2 of spec.md. `adan_step_plain` states every binary32 operation; the compiled step gives the same bits.
+
+All numbers stay finite for gradients g of up to 2^62: (1 + 2 b2)^2 2^124 is below 2^128. Past that n becomes infinite,
+which `Adan.step` refuses. Where b1^2, b2^2 and (b2 / (1 + b2))^2 are below b3, no sequence of gradients makes a step
+longer than a fixed multiple of the rate: 1.21 for the defaults, 2.33 for those of preset `quick`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -75,6 +80,7 @@ class Adan:
         self.m, self.v, self.n, self.previous = np.zeros((4, rows, columns), np.float32)  # (N, P) f4 each
         self._coefficients = _coefficients(self.settings)
         self._corrections = _corrections(self.settings, 64)
+        self._settled = _settled(self.settings)
 
     def step(
         self,
@@ -106,7 +112,7 @@ class Adan:
         Raises
         ------
         UsageError
-            A shape or type does not fit.
+            A shape or type does not fit; or a gradient is NaN, or so large that its square overflows binary32.
         """
         rows, columns = self.m.shape
         grad = np.ascontiguousarray(gradients, np.float32)
@@ -125,14 +131,16 @@ class Adan:
             raise UsageError(f"row_factors have shape {factors.shape}; they must be ({rows},)")
 
         oldest = int(self.steps.max(initial=0)) + 1
-        if oldest >= len(self._corrections):
-            self._corrections = _corrections(self.settings, 2 * oldest)
+        if len(self._corrections) <= min(oldest, self._settled):
+            self._corrections = _corrections(self.settings, min(2 * oldest, self._settled))
         zero = np.float32(0)
         _step(
             parameters.reshape(-1), grad, self.m.reshape(-1), self.v.reshape(-1), self.n.reshape(-1),
             self.previous.reshape(-1), unit, np.where(scaled, rate, zero), np.where(scaled, zero, rate), factors,
             self.steps, self._coefficients, self._corrections,
         )  # fmt: skip
+        if not self.n.max(initial=0) < np.inf:
+            raise UsageError("a gradient is NaN or too large to be squared; training has diverged, lower the rates")
 
     def take(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "Adan":
         """The state of the rows that an index or boolean array selects: survivors keep their averages and counts."""
@@ -170,6 +178,12 @@ def _coefficients(settings: AdanSettings) -> F4:
     """b1, 1 - b1, b2, 1 - b2, b3, 1 - b3, epsilon: (7,) f4, each rounded once."""
     betas = (settings.beta1, settings.beta2, settings.beta3)
     return np.array([*(part for beta in betas for part in (beta, 1 - beta)), settings.epsilon], np.float32)
+
+
+def _settled(settings: AdanSettings) -> int:
+    """A number of steps from which on 1 - b^k is 1 in binary64 for all three b, and corrections no longer change."""
+    slowest = max(settings.beta1, settings.beta2, settings.beta3)
+    return math.ceil(-60 / math.log2(slowest)) if slowest > 0 else 1
 
 
 def _corrections(settings: AdanSettings, steps: int) -> F4:
@@ -250,7 +264,8 @@ def _step(
         if steps[start] == 0:
             g_prev[:] = scaled[: len(g_prev)]
         k = steps[start] + 1
-        over_m, over_v, over_n = corrections[k, 0], corrections[k, 1], corrections[k, 2]
+        last = min(k, corrections.shape[0] - 1)  # where they have settled
+        over_m, over_v, over_n = corrections[last, 0], corrections[last, 1], corrections[last, 2]
         for j in range(len(x)):
             g = scaled[j]
             d = g - g_prev[j]
