@@ -18,6 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_ref.codec import IncompleteEncodeError as IncompleteEncodeError
     from gsvc_ref.codec import Settings as Settings
     from gsvc_ref.codec import Stream as open  # noqa: N813
     from gsvc_ref.codec import decode as decode
@@ -33,6 +34,7 @@ __version__ = "0.1.0"
 
 _HOMES: Final = {
     "GsvcError": ("gsvc_ref.errors", "GsvcError"),
+    "IncompleteEncodeError": ("gsvc_ref.codec", "IncompleteEncodeError"),
     "Settings": ("gsvc_ref.codec", "Settings"),
     "Splats": ("gsvc_ref.splats", "Splats"),
     "UsageError": ("gsvc_ref.errors", "UsageError"),
@@ -47,6 +49,7 @@ _HOMES: Final = {
 
 __all__ = [
     "GsvcError",
+    "IncompleteEncodeError",
     "Settings",
     "Splats",
     "UsageError",
