@@ -29,9 +29,11 @@ def kernel_folder() -> Path | None:
 
 
 def stale_folders() -> list[Path]:
-    """Folders of kernels that this installation had with other sources."""
-    base = _base()
-    return [folder for folder in base.glob(f"{_prefix()}*") if folder != kernel_folder()] if base else []
+    """Folders of kernels that this installation had with other sources; none where NUMBA_CACHE_DIR names one."""
+    base, present = _base(), kernel_folder()
+    if base is None or present is None or present.parent != base:
+        return []
+    return [folder for folder in base.glob(f"{_prefix()}*") if folder != present]
 
 
 def _base() -> Path | None:
