@@ -89,9 +89,10 @@ def _raise(fault: BaseException, report: EncodeReport) -> None:
     """Raise what ended an encode early, now that the frames before it are saved."""
     count = len(report.frames)
     saved = f"saved: {count} complete frame{'' if count == 1 else 's'} before that, as a valid stream"
-    if isinstance(fault, GsvcError | UsageError):
-        kind, message = (fault.kind, fault.message) if isinstance(fault, GsvcError) else ("invalid", str(fault))
-        raise IncompleteEncodeError(kind, f"{message}; {saved}", report) from fault
+    if isinstance(fault, GsvcError):
+        raise IncompleteEncodeError(fault.kind, f"{fault.message}; {saved}", report, fault.rule, fault.bit) from fault
+    if isinstance(fault, UsageError):
+        raise IncompleteEncodeError("invalid", f"{fault}; {saved}", report) from fault
     fault.add_note(f"gsvc_ref.encode {saved}")
     raise fault
 

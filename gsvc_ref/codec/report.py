@@ -130,15 +130,19 @@ class EncodeReport:
 class IncompleteEncodeError(GsvcError):
     """Frames could not be read or written from some point on; those before are a valid stream, which is in place.
 
+    `kind`, `rule` and `bit` are those of the fault, which is the cause of this exception; ``invalid`` if it has none.
+
     Attributes
     ----------
     report
         Of what was saved.
     """
 
-    def __init__(self, kind: ErrorKind, message: str, report: EncodeReport) -> None:
-        super().__init__(kind, message)
+    def __init__(
+        self, kind: ErrorKind, message: str, report: EncodeReport, rule: str | None = None, bit: int | None = None
+    ) -> None:
+        super().__init__(kind, message, rule=rule, bit=bit)
         self.report = report
 
-    def __reduce__(self) -> tuple[type[Self], tuple[ErrorKind, str, EncodeReport]]:
-        return type(self), (self.kind, self.message, self.report)
+    def __reduce__(self) -> tuple[type[Self], tuple[ErrorKind, str, EncodeReport, str | None, int | None]]:
+        return type(self), (self.kind, self.message, self.report, self.rule, self.bit)
