@@ -72,10 +72,9 @@ def encode(
         What the caller's frames or `progress` raise passes through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
-    is_path = isinstance(target, str | Path)
     if isinstance(source, str | Path) and isinstance(target, str | Path) and _same_file(Path(source), Path(target)):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    with opened_source(source) as reader, Interrupts(patient=is_path) as interrupts:
+    with opened_source(source) as reader, Interrupts(patient=_is_file(target)) as interrupts:
         with opened_target(target, live=live) as file:
             work = _Encode(reader, file, chosen, progress, interrupts, live=live)
             report = work.run()
@@ -95,6 +94,13 @@ def _raise(fault: BaseException, report: EncodeReport) -> None:
         raise IncompleteEncodeError("invalid", f"{fault}; {saved}", report) from fault
     fault.add_note(f"gsvc_ref.encode {saved}")
     raise fault
+
+
+def _is_file(target: Target) -> bool:
+    """Whether a target is a file, or will be, and no pipe or device, which may never take what is written."""
+    return (
+        isinstance(target, str | Path) and str(target) != "-" and (Path(target).is_file() or not Path(target).exists())
+    )
 
 
 def _same_file(a: Path, b: Path) -> bool:
