@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream import Gap as Gap
+    from gsvc_ref.codec import IncompleteEncodeError as IncompleteEncodeError
     from gsvc_ref.codec import Settings as Settings
     from gsvc_ref.codec import Stream as open  # noqa: N813
     from gsvc_ref.codec import decode as decode
@@ -37,6 +38,7 @@ __version__ = "0.1.0"
 _HOMES: Final = {
     "Gap": ("gsvc_ref.bitstream", "Gap"),
     "GsvcError": ("gsvc_ref.errors", "GsvcError"),
+    "IncompleteEncodeError": ("gsvc_ref.codec", "IncompleteEncodeError"),
     "Settings": ("gsvc_ref.codec", "Settings"),
     "Splats": ("gsvc_ref.splats", "Splats"),
     "UsageError": ("gsvc_ref.errors", "UsageError"),
@@ -52,6 +54,7 @@ _HOMES: Final = {
 __all__ = [
     "Gap",
     "GsvcError",
+    "IncompleteEncodeError",
     "Settings",
     "Splats",
     "UsageError",

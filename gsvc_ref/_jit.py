@@ -1,14 +1,16 @@
 """How gsvc_ref compiles: one typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
-import os
 import shutil
 import types
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from gsvc_ref._kernel_folder import kernel_folder, stale_folders
+from gsvc_ref._kernel_cache import FOLDER, KernelCache
+from gsvc_ref._kernel_folder import ADVICE, stale_folders
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,12 +32,17 @@ def kernel(
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "parallel": parallel}
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
         if contract:
             options["fastmath"] = {"contract"}
         if inline:
             options["forceinline"] = True
-        return cast(Callable[P, R], numba.njit(**options)(function))
+        compiled = numba.njit(**options)(function)
+        if compiled is not function:  # it is where the compiler is switched off
+            with suppress(OSError, RuntimeError):  # without a folder nothing is kept
+                cache: Any = KernelCache
+                compiled._cache = cache(function)
+        return cast(Callable[P, R], compiled)
 
     return decorate
 
@@ -58,15 +65,13 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     return kernel(inline=True)(cast(Callable[P, R], twin))
 
 
-def use_kernel_folder() -> None:
-    """Have Numba keep its cache in `kernel_folder`, and remove the folders of sources that are no more."""
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return
-    folder = kernel_folder()
-    if not folder.is_dir():
+def prepare_kernel_folder() -> None:
+    """Remove the kernels of sources that are no more; warn if kernels cannot be kept."""
+    if FOLDER is None:
+        warnings.warn(f"compiled kernels cannot be kept, so each start takes half a minute: {ADVICE}", stacklevel=2)
+    elif not FOLDER.is_dir():
         for stale in stale_folders():
             shutil.rmtree(stale, ignore_errors=True)
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
 
 
-use_kernel_folder()
+prepare_kernel_folder()

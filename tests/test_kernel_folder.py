@@ -42,8 +42,12 @@ def test_only_folders_of_the_same_installation_are_stale(monkeypatch, tmp_path):
     assert _kernel_folder.stale_folders() == [old]
 
 
-def test_numba_is_told_of_the_folder():
-    script = "import numba, gsvc_ref._jit as j; print(numba.config.CACHE_DIR == str(j.kernel_folder()))"
+def test_kernels_are_kept_there_and_numba_keeps_its_own_settings():
+    script = (
+        "import numba\nfrom gsvc_ref._kernel_folder import kernel_folder\n"
+        "from gsvc_ref.rendering.lists import prepare\n"
+        "print(prepare._cache.cache_path.startswith(str(kernel_folder())) and not numba.config.CACHE_DIR)"
+    )
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
     assert run.stdout.strip() == "True"

@@ -11,7 +11,7 @@ from gsvc_ref.codec.settings import Settings
 
 MOST_POINTS: Final = 200
 
-STAGES: Final = {"fit": "fit", "quantize": "fine-tuning with quantisation"}
+STAGES: Final = {"fit": "fit", "rate": "rate control", "quantize": "fine-tuning with quantisation"}
 
 OnTime = Callable[[float], None]
 """Called now and then with the seconds since the beginning."""

@@ -94,11 +94,12 @@ class ChunkDecoder:
 
     def decode(self, place: Place) -> DecodedChunk:
         """Decode the chunk at a place."""
-        self.source.seek(place.offset)
-        s = SourceReader(self.source, self._trace)
-        if s.at_end():
-            s.fail("R-6.2-4", "the stream ends without an end chunk: it was cut")
-        chunk_type, payload = chunks.chunk(s, self.longest_payload)
+        with self.source.lock:
+            self.source.seek(place.offset)
+            s = SourceReader(self.source, self._trace)
+            if s.at_end():
+                s.fail("R-6.2-4", "the stream ends without an end chunk: it was cut")
+            chunk_type, payload = chunks.chunk(s, self.longest_payload)
         s.element_bit = 8 * place.offset
         chunks.check_known(s, chunk_type)
         _check_may_stand(s, chunk_type, place)
@@ -128,15 +129,17 @@ class ChunkDecoder:
 
     def check_nothing_follows(self, place: Place) -> None:
         """R-6.1-4, at the place after the end chunk."""
-        self.source.seek(place.offset)
-        if self.source.read(1):
-            raise broken("R-6.1-4", "something follows the end chunk; cut the file there", 8 * place.offset)
+        with self.source.lock:
+            self.source.seek(place.offset)
+            if self.source.read(1):
+                raise broken("R-6.1-4", "something follows the end chunk; cut the file there", 8 * place.offset)
 
     def chunk_at(self, offset: int) -> tuple[int, Reader]:
         """The type of the chunk at an offset, and its payload; of use for seeking, so nothing else is checked."""
-        self.source.seek(offset)
-        s = SourceReader(self.source)
-        chunk_type, payload = chunks.chunk(s, self.longest_payload)
+        with self.source.lock:
+            self.source.seek(offset)
+            s = SourceReader(self.source)
+            chunk_type, payload = chunks.chunk(s, self.longest_payload)
         return chunk_type, payload_reader(s, payload)
 
     def _reconstruct(self, parsed: Frame, place: Place, p: Reader) -> State:

@@ -20,7 +20,8 @@ class StreamReader:
     """A `.gsvc` stream, read lazily: ``for frame in StreamReader(path): frame.splats``.
 
     Frames come one at a time and only one chunk is held, whatever the stream's length. All complete frames before a
-    fault are yielded before the fault is raised. Several iterations of one file may be under way at once.
+    fault are yielded before the fault is raised. Several iterations of one file may be under way at once, also
+    in several threads.
 
     Parameters
     ----------

@@ -78,9 +78,10 @@ def find_by_hopping(decoder: ChunkDecoder, number: int) -> Place:
     place, next_number, offset = decoder.first, 0, decoder.first.offset
     try:
         while next_number <= number:
-            decoder.source.seek(offset)
-            s = SourceReader(decoder.source)
-            chunk_type, chunk_length = chunks.chunk_head(s, decoder.longest_payload)
+            with decoder.source.lock:
+                decoder.source.seek(offset)
+                s = SourceReader(decoder.source)
+                chunk_type, chunk_length = chunks.chunk_head(s, decoder.longest_payload)
             chunks.check_known(s, chunk_type)
             if chunk_type in (chunks.HEADER_TYPE, chunks.END_TYPE):
                 break

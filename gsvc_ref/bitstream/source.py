@@ -1,5 +1,6 @@
 """Where a stream's bytes come from: a path, bytes, or any binary file, be it a pipe."""
 
+import threading
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +26,8 @@ class Source:
         Bytes from the start of the stream to the end of the source; None for a pipe.
     offset
         Bytes from the start of the stream to what `read` returns next.
+    lock
+        Held from a `seek` to the reads that belong to it, since several threads may read one stream.
 
     Raises
     ------
@@ -47,6 +50,8 @@ class Source:
             )
         self.seekable = hasattr(self._file, "seekable") and self._file.seekable()
         self.offset = 0
+        self.lock = threading.RLock()
+        self._closed = False
         self.size: int | None = None
         if self.seekable:
             self._start = self._file.tell()
@@ -76,8 +81,10 @@ class Source:
         Raises
         ------
         UsageError
-            The offset lies behind, and the source cannot go back.
+            The offset lies behind, and the source cannot go back; or it was closed.
         """
+        if self._closed:
+            raise UsageError("this stream was closed; open it again to read more")
         if offset == self.offset:
             return
         if self.seekable:
@@ -90,8 +97,10 @@ class Source:
 
     def close(self) -> None:
         """Close the file, if it was opened here."""
-        if self._owned:
-            self._file.close()
+        with self.lock:
+            self._closed = True
+            if self._owned:
+                self._file.close()
 
     def __enter__(self) -> Self:
         return self

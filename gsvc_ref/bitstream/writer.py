@@ -35,21 +35,34 @@ def appends(target: BinaryIO) -> bool:
         return "a" in str(getattr(target, "mode", ""))
 
 
+def can_go_back(target: BinaryIO) -> bool:
+    """Whether the header can be corrected: not on a pipe, at the end of a log, on a device, in a compressed file."""
+    if not target.seekable() or appends(target):
+        return False
+    try:
+        target.truncate()  # devices claim to be seekable and then refuse this
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
 class StreamWriter:
     """A `.gsvc` stream in the making; what it accepts, every conforming decoder decodes to the same splats.
 
-    Header and frames are written at once, so that a reader of the other end of a pipe can follow. `finish` makes the
+    Header and frames are handed to the system at once, so that a reader of the other end can follow. `finish` makes the
     stream whole and may be called after any frame, also after `write_frame` was interrupted.
 
     Parameters
     ----------
     target
-        A binary file opened for writing, which stays open. If it is seekable, `finish` corrects `frame_count` in the
-        header; on a pipe that is written as 0, unknown.
+        A binary file opened for writing, which stays open. If it can go back, `finish` corrects `frame_count` in the
+        header; otherwise, as on a pipe, that is written as 0, unknown.
     header
         The sequence header; its `frame_count` may be 0 or a guess.
     index
         Whether to write an index, so that readers find I-frames at once.
+    live
+        Never go back: at every moment the file is the beginning of the stream that it will be.
     make_writer
         Makes the Writer of each payload and chunk, given the bit at which it begins; for tests of decoders
         (gsvc_ref.testing).
@@ -58,12 +71,16 @@ class StreamWriter:
     ----------
     header
         The sequence header as written.
+    frame_count
+        Frames written so far.
     state
         What a decoder holds after the frames so far: predict from `state.splats`.
     bits
         How many bits of what has been written went to each of `CATEGORIES`.
     offset
         Bytes written.
+    goes_back
+        Whether `finish` corrects what was written.
     """
 
     def __init__(
@@ -72,16 +89,17 @@ class StreamWriter:
         header: SequenceHeader,
         *,
         index: bool = True,
+        live: bool = False,
         make_writer: Callable[[int], Writer] = Writer,
     ) -> None:
         self._target = target
         self._make_writer = make_writer
-        self._seekable = target.seekable() and not appends(target)
-        self._start = target.tell() if self._seekable else 0
+        self.goes_back = not live and can_go_back(target)
+        self._start = target.tell() if self.goes_back else 0
         self._entries: list[_IndexEntry] | None = [] if index else None
-        self._frame_count = 0
+        self.frame_count = 0
         self._finished = False
-        self.header = header if self._seekable else replace(header, frame_count=0)
+        self.header = header if self.goes_back else replace(header, frame_count=0)
         self.state = State.initial(header.width, header.height)
         self.bits: Counter[str] = Counter()
         self.offset = 0
@@ -102,22 +120,22 @@ class StreamWriter:
         GsvcError
             ``invalid``, R-8-1: a reconstructed parameter is not finite. Nothing has been written.
         """
-        if self._frame_count == 0 and codes.type != "I":
+        if self.frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
         state = reconstruct(codes, self.state)
         work = rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"
-            raise UsageError(f"rendering frame {self._frame_count} takes {work} pairs; {limit} (R-5-4)")
+            raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
         checksum = parameter_checksum(state.splats) if self.header.parameter_checksum_flag else None
-        given = Frame(self._frame_count, checksum, codes)
+        given = Frame(self.frame_count, checksum, codes)
         offset = self.offset
         bits = self._write_chunk(
-            ord(codes.type), lambda p: frame(p, self.header, self.state, codes.type, self._frame_count, given)
+            ord(codes.type), lambda p: frame(p, self.header, self.state, codes.type, self.frame_count, given)
         )
         if codes.type == "I" and self._entries is not None:
-            self._entries.append(_IndexEntry(self._frame_count, offset))
-        self._frame_count += 1
+            self._entries.append(_IndexEntry(self.frame_count, offset))
+        self.frame_count += 1
         self.state = state
         spent = {category: bits[category] for category in CATEGORIES if bits[category]}
         return DecodedFrame(given.frame_number, codes.type, codes, state.splats, spent, offset, self.offset - offset)
@@ -140,14 +158,14 @@ class StreamWriter:
         UsageError
             No frame has been written, and a stream must have one (R-6.1-5).
         """
-        if self._frame_count == 0:
+        if self.frame_count == 0:
             raise UsageError("no frame has been written; a stream must have at least one (R-6.1-5)")
         if not self._finished:
-            if self._seekable:  # an interrupted write may have left part of a chunk
+            if self.goes_back:  # an interrupted write may have left part of a chunk
                 self._target.seek(self._start + self.offset)
                 self._target.truncate()
             index_length = self._write_index()
-            self._write_chunk(chunks.END_TYPE, lambda p: chunks.end(p, self._frame_count, index_length))
+            self._write_chunk(chunks.END_TYPE, lambda p: chunks.end(p, self.frame_count, index_length))
             self._correct_header()
             self._finished = True
         return {category: self.bits[category] for category in CATEGORIES}
@@ -163,9 +181,9 @@ class StreamWriter:
         return self.offset - offset
 
     def _correct_header(self) -> None:
-        if not self._seekable or self.header.frame_count == self._frame_count:
+        if not self.goes_back or self.header.frame_count == self.frame_count:
             return
-        self.header = replace(self.header, frame_count=self._frame_count)
+        self.header = replace(self.header, frame_count=self.frame_count)
         p, s = self._make_writer(0), self._make_writer(8 * self._header_offset)
         sequence_header(p, self.header)
         chunks.chunk(s, self._longest_payload, chunks.HEADER_TYPE, p.getvalue())
@@ -199,5 +217,4 @@ class StreamWriter:
         rest = memoryview(data)
         while rest:
             rest = rest[self._target.write(rest) or 0 :]
-        if not self._seekable:  # whoever reads the other end need not wait for a buffer to fill
-            self._target.flush()
+        self._target.flush()  # whoever reads need not wait for a buffer to fill, and a killed process takes none along

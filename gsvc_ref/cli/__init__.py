@@ -1,7 +1,7 @@
 """The command ``gsvc``: one module per command, each with `add_command`; heavy imports happen inside a command's `run`.
 
 Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what was saved is said); 2 wrong use;
-70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C; 141 the reader of standard output went away.
+70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C or SIGTERM; 141 the reader of standard output went away.
 """
 
 import gc

@@ -1,13 +1,17 @@
 """``gsvc encode``: a video in, a `.gsvc` file out."""
 
+import signal
 import sys
+import threading
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.arguments import finite, frame_range, key_frames, whole
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, describe_format, duration, plural, print_json, to_json
@@ -26,7 +30,12 @@ OVERRIDES: Final = (
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
-STAGES: Final = {"detect": "looking for cuts", "fit": "fitting", "quantize": "quantising"}
+STAGES: Final = {
+    "detect": "looking for cuts",
+    "fit": "fitting",
+    "rate": "looking for the number of splats",
+    "quantize": "quantising",
+}
 """What to call the stages of an encode."""
 FIT_SHARE: Final = 0.6
 """About how much of a frame's time goes to its first stage, for the estimate of the time left."""
@@ -37,7 +46,8 @@ def add_command(commands: Any) -> None:
     parser = commands.add_parser(
         "encode",
         help="encode a video as a .gsvc file",
-        description="Encode a video as a .gsvc file. Ctrl-C keeps the frames done so far as a valid file.",
+        description="Encode a video as a .gsvc file, which stands under its name once it is complete. After Ctrl-C, "
+        "SIGTERM, or a fault of the source it holds the frames done so far, as a valid file.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
@@ -50,7 +60,9 @@ def add_command(commands: Any) -> None:
     rate = parser.add_argument_group("rate and quality")
     rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most with --psnr")
     rate.add_argument("--psnr", type=finite, metavar="DB", help="as few splats as keep each frame at this PSNR")
-    rate.add_argument("--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame")
+    rate.add_argument(
+        "--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame; P-frames in proportion"
+    )
     rate.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12")
     rate.add_argument("--color-stages", type=whole, metavar="M", help="stages of the colour quantiser, 1..8")
     rate.add_argument("--color-codewords", type=whole, metavar="B", help="codewords of a stage, 1..1024")
@@ -69,6 +81,11 @@ def add_command(commands: Any) -> None:
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"
     )
+    stream.add_argument(
+        "--live", action="store_true",
+        help="write under the final name, frame by frame: the growing file can be decoded up to its last complete "
+        "frame, also if the encoder is killed; for the least delay add --low-latency",
+    )  # fmt: skip
     stream.add_argument("--checksums", action="store_true", default=None, help="add a checksum of each frame's splats")
     other = parser.add_argument_group("other")
     other.add_argument(
@@ -91,15 +108,33 @@ def run(arguments: Namespace) -> int:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
+    with termination_as_ctrl_c():
+        try:
+            return _encode(arguments)
+        except KeyboardInterrupt:
+            say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
+            return EXIT_INTERRUPTED
+
+
+@contextmanager
+def termination_as_ctrl_c() -> Iterator[None]:
+    """Let the signals that end a process politely do what Ctrl-C does, unless somebody else cares about them."""
+    replaced = []
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)  # not every system has SIGHUP
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, signal.default_int_handler)
+                replaced.append(number)
     try:
-        return _encode(arguments)
-    except KeyboardInterrupt:
-        say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
-        return EXIT_INTERRUPTED
+        yield
+    finally:
+        for number in replaced:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _encode(arguments: Namespace) -> int:
-    from gsvc_ref import encode
+    from gsvc_ref import IncompleteEncodeError, encode
     from gsvc_ref.cli.compilation import compilation_notice
     from gsvc_ref.video import open_video
 
@@ -110,14 +145,26 @@ def _encode(arguments: Namespace) -> int:
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         told = len(reader.notes)
-        with ProgressDisplay(quiet=arguments.quiet) as display:
-            report = encode(reader, arguments.output, settings, progress=progress_callback(display))
+        fault = None
+        try:
+            with ProgressDisplay(quiet=arguments.quiet) as display:
+                progress = progress_callback(display)
+                report = encode(reader, arguments.output, settings, live=arguments.live, progress=progress)
+        except IncompleteEncodeError as error:
+            fault, report = error, error.report
+        except OSError:
+            if arguments.live and Path(arguments.output).is_file():
+                say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
+            raise
         if talkative:
             for note in report.notes[told:]:
                 print(f"  note: {note}", file=out)
             print("\n".join(summary(arguments.output, report)), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
+    if fault is not None:
+        say(COMMAND, str(fault))
+        return EXIT_DATA
     if report.interrupted:
         say(COMMAND, _interrupted(arguments.output, report))
         return EXIT_INTERRUPTED
@@ -168,10 +215,10 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     def show(progress: "Progress") -> None:
         nonlocal done
         share = progress.iteration / progress.iterations if progress.iterations else 0.0
-        if progress.stage != "detect":  # which runs ahead of the frames that are done
-            done = progress.frame + (
-                share * FIT_SHARE if progress.stage == "fit" else FIT_SHARE + share * (1 - FIT_SHARE)
-            )
+        if progress.stage == "fit":
+            done = max(done, progress.frame + share * FIT_SHARE)
+        elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
+            done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
         of_all = f"/{progress.frame_count}" if progress.frame_count else ""
         quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
         steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
@@ -217,6 +264,7 @@ def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFor
         "seconds": report.seconds,
         "seconds_by_stage": report.seconds_by_stage,
         "interrupted": report.interrupted,
+        "fault": report.fault,
         "header": report.header,
         "frames": report.frames,
         "notes": report.notes,

@@ -24,8 +24,12 @@ DEBUG_VARIABLE: Final = "GSVC_DEBUG"
 WRONG_PATH: Final = (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError)
 """Errors of the operating system that another argument cures."""
 
+NO_ROOM: Final = "; free some space or write to another disk"
+
 ADVICE: Final = {
-    errno.ENOSPC: "; free some space or write to another disk: nothing stands under the final name",
+    errno.ENOSPC: NO_ROOM,
+    errno.EDQUOT: NO_ROOM,
+    errno.EFBIG: "; files may not get so large here (ulimit -f, or the file system): write to another disk",
     errno.EACCES: "; check the permissions, or give another path",
 }
 """What to do about an error of the operating system, by its number."""

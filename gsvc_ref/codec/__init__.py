@@ -3,12 +3,13 @@
 from gsvc_ref.codec.decoder import Stream, decode, scaled_size
 from gsvc_ref.codec.encoder import encode
 from gsvc_ref.codec.formats import video_format
-from gsvc_ref.codec.report import EncodeReport, FrameReport, Progress
+from gsvc_ref.codec.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
 from gsvc_ref.codec.settings import Settings
 
 __all__ = [
     "EncodeReport",
     "FrameReport",
+    "IncompleteEncodeError",
     "Progress",
     "Settings",
     "Stream",

@@ -24,7 +24,8 @@ class Stream:
     """An open `.gsvc` stream: ``for frame in gsvc_ref.open("a.gsvc"): frame.splats``.
 
     Frames are decoded one at a time as they are asked for. A damaged stream yields all complete frames before the
-    damage, then raises GsvcError.
+    damage, then raises GsvcError. Several threads may read one open file, each with an iterator of its own; a pipe
+    takes one.
 
     Attributes
     ----------

@@ -1,34 +1,24 @@
 """Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
 
-import signal
-import sys
-import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from io import BufferedWriter, FileIO
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from types import FrameType
-from typing import Any, BinaryIO, Final, cast
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, StreamWriter, level_for
 from gsvc_ref.codec.detection import TypedFrame, typed_frames
+from gsvc_ref.codec.ends import Frame, Source, Target, opened_source, opened_target
 from gsvc_ref.codec.formats import header_fields
 from gsvc_ref.codec.frame_encoder import EncodedFrame, FrameEncoder
+from gsvc_ref.codec.interrupts import Interrupts
 from gsvc_ref.codec.quantizer_choice import quantizer_fields
-from gsvc_ref.codec.report import EncodeReport, FrameReport, OnProgress, Progress
+from gsvc_ref.codec.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, open_video
-from gsvc_ref.video.format import check_frame
-
-Frame = NDArray[np.unsignedinteger[Any]]
-Source = str | Path | BinaryIO | VideoReader | tuple[Iterable[Frame], VideoFormat]
+from gsvc_ref.video import VideoReader
 
 MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
 """No level allows more splats in a frame."""
@@ -36,12 +26,16 @@ MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
 
 def encode(
     source: Source,
-    target: str | Path | BinaryIO,
+    target: Target,
     settings: Settings | None = None,
     *,
+    live: bool = False,
     progress: OnProgress | None = None,
 ) -> EncodeReport:
     """Encode a video.
+
+    Whatever ends it early after at least one complete frame, the frames so far become a valid stream in the target's
+    place. Only a target that cannot be written leaves what stood there before.
 
     Parameters
     ----------
@@ -50,9 +44,13 @@ def encode(
         a pair of frames ((H, W, 3) u1 or u2 each) and their VideoFormat.
     target
         A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
-        folder, and its own name when it is complete.
+        folder, ``.NAME.PROCESS-NUMBER.part``, and its own name when it is complete and on the disk: at every moment it
+        is the old file or the new one, also if the process is killed.
     settings
         Settings.quick() if not given.
+    live
+        Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
+        can be decoded up to its last complete frame. Its header does not tell the number of frames.
     progress
         Called now and then with where the encode is.
 
@@ -65,15 +63,44 @@ def encode(
     GsvcError
         The source cannot be read, or has no frames.
     UsageError
-        The settings do not fit the source.
+        The settings do not fit the source, or a frame its format.
+    IncompleteEncodeError
+        One of these two came after at least one complete frame; `report` tells what was saved.
     OSError
-        The target cannot be written; nothing is left under its name.
+        The target cannot be written; what stood under its name still does, unless `live`.
+    Exception
+        What the caller's frames or `progress` raise passes through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
     if isinstance(source, str | Path) and isinstance(target, str | Path) and _same_file(Path(source), Path(target)):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    with _opened(source) as reader, _target_file(target) as file:
-        return _Encode(reader, file, chosen, progress).run()
+    with opened_source(source) as reader, Interrupts(patient=_is_file(target)) as interrupts:
+        with opened_target(target, live=live) as file:
+            work = _Encode(reader, file, chosen, progress, interrupts, live=live)
+            report = work.run()
+        report = replace(report, interrupted=report.interrupted or interrupts.seen)
+    if work.fault is not None:
+        _raise(work.fault, report)
+    return report
+
+
+def _raise(fault: BaseException, report: EncodeReport) -> None:
+    """Raise what ended an encode early, now that the frames before it are saved."""
+    count = len(report.frames)
+    saved = f"saved: {count} complete frame{'' if count == 1 else 's'} before that, as a valid stream"
+    if isinstance(fault, GsvcError):
+        raise IncompleteEncodeError(fault.kind, f"{fault.message}; {saved}", report, fault.rule, fault.bit) from fault
+    if isinstance(fault, UsageError):
+        raise IncompleteEncodeError("invalid", f"{fault}; {saved}", report) from fault
+    fault.add_note(f"gsvc_ref.encode {saved}")
+    raise fault
+
+
+def _is_file(target: Target) -> bool:
+    """Whether a target is a file, or will be, and no pipe or device, which may never take what is written."""
+    return (
+        isinstance(target, str | Path) and str(target) != "-" and (Path(target).is_file() or not Path(target).exists())
+    )
 
 
 def _same_file(a: Path, b: Path) -> bool:
@@ -81,10 +108,26 @@ def _same_file(a: Path, b: Path) -> bool:
 
 
 class _Encode:
-    """One encode: the objects that its steps share."""
+    """One encode: the objects that its steps share.
 
-    def __init__(self, reader: VideoReader, file: BinaryIO, settings: Settings, progress: OnProgress | None) -> None:
+    Attributes
+    ----------
+    fault
+        What ended it early, other than Ctrl-C; None if nothing did.
+    """
+
+    def __init__(
+        self,
+        reader: VideoReader,
+        file: BinaryIO,
+        settings: Settings,
+        progress: OnProgress | None,
+        interrupts: Interrupts,
+        *,
+        live: bool,
+    ) -> None:
         self.reader, self.settings, self.progress = reader, settings, progress
+        self.interrupts, self.live = interrupts, live
         self.format = reader.format
         self.begin = time.perf_counter()
         self.seconds: dict[str, float] = {}
@@ -100,6 +143,8 @@ class _Encode:
         self.encoder = FrameEncoder(settings, width, height, self.format.bit_depth)
         self.file = file
         self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
+        self.fault: BaseException | None = None
+        self.target_failed = False
 
     def _header(self) -> SequenceHeader:
         settings, video = self.encoder.settings, self.format
@@ -111,20 +156,24 @@ class _Encode:
         )
 
     def run(self) -> EncodeReport:
-        """Encode all frames; Ctrl-C ends it after the last complete frame."""
+        """Encode all frames, or those until it is ended early; only then is the stream finished."""
         interrupted = False
         try:
             for item in self._typed():
                 self._encode(item)
-        except KeyboardInterrupt:
-            if not self.reports:
+        except BaseException as error:
+            self.interrupts.held = True  # from here on nothing may get lost
+            if not self.reports or self.target_failed:
                 raise
-            interrupted = True
+            if isinstance(error, KeyboardInterrupt):
+                interrupted = True
+            else:
+                self.fault = error
+        self.interrupts.held = True
         if self.writer is None:
-            raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
-        with interrupts_deferred() as interrupt:
-            file_bytes = sum(self.writer.finish().values()) // 8
-        interrupted |= interrupt.seen
+            nothing = "the source has no frames to encode; check the file and --frames"
+            raise self.fault or GsvcError("malformed", nothing)
+        file_bytes = sum(self.writer.finish().values()) // 8
         return EncodeReport(
             header=self.writer.header,
             settings=self.encoder.settings,
@@ -134,6 +183,7 @@ class _Encode:
             seconds_by_stage=self.seconds,
             interrupted=interrupted,
             notes=[*self.reader.notes, *self._missed_quality()],
+            fault=None if self.fault is None else str(self.fault) or type(self.fault).__name__,
         )
 
     def _missed_quality(self) -> list[str]:
@@ -152,14 +202,28 @@ class _Encode:
 
     def _typed(self) -> Iterator[TypedFrame]:
         """The frames with their types; the time between them is that of reading and detecting."""
-        frames = islice(self.reader, *self.settings.frames)
-        typed = typed_frames(frames, self.settings, self.format.peak, lambda number: self._tell("detect", number))
+        typed = typed_frames(
+            self._frames(), self.settings, self.format.peak, lambda number: self._tell("detect", number)
+        )
         while True:
             with self._timed("read and detect"):
                 item = next(typed, None)
             if item is None:
                 return
             yield item
+
+    def _frames(self) -> Iterator[Frame]:
+        """The frames of the source; a fault ends them like their end, so that those read ahead are still encoded."""
+        frames = islice(self.reader, *self.settings.frames)
+        while True:
+            try:
+                frame = next(frames, None)
+            except Exception as error:
+                self.fault = error
+                return
+            if frame is None:
+                return
+            yield frame
 
     def _encode(self, item: TypedFrame) -> None:
         begin = time.perf_counter()
@@ -168,16 +232,25 @@ class _Encode:
             item.frame, item.type, item.number,
             lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
-        with interrupts_deferred() as interrupt:
-            with self._timed("write"):
-                if self.writer is None:
-                    self.writer = StreamWriter(self.file, self._header(), index=self.settings.index)
-                written = self.writer.write_frame(encoded.codes)
-            for stage, seconds in encoded.seconds.items():
-                self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
-            self.reports.append(self._report(item, encoded, before, written.bits, time.perf_counter() - begin))
-        if interrupt.seen:
-            raise KeyboardInterrupt
+        self.interrupts.held = True
+        with self._timed("write"):
+            bits = self._write(encoded)
+        for stage, seconds in encoded.seconds.items():
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        self.reports.append(self._report(item, encoded, before, bits, time.perf_counter() - begin))
+        self.interrupts.release()
+
+    def _write(self, encoded: EncodedFrame) -> dict[str, int]:
+        """Write a frame, the first with the header before it; the bits that it took."""
+        try:
+            if self.writer is None:
+                self.writer = StreamWriter(self.file, self._header(), index=self.settings.index, live=self.live)
+            return self.writer.write_frame(encoded.codes).bits
+        except (GsvcError, UsageError):  # the frame is at fault
+            raise
+        except BaseException as error:  # part of a chunk may be written
+            self.target_failed = isinstance(error, OSError) or self.writer is None or not self.writer.goes_back
+            raise
 
     def _report(
         self, item: TypedFrame, encoded: EncodedFrame, before: int, bits: dict[str, int], seconds: float
@@ -192,6 +265,8 @@ class _Encode:
     def _tell(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
         if self.progress:
             elapsed = time.perf_counter() - self.begin
+            if self.frame_count is not None and frame >= self.frame_count:
+                self.frame_count = None  # the source has more frames than it said
             self.progress(Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed))
 
     @contextmanager
@@ -199,101 +274,3 @@ class _Encode:
         begin = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
-
-
-@dataclass
-class Interrupt:
-    """Whether Ctrl-C came."""
-
-    seen: bool = False
-
-
-@contextmanager
-def interrupts_deferred() -> Iterator[Interrupt]:
-    """Hold Ctrl-C back while a frame is written, which is quick, and say whether it came.
-
-    Only the main thread gets Ctrl-C, and only Python's own handling of it is replaced.
-    """
-    interrupt = Interrupt()
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield interrupt
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        interrupt.seen = True
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield interrupt
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@contextmanager
-def _opened(source: Source) -> Iterator[VideoReader]:
-    if isinstance(source, VideoReader):
-        yield source
-    elif isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat):
-        yield FrameSource(*source)
-    elif not isinstance(source, str | Path) and not hasattr(source, "read"):
-        raise UsageError(
-            f"a {type(source).__name__} is no source; give a path, a VideoReader, or frames with their format: "
-            f"(frames, VideoFormat(...))"
-        )
-    else:
-        with open_video(source) as reader:
-            yield reader
-
-
-class FrameSource(VideoReader):
-    """Frames that the caller has, as a source."""
-
-    def __init__(self, frames: Iterable[Frame], video: VideoFormat) -> None:
-        super().__init__()
-        self.format, self._source = video, frames
-
-    def _read(self) -> Iterator[Frame]:
-        for number, frame in enumerate(self._source):
-            try:
-                check_frame(np.asarray(frame), self.format)
-            except UsageError as error:
-                raise UsageError(f"frame {number}: {error}") from None
-            yield np.array(frame)  # the caller may fill the same array again
-
-
-class Device(FileIO):
-    """A file that cannot go back, whatever it claims: /dev/null does, and then refuses to be cut to a length."""
-
-    def seekable(self) -> bool:
-        """Never."""
-        return False
-
-
-@contextmanager
-def _target_file(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
-    """The file to write to; a path stands under its own name only when the block has ended well."""
-    if not isinstance(target, str | Path):
-        if not hasattr(target, "write") or hasattr(target, "encoding"):
-            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
-        yield target
-        return
-    if str(target) == "-":
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
-        return
-    path = Path(target)
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
-    if path.exists() and not path.is_file():  # a pipe or device has no name to take at the end
-        with BufferedWriter(Device(path, "wb")) as file:
-            yield cast(BinaryIO, file)
-        return
-    part = PartialFile(path)
-    try:
-        with part.path.open("w+b") as file:
-            yield file
-        part.commit()
-    except BaseException:
-        part.discard()
-        raise

@@ -182,7 +182,9 @@ class _FrameWork:
         best: EncodedFrame | None = None
         for _ in range(QUALITY_ROUNDS):
             with self._timed("rate"):
-                self.iterations += hold_quality(population, self.objective, goal, most, settings.tune, self.rng)
+                self.iterations += hold_quality(
+                    population, self.objective, goal, most, settings.tune, self.rng, self._report("rate")
+                )
             result = self._finish(*self._quantize(population, settings, before))
             if best is None or result.psnr > best.psnr:
                 best = result

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.codec.block_kernels import (
     decode_cholesky,
     decode_colors,
@@ -63,6 +64,7 @@ class BlockSettings:
     quantizer_rate: float = 1e-3
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not 1 <= self.cholesky_bits <= 12:
             raise UsageError(f"cholesky_bits is {self.cholesky_bits}; it must be 1..12")
         steps = (self.position_step, self.cholesky_step)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
-from gsvc_ref.training.fit import FitSettings, Population, fit, new_splats
+from gsvc_ref.training.fit import FitSettings, OnIteration, Population, fit, new_splats
 
 DB_PER_DOUBLING: Final = 3.4
 """PSNR gained by twice the splats, as measured on photographs: what the sizes of changes are guessed by."""
@@ -89,6 +89,7 @@ def hold_quality(
     most: int,
     settings: FitSettings,
     rng: np.random.Generator,
+    on_iteration: OnIteration | None = None,
 ) -> int:
     """Add splats until the loss is at most `goal`, or remove some while it stays there; returns the iterations made.
 
@@ -102,6 +103,8 @@ def hold_quality(
         The largest number of splats allowed.
     settings
         The short fit after each change.
+    on_iteration
+        Called after each iteration of these fits.
     """
     done = 0
     loss = objective.loss(population.parameters())
@@ -123,7 +126,7 @@ def hold_quality(
             fraction = min(max(CAUTION * (1 - growth), SMALLEST_CHANGE), LARGEST_CHANGE)
             fewer = len(population) - max(1, round(len(population) * fraction))
             population.take(most_visible(population.parameters(), fewer))
-        loss, made = fit(population, objective, settings, rng)
+        loss, made = fit(population, objective, settings, rng, on_iteration=on_iteration)
         done += made
         if surplus > 0 and loss > goal:
             population.assign(saved)

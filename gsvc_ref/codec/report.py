@@ -3,11 +3,13 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.codec.settings import Settings
+from gsvc_ref.errors import ErrorKind, GsvcError
 from gsvc_ref.reconstruction import FrameType
 
 
@@ -18,9 +20,11 @@ class Progress:
     Attributes
     ----------
     frame, frame_count
-        Number of the frame in work, and how many there are, or None if the source does not say.
+        Number of the frame in work, and how many there are, or None if the source does not say, or has more than it
+        said.
     stage
-        ``detect`` (looking for key frames), ``fit`` or ``quantize``.
+        ``detect`` (looking for key frames), ``fit``, ``quantize``; with a PSNR to hold also ``rate`` (looking for the
+        number of splats, with a short fit after each change).
     iteration, iterations
         Of the stage.
     psnr
@@ -91,6 +95,8 @@ class EncodeReport:
         Time in all, and of "read and detect", "write", and the stages of `EncodedFrame.seconds`.
     interrupted
         Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
+    fault
+        What ended it early otherwise, or None; then too the stream holds the frames until there.
     notes
         What was assumed about the source, and what was not reached.
     """
@@ -103,6 +109,7 @@ class EncodeReport:
     seconds_by_stage: dict[str, float] = field(default_factory=dict)
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
+    fault: str | None = None
 
     @property
     def bits_per_pixel(self) -> float:
@@ -118,3 +125,24 @@ class EncodeReport:
     def frame_types(self) -> dict[str, int]:
         """How many frames of each type there are."""
         return dict(Counter(frame.type for frame in self.frames))
+
+
+class IncompleteEncodeError(GsvcError):
+    """Frames could not be read or written from some point on; those before are a valid stream, which is in place.
+
+    `kind`, `rule` and `bit` are those of the fault, which is the cause of this exception; ``invalid`` if it has none.
+
+    Attributes
+    ----------
+    report
+        Of what was saved.
+    """
+
+    def __init__(
+        self, kind: ErrorKind, message: str, report: EncodeReport, rule: str | None = None, bit: int | None = None
+    ) -> None:
+        super().__init__(kind, message, rule=rule, bit=bit)
+        self.report = report
+
+    def __reduce__(self) -> tuple[type[Self], tuple[ErrorKind, str, EncodeReport, str | None, int | None]]:
+        return type(self), (self.kind, self.message, self.report, self.rule, self.bit)

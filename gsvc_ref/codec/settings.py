@@ -1,15 +1,17 @@
 """Everything that can be chosen about an encode, and the two presets: `quick` (ours) and `paper`."""
 
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import Any, Final, Literal, Self, TypeVar
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.codec.quantizer import BlockSettings, with_codewords
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training.adan import AdanSettings
-from gsvc_ref.training.fit import FitSettings, Growth, Rates
+from gsvc_ref.training.fit import MOST_ITERATIONS, FitSettings, Growth, Rates
 from gsvc_ref.training.keyframes import GUARD_RATIO
 from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.training.schedule import Cosine
@@ -21,6 +23,10 @@ PIXELS_PER_SPLAT: Final = 40
 
 FEWEST_PIXELS_PER_SPLAT: Final = 6
 """Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
+
+
+MOST_FRAMES: Final = 2**32 - 1
+"""Frames that a stream can number."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +72,13 @@ class FrameSettings:
     follow_motion: bool = False
 
     def __post_init__(self) -> None:
-        if self.start not in ("random", "image"):
-            raise UsageError(f"start is {self.start!r}; it must be 'random' or 'image'")
+        check_types(self)
         _check_range("new_fraction", self.new_fraction, 0, 1)
         _check_range("still_threshold", self.still_threshold, 0, 1e6)
+        for bits, stages, codewords in self.candidates:
+            _check_range("the bits of candidates", bits, 1, 12)
+            _check_range("the stages of candidates", stages, 1, 8)
+            _check_range("the codewords of candidates", codewords, 1, 1024)
 
 
 @dataclass(frozen=True)
@@ -103,15 +112,22 @@ class DetectionSettings:
     guard_ratio: float = GUARD_RATIO
 
     def __post_init__(self) -> None:
-        _check_range("iterations", self.iterations, 1, 10_000_000, whole=True)
-        _check_range("splats", self.splats, 1, 1 << 22, whole=True)
-        _check_range("longest_side", self.longest_side, 1, 65535, whole=True)
-        _check_range("window", self.window, 0, 10_000, whole=True)
+        check_types(self)
+        _check_range("iterations", self.iterations, 1, MOST_ITERATIONS)
+        _check_range("splats", self.splats, 1, 1 << 22)
+        _check_range("longest_side", self.longest_side, 1, 65535)
+        _check_range("window", self.window, 0, 10_000)
+        _check_range("threshold", self.threshold, 0, 1e6)
+        _check_range("guard_ratio", self.guard_ratio, 0, 1e6)
 
 
 @dataclass(frozen=True)
 class Settings:
     """All settings of an encode; make one with `Settings.quick` or `Settings.paper` and override by name.
+
+    The override `iterations` is that of the fit of an I-frame, and all other fits of frames follow in proportion. How
+    long frames are pre-trained to find key frames is `detection.iterations`, which stays: losses after other numbers of
+    iterations would be other statistics.
 
     Attributes
     ----------
@@ -163,25 +179,23 @@ class Settings:
     checksums: bool = False
 
     def __post_init__(self) -> None:
-        _check_range("splats", self.splats, 1, 1 << 22, whole=True)
+        check_types(self)
+        _check_range("splats", self.splats, 1, 1 << 22)
         _check_range("psnr", self.psnr, 1, 100)
-        _check_range("threads", self.threads, 1, 1024, whole=True)
+        _check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
-        _check_range("seed", self.seed, 0, 2**63 - 1, whole=True)
-        _check_range("lane_count", self.lane_count, 1, 64, whole=True)
-        _check_range("entropy_precision", self.entropy_precision, 12, 16, whole=True)
+        _check_range("seed", self.seed, 0, 2**63 - 1)
+        _check_range("lane_count", self.lane_count, 1, 64)
+        _check_range("entropy_precision", self.entropy_precision, 12, 16)
         if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
             raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
         start, stop = self.frames
-        if start < 0 or (stop is not None and stop <= start):
-            raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B")
+        if not 0 <= start < (MOST_FRAMES if stop is None else min(stop, MOST_FRAMES)):
+            raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MOST_FRAMES}")
         if isinstance(self.key_frames, int):
-            _check_range("key_frames", self.key_frames, 1, 2**32 - 1, whole=True)
-        elif isinstance(self.key_frames, tuple):
-            if any(number < 0 for number in self.key_frames):
-                raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
-        elif self.key_frames != "auto":
-            raise UsageError(f"key_frames is {self.key_frames!r}; it must be 'auto', a number or a tuple of numbers")
+            _check_range("key_frames", self.key_frames, 1, MOST_FRAMES)
+        elif isinstance(self.key_frames, tuple) and any(number < 0 for number in self.key_frames):
+            raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
 
     @classmethod
     def paper(cls, **overrides: Any) -> Self:
@@ -267,8 +281,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
         known = ", ".join((*OVERRIDES, *REACHING))
         raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
     settings = replace(settings, **overrides)
-    _check_range("color_stages", stages, 1, 8, whole=True)
-    _check_range("color_codewords", codewords, 1, 1024, whole=True)
+    stages = _check_whole("color_stages", stages, 1, 8)
+    codewords = _check_whole("color_codewords", codewords, 1, 1024)
     if nested.get("iterations") is not None:
         settings = with_iterations(settings, nested["iterations"])
     if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
@@ -287,7 +301,7 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
 
 def with_iterations(settings: S, iterations: int) -> S:
     """The settings with this many iterations for the fit of an I-frame, and all other fits in proportion."""
-    _check_range("iterations", iterations, 1, 10_000_000, whole=True)
+    iterations = _check_whole("iterations", iterations, 1, MOST_ITERATIONS)
     share = iterations / settings.intra.fit.iterations
 
     def frame(kind: FrameSettings) -> FrameSettings:
@@ -303,10 +317,16 @@ def scaled(fit: FitSettings, iterations: int) -> FitSettings:
     return replace(fit, iterations=iterations, schedule=schedule)
 
 
-def _check_range(name: str, value: float | None, low: float, high: float, *, whole: bool = False) -> None:
+def _check_whole(name: str, value: Any, low: int, high: int) -> Any:
+    """The value as a Python integer; None stays None."""
     if value is None:
-        return
-    if whole and (isinstance(value, bool) or not isinstance(value, int)):
+        return None
+    if isinstance(value, bool) or not isinstance(value, Integral):
         raise UsageError(f"{name} is {value!r}; it must be a whole number in {low}..{high}")
-    if not low <= value <= high:
+    _check_range(name, int(value), low, high)
+    return int(value)
+
+
+def _check_range(name: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
         raise UsageError(f"{name} is {value}; it must be in {low}..{high}")

@@ -17,6 +17,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.rvq import (
     MAX_CODEWORDS,
@@ -68,6 +69,7 @@ class RvqSettings:
     zero_codeword: bool = False
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not self.codewords or not all(1 <= count <= MAX_CODEWORDS for count in self.codewords):
             raise UsageError(f"codewords is {self.codewords}; give 1..{MAX_CODEWORDS} for each of at least one stage")
         if not 0 <= self.decay < 1:

@@ -8,7 +8,7 @@ strips have nothing in common.
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from typing import Any, Final
 
 import numba
@@ -88,6 +88,24 @@ def parallel_region(threads: int) -> Iterator[None]:
             yield
     finally:
         _numba.set_num_threads(before)
+
+
+_in_fork = False
+
+
+def _note_fork() -> None:
+    """In a forked child: do without the pool of threads, if the parent had one, for a fork does not copy its threads.
+
+    GNU OpenMP would end the child at the first parallel kernel. The results have the same bits on one thread.
+    """
+    global _in_fork, _WORKQUEUE_LOCK
+    _WORKQUEUE_LOCK = threading.Lock()  # another thread of the parent may have held it
+    with suppress(ValueError):  # no parallel kernel has run yet
+        _in_fork = bool(_numba.threading_layer())
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_note_fork)
 
 
 class Workspace:
@@ -217,7 +235,7 @@ class Workspace:
         """Run a kernel of `tasks` over all strips, on as many threads as this workspace has."""
         for window in self._windows:
             lists = self.lists if len(self._windows) == 1 else self._list_window(*window)
-            if self.threads == 1:
+            if self.threads == 1 or _in_fork:
                 task(0, 1, self.buffers[0], lists, self.strict, *arguments)
             else:
                 with parallel_region(self.threads):
@@ -240,4 +258,4 @@ class Workspace:
                 tasks(threads, self.lists, *arguments)
 
     def _threads_for_splats(self) -> int:
-        return min(self.threads, len(self.parameters) // SPLATS_PER_THREAD)
+        return 1 if _in_fork else min(self.threads, len(self.parameters) // SPLATS_PER_THREAD)

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 
 F4 = NDArray[np.float32]
@@ -50,6 +51,7 @@ class AdanSettings:
     epsilon: float = 1e-8
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not all(0 <= beta < 1 for beta in (self.beta1, self.beta2, self.beta3)) or not self.epsilon > 0:
             raise UsageError(f"{self} is out of range: each beta must be in [0, 1) and epsilon above 0")
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 
 
@@ -28,6 +29,7 @@ class Convergence:
     tolerance: float = 1e-7
 
     def __post_init__(self) -> None:
+        check_types(self)
         if self.patience < 1 or not self.tolerance >= 0:
             raise UsageError(f"{self}: patience must be at least 1 and tolerance at least 0")
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
@@ -22,8 +23,14 @@ from gsvc_ref.training.weighting import grad_rendered, rendered
 LEAST_FACTOR: Final = np.float32(0.25)
 """Least l11 and l22 in pixels: a smaller splat can lie between all pixel centres and then gets no gradient."""
 
+LARGEST_RATE: Final = 1e6
+"""Of a learning rate: far beyond any use, and finite in binary32 after every factor on it."""
+
 STEP_SIZES: Final = (0.3, 4.0)
 """Limits in pixels of the step factor of a splat, half its mean radius sqrt(l11 l22), where steps are relative."""
+
+MOST_ITERATIONS: Final = 10_000_000
+"""Of one fit; the paper has 50,000."""
 
 NEW_SIZE: Final = 0.165
 """Deviation of a splat that is added where the residual is, in units of the mean distance between splats; measured."""
@@ -48,8 +55,9 @@ class Rates:
     weight: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not all(0 <= rate < math.inf for rate in (self.position, self.cholesky, self.color, self.weight)):
-            raise UsageError(f"learning rates must be finite and not negative; they are {self}")
+        check_types(self)
+        if not all(0 <= rate <= LARGEST_RATE for rate in (self.position, self.cholesky, self.color, self.weight)):
+            raise UsageError(f"learning rates must be in 0..{LARGEST_RATE:g}; they are {self}")
 
     def columns(self) -> F4:
         """The rate of each of the nine columns of `Population.values`, (9,) f4."""
@@ -76,8 +84,9 @@ class Growth:
     end: float = 0.6
 
     def __post_init__(self) -> None:
-        if not (0 < self.first <= 1 and self.additions >= 1 and 0 <= self.begin <= self.end < 1):
-            raise UsageError(f"{self}: it must have 0 < first <= 1, additions >= 1 and 0 <= begin <= end < 1")
+        check_types(self)
+        if not (0 < self.first <= 1 and 1 <= self.additions <= 1000 and 0 <= self.begin <= self.end < 1):
+            raise UsageError(f"{self}: it must have 0 < first <= 1, additions in 1..1000 and 0 <= begin <= end < 1")
 
     def counts(self, total: int, iterations: int) -> dict[int, int]:
         """Iteration (from 0) -> number of splats after its addition; the last entry is the total."""
@@ -127,8 +136,9 @@ class FitSettings:
     growth: Growth | None = None
 
     def __post_init__(self) -> None:
-        if self.iterations < 0:
-            raise UsageError(f"iterations is {self.iterations}; it must be 0 or more")
+        check_types(self)
+        if not 0 <= self.iterations <= MOST_ITERATIONS:
+            raise UsageError(f"iterations is {self.iterations}; it must be in 0..{MOST_ITERATIONS}")
 
 
 class Population:

@@ -6,11 +6,15 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 
 SETTLING: Final = 0.2
 """Fraction of the iterations, at the end, that a schedule leaves for the survivors to settle; ours."""
+
+LAST: Final = 10_000_000
+"""Latest iteration that can be named."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +44,11 @@ class PruningSchedule:
     interval: int = 100
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not 0 <= self.fraction < 1:
             raise UsageError(f"the fraction to prune is {self.fraction}; it must be in [0, 1)")
-        if not (1 <= self.first <= self.last and self.interval >= 1):
-            raise UsageError(f"{self}: it must have 1 <= first <= last and interval >= 1")
+        if not (1 <= self.first <= self.last <= LAST and self.interval >= 1):
+            raise UsageError(f"{self}: it must have 1 <= first <= last <= {LAST} and interval >= 1")
 
     @classmethod
     def intra(cls) -> Self:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 
 
@@ -38,6 +39,7 @@ class StepDecay:
     interval: int = 20_000
 
     def __post_init__(self) -> None:
+        check_types(self)
         if not 0 < self.factor <= 1 or self.interval < 1:
             raise UsageError(f"{self}: the factor must be in (0, 1] and the interval at least 1")
 
@@ -60,6 +62,7 @@ class Cosine:
     final: float = 0.02
 
     def __post_init__(self) -> None:
+        check_types(self)
         if self.steps < 1 or not 0 <= self.final <= 1:
             raise UsageError(f"{self}: steps must be at least 1 and final in [0, 1]")
 

@@ -113,6 +113,8 @@ class VideoFormat:
             raise UsageError(f"the size is {self.width}x{self.height}; width and height must be 1 to {MAX_DIMENSION}")
         if not 8 <= self.bit_depth <= 16:
             raise UsageError(f"bit_depth is {self.bit_depth}; it must be 8 to 16")
+        if self.frame_count is not None and self.frame_count < 0:
+            raise UsageError(f"frame_count is {self.frame_count}; it must be None (unknown), 0 or more")
         if self.chroma_format not in get_args(ChromaFormat):
             raise UsageError(f"chroma_format is {self.chroma_format!r}; it must be one of {get_args(ChromaFormat)}")
         for name in ("frame_rate", "sample_aspect_ratio"):

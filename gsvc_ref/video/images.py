@@ -2,7 +2,6 @@
 
 import io
 import re
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
@@ -10,13 +9,14 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL.JpegImagePlugin import JpegImageFile
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import png
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
+from gsvc_ref.video.partial import PartialFile, check_parent, remove_leftovers
 from gsvc_ref.video.png import PngImage, decode_png, encode_png
-from gsvc_ref.video.stream import PartialFile, VideoReader, VideoWriter, check_parent
+from gsvc_ref.video.stream import VideoReader, VideoWriter
 
 PNG_SIGNATURE: Final = png.SIGNATURE
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
@@ -51,17 +51,13 @@ def decode_image(data: bytes, name: str) -> PngImage:
     if not data.startswith(JPEG_SIGNATURE):
         raise GsvcError("unsupported", f"{name} is neither a PNG nor a JPEG picture; convert it to PNG")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            picture = Image.open(io.BytesIO(data), formats=["JPEG"])
+        picture = JpegImageFile(io.BytesIO(data))  # Image.open warns of large ones, and warnings belong to the process
         check_size(picture.width, picture.height, name)
         if picture.mode not in ("L", "RGB"):
             raise GsvcError("unsupported", f"{name} is a JPEG in {picture.mode}; convert it to RGB first")
         frame = np.array(picture.convert("RGB"))  # (H, W, 3) u1
         orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
-        raise GsvcError("limit", f"{name} is too large ({error}); scale it down first") from error
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError) as error:
         raise GsvcError("malformed", f"{name} is not a valid JPEG ({error}); export the picture again") from error
     notes = ["a JPEG is read as it is stored; its EXIF orientation is not applied"] if orientation != 1 else []
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
@@ -169,6 +165,8 @@ class ImageFolderWriter(VideoWriter):
             folder.mkdir()
         elif list_images(folder):
             raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
+        else:
+            remove_leftovers(folder)
         self._folder = folder
         self._written: list[Path] = []
 

@@ -174,7 +174,8 @@ class LibavReader(VideoReader):
             self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
         aspect = _fair_ratio(stream.sample_aspect_ratio) or Fraction(1)
         video = self._source_format(first)
-        return replace(video, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=stream.frames or None)
+        count = stream.frames if stream.frames > 0 else None
+        return replace(video, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=count)
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
         """The format of one picture as its own tags say."""

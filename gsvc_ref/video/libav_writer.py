@@ -14,7 +14,8 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
 from gsvc_ref.video.format import ChromaFormat, Frame, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
-from gsvc_ref.video.stream import PartialFile, VideoWriter
+from gsvc_ref.video.partial import PartialFile, remove_leftovers
+from gsvc_ref.video.stream import VideoWriter
 
 CONTAINERS: Final = {".mp4": "mp4", ".mkv": "matroska", ".mov": "mov", ".webm": "webm"}
 ENCODERS: Final = {
@@ -57,6 +58,7 @@ class LibavWriter(VideoWriter):
         self._viewing = viewing_format(video)
         self._target = target
         self._partial = PartialFile(target)
+        remove_leftovers(self._partial.target.parent, self._partial.target.name)
         container = CONTAINERS[target.suffix.lower()]
         try:
             with self._explained_errors():

@@ -1,13 +1,11 @@
-"""What every reader and writer of video has in common, and files that appear under their name only when complete."""
+"""What every reader and writer of video has in common."""
 
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video.format import Frame, VideoFormat, check_frame
 
 
@@ -33,6 +31,7 @@ class VideoReader(ABC):
     def __init__(self) -> None:
         self.notes = []
         self._frames: Iterator[Frame] | None = None
+        self._delivered = 0
 
     @abstractmethod
     def _read(self) -> Iterator[Frame]:
@@ -55,7 +54,13 @@ class VideoReader(ABC):
     def __next__(self) -> Frame:
         if self._frames is None:
             self._frames = self._read()
-        return next(self._frames)
+        try:
+            frame = next(self._frames)
+        except OSError as error:  # opening went well, so this is one more way of being damaged
+            message = f"frame {self._delivered} cannot be read ({error}); give an intact copy"
+            raise GsvcError("malformed", message) from error
+        self._delivered += 1
+        return frame
 
     def __enter__(self) -> Self:
         return self
@@ -143,56 +148,3 @@ class VideoWriter(ABC):
             self.close()
         else:
             self.abort()
-
-
-class PartialFile:
-    """A file under a temporary name beside its target, which it replaces on `commit`.
-
-    Attributes
-    ----------
-    target
-        The final path, with symbolic links followed so that a link stays one.
-    path
-        The temporary path, an empty file from the start; its name begins with a dot and ends with ``.part``.
-
-    Raises
-    ------
-    FileNotFoundError
-        The folder of the target does not exist.
-    """
-
-    def __init__(self, target: Path) -> None:
-        self.target = Path(os.path.realpath(target))
-        check_parent(self.target)
-        self.path = self._create()
-
-    def _create(self) -> Path:
-        attempt = 0
-        while True:
-            path = self.target.with_name(f".{self.target.name}.{os.getpid()}-{attempt}.part")
-            try:
-                path.open("xb").close()
-            except FileExistsError:
-                attempt += 1
-            else:
-                return path
-
-    def commit(self) -> None:
-        """Give the file its final name, replacing what stood there."""
-        os.replace(self.path, self.target)
-
-    def discard(self) -> None:
-        """Remove the file; harmless when it is gone already."""
-        self.path.unlink(missing_ok=True)
-
-
-def check_parent(target: Path) -> None:
-    """Refuse a target whose folder does not exist.
-
-    Raises
-    ------
-    FileNotFoundError
-        With a message that says to create it.
-    """
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"the folder {target.parent} does not exist; create it first to write {target.name}")

@@ -11,7 +11,8 @@ import numpy as np
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import Frame, VideoFormat
-from gsvc_ref.video.stream import PartialFile, VideoReader, VideoWriter
+from gsvc_ref.video.partial import PartialFile, remove_leftovers
+from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import MAGIC, format_header, malformed, parse_header, planar_format
 
 MAX_LINE: Final = 4096
@@ -138,6 +139,7 @@ class Y4mWriter(VideoWriter):
             self._stream = target
         elif target.is_file() or not target.exists():
             self._partial = PartialFile(target)
+            remove_leftovers(self._partial.target.parent, self._partial.target.name)
             self._stream = self._partial.path.open("wb")
         else:  # a pipe or device must not be replaced by a file
             self._stream = target.open("wb")

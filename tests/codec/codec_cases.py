@@ -6,7 +6,8 @@ from io import BytesIO
 
 import numpy as np
 
-from gsvc_ref.codec import EncodeReport, Settings, encode
+from gsvc_ref.codec import EncodeReport, Settings, decode, encode
+from gsvc_ref.errors import GsvcError
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 
@@ -46,6 +47,22 @@ def encoded(frames: Iterable[np.ndarray], settings: Settings, bit_depth=8, **opt
     file = BytesIO()
     report = encode((frames, video_format(width, height, bit_depth)), file, settings, **options)
     return report, file.getvalue()
+
+
+def complete_frames(data: bytes) -> tuple[list[np.ndarray], str | None]:
+    """What can be decoded of a stream, and the rule that its end breaks."""
+    frames = []
+    try:
+        for frame in decode(data):
+            frames.append(frame)
+    except GsvcError as error:
+        return frames, error.rule
+    return frames, None
+
+
+def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
+    """Whether two clips are equal."""
+    return len(a) == len(b) and all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
 
 
 class Counting:

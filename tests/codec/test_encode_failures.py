@@ -1,15 +1,18 @@
-"""Ctrl-C keeps what is done; everything else that goes wrong leaves nothing behind, and says what it was."""
+"""Whatever ends an encode early keeps the frames that are done; only a target that fails leaves nothing behind."""
 
+import errno
+import gzip
 import io
 import os
-import signal
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 from codec_cases import Counting, encoded, fast, flat, video_format, waves
 
-from gsvc_ref.codec import decode, encode
+from gsvc_ref.bitstream import StreamWriter
+from gsvc_ref.codec import IncompleteEncodeError, decode, encode
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import PartialFile, VideoReader
@@ -63,35 +66,6 @@ def test_an_interrupt_within_a_frame_drops_that_frame(tmp_path, stage):
     assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:2], fast())[1]
 
 
-@pytest.fixture
-def _ctrl_c_as_usual():
-    """Python's own handling of SIGINT, which a shell's background jobs do not have."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("_ctrl_c_as_usual")
-def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
-    """A chunk is written whole: Ctrl-C waits for the few microseconds that this takes."""
-
-    class Interrupting(io.BytesIO):
-        writes = 0
-
-        def write(self, data) -> int:
-            self.writes += 1
-            if self.writes == 5:  # the opening, the header, then frames 0, 1 and 2
-                signal.raise_signal(signal.SIGINT)
-            return super().write(data)
-
-    file = Interrupting()
-    report = encode((CLIP, SMALL), file, fast(index=False))
-    assert report.interrupted
-    assert len(report.frames) == 3
-    assert file.getvalue() == encoded(CLIP[:3], fast(index=False))[1]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
 def test_an_interrupt_while_key_frames_are_looked_for_keeps_what_is_decided(tmp_path):
     source = Counting(CLIP, KeyboardInterrupt())
     report = encode((source, SMALL), tmp_path / "a.gsvc", fast(key_frames="auto"))
@@ -116,18 +90,69 @@ def test_without_a_frame_nothing_is_left(tmp_path, error):
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("error", [OSError("gone"), GsvcError("malformed", "cut"), RuntimeError("bug"), SystemExit(3)])
-@pytest.mark.parametrize("key_frames", [(), "auto"])
-def test_another_failure_of_the_source_leaves_nothing(tmp_path, error, key_frames):
+FAULTS = [GsvcError("limit", "cut"), UsageError("no"), OSError("gone"), RuntimeError("bug"), SystemExit(3)]
+
+
+@pytest.mark.parametrize("error", FAULTS, ids=repr)
+def test_a_fault_of_the_source_keeps_the_frames_before(tmp_path, error):
     path = tmp_path / "clip.gsvc"
-    with pytest.raises(type(error)):
-        encode((Counting(CLIP[:3], error), SMALL), path, fast(key_frames=key_frames))
-    assert names(tmp_path) == []
     path.write_bytes(b"an older encode")
-    with pytest.raises(type(error)):
-        encode((Counting(CLIP[:3], error), SMALL), path, fast(key_frames=key_frames))
+    with pytest.raises(BaseException) as caught:  # noqa: PT011  (each is looked at below)
+        encode((Counting(CLIP[:3], error), SMALL), path, fast())
+    assert path.read_bytes() == encoded(CLIP[:3], fast())[1]
     assert names(tmp_path) == ["clip.gsvc"]
-    assert path.read_bytes() == b"an older encode"
+    if isinstance(error, GsvcError | UsageError):
+        assert type(caught.value) is IncompleteEncodeError
+        assert caught.value.__cause__ is error
+        assert caught.value.kind == getattr(error, "kind", "invalid")
+        assert str(caught.value).endswith("; saved: 3 complete frames before that, as a valid stream")
+        assert caught.value.report.fault == str(error)
+        assert [frame.number for frame in caught.value.report.frames] == [0, 1, 2]
+        assert caught.value.report.file_bytes == path.stat().st_size
+        again = pickle.loads(pickle.dumps(caught.value))
+        assert (str(again), again.report.fault) == (str(caught.value), str(error))
+    else:
+        assert caught.value is error
+        assert error.__notes__[-1] == "gsvc_ref.encode saved: 3 complete frames before that, as a valid stream"
+
+
+@pytest.mark.parametrize("low_latency", [False, True])
+def test_frames_that_were_read_ahead_of_a_fault_are_encoded(low_latency):
+    settings = fast(key_frames="auto", low_latency=low_latency)
+    file = io.BytesIO()
+    with pytest.raises(IncompleteEncodeError, match="malformed: cut; saved: 5 complete frames"):
+        encode((Counting(CLIP, GsvcError("malformed", "cut")), SMALL), file, settings)
+    assert file.getvalue() == encoded(CLIP, settings)[1]
+
+
+def test_a_fault_at_the_first_frame_is_itself():
+    with pytest.raises(GsvcError, match="cut") as caught:
+        encode((Counting([], GsvcError("malformed", "cut")), SMALL), io.BytesIO(), fast())
+    assert type(caught.value) is GsvcError
+
+
+def test_a_fault_of_the_progress_keeps_the_frames_before(tmp_path):
+    def fail(progress):
+        if (progress.frame, progress.stage) == (2, "quantize"):
+            raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine") as caught:
+        encode((CLIP, SMALL), tmp_path / "a.gsvc", fast(), progress=fail)
+    assert "2 complete frames" in caught.value.__notes__[-1]
+    assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:2], fast())[1]
+
+
+def test_a_frame_beyond_the_level_keeps_the_frames_before(tmp_path, monkeypatch):
+    def refuse(self, codes, write=StreamWriter.write_frame):
+        if self.frame_count == 3:
+            raise UsageError("rendering frame 3 takes too many pairs (R-5-4)")
+        return write(self, codes)
+
+    monkeypatch.setattr(StreamWriter, "write_frame", refuse)
+    with pytest.raises(IncompleteEncodeError, match=r"invalid: rendering frame 3 .* saved: 3 complete frames"):
+        encode((CLIP, SMALL), tmp_path / "a.gsvc", fast())
+    monkeypatch.undo()
+    assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:3], fast())[1]
 
 
 def test_an_existing_file_is_replaced_at_the_end_only(tmp_path):
@@ -181,9 +206,9 @@ WRONG_FRAMES = {
 @pytest.mark.parametrize("number", [0, 2])
 def test_a_frame_that_is_none_is_refused_with_its_number(tmp_path, wrong, number):
     frames = [*CLIP[:number], wrong, *CLIP[number:]]
-    with pytest.raises(UsageError, match=rf"frame {number}: .*\(16, 24, 3\)"):
+    with pytest.raises(IncompleteEncodeError if number else UsageError, match=rf"frame {number}: .*\(16, 24, 3\)"):
         encode((frames, SMALL), tmp_path / "clip.gsvc", fast())
-    assert names(tmp_path) == []
+    assert names(tmp_path) == ["clip.gsvc"] * (number > 0)
 
 
 def test_samples_above_the_peak_are_refused():
@@ -222,7 +247,7 @@ def test_a_missing_folder_is_named(tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_an_os_error(tmp_path, monkeypatch):
     def refuse(self):  # a closed folder would not stop root
-        raise PermissionError("closed")
+        raise PermissionError(errno.EACCES, "closed")
 
     monkeypatch.setattr(PartialFile, "_create", refuse)
     source = Counting(CLIP)
@@ -249,6 +274,21 @@ def test_the_null_device_takes_everything():
     report = encode((CLIP[:2], SMALL), "/dev/null", fast())
     assert report.file_bytes == len(encoded(CLIP[:2], fast())[1])
     assert Path("/dev/null").is_char_device()
+
+
+def test_an_open_null_device_takes_everything():
+    with open(os.devnull, "wb") as file:
+        report = encode((CLIP[:2], SMALL), file, fast())
+    assert report.header.frame_count == 0
+
+
+def test_a_compressed_file_cannot_go_back_and_gets_a_stream_of_unknown_length(tmp_path):
+    path = tmp_path / "clip.gsvc.gz"
+    with gzip.open(path, "wb") as file:
+        report = encode((CLIP[:2], SMALL), file, fast())
+    assert report.header.frame_count == 0
+    with gzip.open(path) as file:
+        assert len(list(decode(file))) == 2
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")

@@ -218,7 +218,7 @@ def test_factors_that_do_not_fit_are_refused() -> None:
 
 @pytest.mark.parametrize("wrong", [(1.0, 0.9, 0.9), (0.9, -0.1, 0.9), (0.9, 0.9, float("nan")), (0.9, 0.9, 0.9, 0.0)])
 def test_settings_out_of_range_are_refused(wrong: tuple[float, ...]) -> None:
-    with pytest.raises(UsageError, match="out of range"):
+    with pytest.raises(UsageError, match=r"out of range|AdanSettings\.beta3 is nan"):
         AdanSettings(*wrong)
 
 

@@ -1,0 +1,106 @@
+"""Settings hold what their annotations say: one check for the fields of every settings dataclass."""
+
+import math
+import operator
+from collections.abc import Mapping
+from dataclasses import fields
+from numbers import Real
+from types import NoneType, UnionType
+from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from gsvc_ref.errors import UsageError
+
+_REFUSED: Final = object()
+
+_NAMES: Final[Mapping[Any, str]] = {
+    bool: "True or False",
+    int: "a whole number",
+    float: "a finite number",
+    str: "a string",
+    NoneType: "None",
+}
+
+
+def check_types(settings: Any) -> None:
+    """Refuse fields of a frozen dataclass that are not what is stated; NumPy's numbers become Python's.
+
+    A whole number counts as a number, but True is no number, NaN and infinity are none either, and nothing is parsed.
+
+    Raises
+    ------
+    UsageError
+        Names the field and what it may be.
+    """
+    hints = get_type_hints(type(settings))
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        fitted = _fitted(value, hints[field.name])
+        if fitted is _REFUSED:
+            name = f"{type(settings).__name__}.{field.name}"
+            raise UsageError(f"{name} is {value!r}; it must be {_described(hints[field.name])}")
+        object.__setattr__(settings, field.name, fitted)
+
+
+def _fitted(value: Any, hint: Any) -> Any:
+    """The value as the type that an annotation names, or _REFUSED."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return next((v for v in (_fitted(value, option) for option in arguments) if v is not _REFUSED), _REFUSED)
+    if origin is Literal:
+        return value if isinstance(value, str) and value in arguments else _REFUSED
+    if origin is tuple:
+        return _fitted_tuple(value, arguments)
+    if hint is bool:
+        return bool(value) if isinstance(value, bool | np.bool_) else _REFUSED
+    if hint is int:
+        return _whole(value)
+    if hint is float:
+        return _finite(value)
+    if not isinstance(hint, type) or getattr(hint, "_is_protocol", False):
+        return value if callable(value) else _REFUSED
+    return value if isinstance(value, hint) else _REFUSED
+
+
+def _fitted_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
+    if not isinstance(value, tuple):
+        return _REFUSED
+    if len(hints) == 2 and hints[1] is Ellipsis:
+        hints = (hints[0],) * len(value)
+    if len(hints) != len(value):
+        return _REFUSED
+    fitted = tuple(_fitted(item, hint) for item, hint in zip(value, hints, strict=True))
+    return _REFUSED if any(item is _REFUSED for item in fitted) else fitted
+
+
+def _whole(value: Any) -> Any:
+    if isinstance(value, bool | np.ndarray):
+        return _REFUSED
+    try:
+        return operator.index(value)
+    except TypeError:
+        return _REFUSED
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return _REFUSED
+    try:
+        number = float(value)
+    except OverflowError:
+        return _REFUSED
+    return number if math.isfinite(number) else _REFUSED
+
+
+def _described(hint: Any) -> str:
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(_described(option) for option in arguments)
+    if origin is Literal:
+        return " or ".join(repr(argument) for argument in arguments)
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return f"a tuple, each item {_described(arguments[0])}"
+    if origin is tuple:
+        return f"a tuple ({', '.join(_described(item) for item in arguments)})"
+    return _NAMES.get(hint, f"a {getattr(hint, '__name__', hint)}")

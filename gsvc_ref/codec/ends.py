@@ -1,0 +1,126 @@
+"""Both ends of an encode: what frames come from, and the file that the stream goes to."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from io import FileIO
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.errors import UsageError
+from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, open_video
+from gsvc_ref.video.format import check_frame
+from gsvc_ref.video.partial import check_parent, remove_leftovers
+
+Frame = NDArray[np.unsignedinteger[Any]]
+Source = str | Path | BinaryIO | VideoReader | tuple[Iterable[Frame], VideoFormat]
+Target = str | Path | BinaryIO
+
+
+class FrameSource(VideoReader):
+    """Frames that the caller has, as a source; what they raise is passed on as it is."""
+
+    def __init__(self, frames: Iterable[Frame], video: VideoFormat) -> None:
+        super().__init__()
+        self.format, self._source = video, frames
+
+    def _read(self) -> Iterator[Frame]:
+        for number, frame in enumerate(self._source):
+            try:
+                check_frame(np.asarray(frame), self.format)
+            except UsageError as error:
+                raise UsageError(f"frame {number}: {error}") from None
+            yield np.array(frame)  # the caller may fill the same array again
+
+    def __next__(self) -> Frame:
+        if self._frames is None:
+            self._frames = self._read()
+        return next(self._frames)
+
+
+@contextmanager
+def opened_source(source: Source) -> Iterator[VideoReader]:
+    """The source as a reader, closed at the end if it was opened here."""
+    if isinstance(source, VideoReader):
+        yield source
+    elif isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat):
+        yield FrameSource(*source)
+    elif not isinstance(source, str | Path) and not hasattr(source, "read"):
+        raise UsageError(
+            f"a {type(source).__name__} is no source; give a path, a VideoReader, or frames with their format: "
+            f"(frames, VideoFormat(...))"
+        )
+    else:
+        with open_video(source) as reader:
+            yield reader
+
+
+@contextmanager
+def opened_target(target: Target, *, live: bool) -> Iterator[BinaryIO]:
+    """The file to write to; a path stands under its own name only when the block has ended well, unless `live`."""
+    if not isinstance(target, str | Path):
+        if not hasattr(target, "write") or hasattr(target, "encoding"):
+            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
+        yield target
+        return
+    if str(target) == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    path = Path(target)
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
+    if path.exists() and not path.is_file():  # a pipe or device has no name to take at the end
+        with path.open("wb") as device:
+            yield device
+        return
+    if live:
+        with _live_file(path) as file:
+            yield file
+        return
+    part = PartialFile(path)
+    remove_leftovers(part.target.parent, part.target.name)
+    try:
+        with part.path.open("w+b") as file:
+            yield file
+        part.commit(durable=True)
+    except BaseException:
+        part.discard()
+        raise
+
+
+class LiveFile(FileIO):
+    """A file that only ever grows, after its first write took the place of what it held.
+
+    Attributes
+    ----------
+    begun
+        Whether anything was written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "ab")
+        self.begun = False
+
+    def write(self, data: Any) -> int:
+        """Append."""
+        if not self.begun:
+            self.truncate(0)
+            self.begun = True
+        return super().write(data)
+
+
+@contextmanager
+def _live_file(path: Path) -> Iterator[BinaryIO]:
+    """The file itself; an old one loses its contents at the first write, and one without any is not left behind."""
+    check_parent(path)
+    existed = path.exists()
+    with LiveFile(path) as file:
+        try:
+            yield cast(BinaryIO, file)
+        finally:
+            if not (file.begun or existed):
+                path.unlink(missing_ok=True)

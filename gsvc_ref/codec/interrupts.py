@@ -1,0 +1,70 @@
+"""Ctrl-C during an encode: it comes through at once but while a frame is written, and only once."""
+
+import signal
+import threading
+import time
+from types import FrameType, TracebackType
+from typing import Any, Final, Self
+
+SIGNALS: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""What may be handled as Ctrl-C is: SIGINT by default, the others where a program such as ``gsvc`` asks for it."""
+
+INSISTING_S: Final = 1.0
+"""A second interrupt so long after the first gets through a hold: a pipe may never take what is being written."""
+
+
+class Interrupts:
+    """Python's own handling of Ctrl-C, `signal.default_int_handler`, with a hold on it; a context manager.
+
+    Only the main thread gets signals, and only where that handler is in place is anything replaced.
+
+    Parameters
+    ----------
+    patient
+        Let nothing through a hold: what is written goes to a disk, so it will end.
+
+    Attributes
+    ----------
+    held
+        While True an interrupt is noted, not raised.
+    seen
+        Whether one was noted.
+    """
+
+    def __init__(self, *, patient: bool) -> None:
+        self.held, self.seen = False, False
+        self._patient, self._since = patient, 0.0
+        self._replaced: list[int] = []
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        insists = self.seen and not self._patient and time.monotonic() - self._since > INSISTING_S
+        if not self.held or insists:
+            raise KeyboardInterrupt
+        if not self.seen:
+            self.seen, self._since = True, time.monotonic()
+
+    def release(self) -> None:
+        """Hold back no longer; what was noted is raised now.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            An interrupt came in the meantime.
+        """
+        self.held = False
+        if self.seen:
+            raise KeyboardInterrupt
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in SIGNALS:
+                if signal.getsignal(number) is signal.default_int_handler:
+                    signal.signal(number, self._handle)
+                    self._replaced.append(number)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        mine: Any = self._handle  # equal, though never identical, to what was set
+        for number in self._replaced:
+            if signal.getsignal(number) == mine:
+                signal.signal(number, signal.default_int_handler)

@@ -1,0 +1,158 @@
+"""Files that stand under their final name only when they are complete."""
+
+import os
+import re
+import stat
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import BinaryIO, Final
+
+MOST_NAME_BYTES: Final = 100
+"""Of the target's name in the temporary one, so that a name as long as a file may have leaves room for the rest."""
+
+
+class PartialFile:
+    """A file under a temporary name beside its target, which it replaces on `commit`.
+
+    At every moment the target is the old file or the new one, complete. What stood there before keeps its permissions,
+    and its owner where that is allowed.
+
+    Attributes
+    ----------
+    target
+        The final path, with symbolic links followed so that a link stays one.
+    path
+        The temporary path, an empty file from the start; ``.NAME.PROCESS-NUMBER.part`` in the same folder. A process
+        that is killed leaves it there; see `remove_leftovers`.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder of the target does not exist.
+    OSError
+        The target cannot be replaced: it is read-only, its name too long, its folder closed.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.target = Path(os.path.realpath(target))
+        check_parent(self.target)
+        before = _status(self.target)
+        if before is not None and not os.access(self.target, os.W_OK):  # a rename would not mind
+            raise PermissionError(13, os.strerror(13), str(self.target))
+        self._lock: BinaryIO | None = None
+        try:
+            self.path = self._create()
+        except OSError as error:  # which names the temporary file, of which nobody has heard
+            raise OSError(error.errno, error.strerror or str(error), str(self.target)) from None
+        if before is not None:
+            self._take_over(before)
+
+    def _create(self) -> Path:
+        for attempt in count():
+            path = self.target.with_name(f".{_short(self.target.name)}.{os.getpid()}-{attempt}.part")
+            try:
+                file = path.open("xb")
+            except FileExistsError:
+                continue
+            locked = try_lock(file)
+            if locked and _stands(file, path):  # another process may have removed it as a leftover just before
+                self._lock = file
+                return path
+            file.close()
+            if locked is None:
+                return path
+        raise AssertionError("there is always another number")
+
+    def _take_over(self, before: os.stat_result) -> None:
+        """Give the new file the owner and the permissions of the old one."""
+        if hasattr(os, "chown"):
+            with suppress(OSError):  # only root may give a file away
+                os.chown(self.path, before.st_uid, before.st_gid)
+        os.chmod(self.path, stat.S_IMODE(before.st_mode))
+
+    def commit(self, *, durable: bool = False) -> None:
+        """Give the file its final name, replacing what stood there.
+
+        Without `durable` a killed process does no harm; with it, a power cut from here on neither.
+        """
+        if durable:
+            _sync(self.path)
+        os.replace(self.path, self.target)
+        self._unlock()
+        if durable:
+            with suppress(OSError):  # not every system can do this to a folder
+                _sync(self.target.parent)
+
+    def discard(self) -> None:
+        """Remove the file; harmless when it is gone already."""
+        self.path.unlink(missing_ok=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+
+def remove_leftovers(folder: Path, name: str | None = None) -> None:
+    """Remove partial files for a target of this name, or for any, whose processes are gone: nobody holds their lock."""
+    wanted = re.escape(_short(name)) if name else ".+"
+    for path in folder.iterdir():
+        if re.fullmatch(rf"\.{wanted}\.\d+-\d+\.part", path.name):
+            with suppress(OSError), path.open("rb") as file:
+                if try_lock(file):
+                    path.unlink()
+
+
+def check_parent(target: Path) -> None:
+    """Refuse a target whose folder does not exist.
+
+    Raises
+    ------
+    FileNotFoundError
+        With a message that says to create it.
+    """
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"the folder {target.parent} does not exist; create it first to write {target.name}")
+
+
+def _status(path: Path) -> os.stat_result | None:
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
+
+
+def _short(name: str) -> str:
+    while len(os.fsencode(name)) > MOST_NAME_BYTES:
+        name = name[:-1]
+    return name
+
+
+def _stands(file: BinaryIO, path: Path) -> bool:
+    """Whether an open file still has its name."""
+    found = _status(path)
+    return found is not None and os.path.samestat(os.fstat(file.fileno()), found)
+
+
+def try_lock(file: BinaryIO) -> bool | None:
+    """Lock a file until it is closed: False if another holds the lock, None where files cannot be locked."""
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except (ImportError, OSError):
+        return None
+    return True
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
