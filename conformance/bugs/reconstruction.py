@@ -126,5 +126,7 @@ MUTANTS: tuple[Mutant, ...] = (
     bug(AREA, "work-of-degenerate", "degenerate splats counted in the rendering work",
         ("    return np.where(drawn[:, None], sides, 0).astype(np.int64)", "    return sides.astype(np.int64)")),
     bug(AREA, "work-three-sigma", "boxes of three deviations in the rendering work",
-        ("boxes(parameters, width, height, SUPPORT_RADIUS).T", "boxes(parameters, width, height, 3.0).T")),
+        ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, 3.0).T")),
+    bug(AREA, "work-without-margin", "boxes of rho in the rendering work, outside of which rounding covers pixels",
+        ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, SUPPORT_RADIUS).T")),
 )  # fmt: skip

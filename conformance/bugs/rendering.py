@@ -201,7 +201,7 @@ STRICT: tuple[Mutant, ...] = (
     bug(DETERMINISTIC, "strict-support-open", "a pixel with m = K left out",
         ("            covered = m <= SUPPORT_SQUARED\n", "            covered = m < SUPPORT_SQUARED\n")),
     bug(DETERMINISTIC, "strict-box-without-margin", "splats cut at boxes of rho, where rounding may cover a pixel just outside",
-        ("SUPPORT_RADIUS * (1 + 2.0**-17)", "SUPPORT_RADIUS")),
+        ("reach = boxes(parameters, width, height, REACH)", "reach = boxes(parameters, width, height, SUPPORT_RADIUS)")),
     bug(DETERMINISTIC, "strict-nan-covers", "pixels covered where m is not a number",
         ("            covered = m <= SUPPORT_SQUARED\n", "            covered = ~(m > SUPPORT_SQUARED)\n")),
     bug(DETERMINISTIC, "strict-coefficient", "a polynomial coefficient of another fit",

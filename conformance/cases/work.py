@@ -7,8 +7,8 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.building import Array, result
 
-RADIUS: Final = 3.3290429691304455
-"""K of section 5."""
+RADIUS: Final = 3.3290429691304455 * (1 + 2.0**-17)
+"""ρ′ of section 5."""
 
 
 def splats(*rows: tuple[float, float, float, float, float]) -> Array:
@@ -101,3 +101,14 @@ def beyond_32_bits() -> Inputs:
     """Nine splats that cover 2^29 pixels: the work exceeds 32 bits."""
     expected = yield {"parameters": splats(*[(0, 0, 3e38, -3e38, 3e38)] * 9), "width": 32768, "height": 16384}
     assert result(expected, "work") == 9 << 29
+
+
+@case("stress", "rendering_work", flags=["limit"])
+def covered_by_rounding() -> Inputs:
+    """A splat 10^9 pixels away and as large: its support ends 8 pixels before the frame, and (9-4) covers all of it."""
+    x, l11 = -1.5 * 2.0**29, 241903264.0
+    assert -8 < x + 3.3290429691304455 * l11 < -7
+    u1 = (np.float32(23.5) - np.float32(x)) * (np.float32(1) / np.float32(l11))
+    assert u1 * u1 <= np.float32(2 * np.log(255))
+    expected = yield {"parameters": splats((x, 8, l11, 0, 1e6)), "width": 24, "height": 17}
+    assert result(expected, "work") == 24 * 17

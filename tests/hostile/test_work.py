@@ -58,6 +58,17 @@ def test_hard_splats(x: float, l11: float, l21: float, l22: float) -> None:
         check(equal(x, y, l11, l21, l22), 200, 130)
 
 
+@pytest.mark.parametrize("share", [1 - 2.0**-17, 1 - 2.0**-18, 1 - 2.0**-19, 1 - 2.0**-20, 1.0])
+@pytest.mark.parametrize("distance", [2.0**17, 2.0**22, 2.0**31, 1e30])
+def test_far_and_large(distance: float, share: float) -> None:
+    """Splats whose support ends just before the frame, if it is not rounded."""
+    radius = 3.3290429691304455
+    for far in (-distance, distance):
+        check(equal(far, 50, distance * share / radius, 0, 1e6), 200, 130)
+        check(equal(50, far, 1e6, 0, distance * share / radius), 200, 130)
+        check(equal(50, far, 1e6, distance * share / radius, 1), 200, 130)
+
+
 def test_the_bound_is_not_idle() -> None:
     """A column of one pixel takes 16 times its work; one pixel takes 48 times its work."""
     work = rendering_work(equal(8.5, 500, 0.1, 0, 1e4), 16, 1000)
@@ -66,7 +77,7 @@ def test_the_bound_is_not_idle() -> None:
     assert pixels_added(equal(8.5, 8.5, 0.1, 0, 0.1), 16, 16)[0] == 48
 
 
-@given(splat_sets(70, 50, max_count=20))
+@given(splat_sets(70, 50, hard=True, max_count=20))
 @settings(max_examples=60)
 def test_any_splats(splats: Splats) -> None:
     check(splats, 70, 50)
