@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors lint format figures bench clean
+.PHONY: help demo test lowest vectors fuzz lint format figures bench clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -32,6 +32,9 @@ vectors: .venv/.ready-all            ## write vectors/ again from the cases in c
 	$(BIN)/python -m conformance generate
 	$(BIN)/python -m conformance list --markdown conformance/protocol.md
 	$(BIN)/python -m conformance verify
+
+fuzz: .venv/.ready-test            ## fuzz the parser for some minutes, by a seed
+	$(BIN)/python -m tests.hostile.fuzz parser --runs 100000 --jobs 2
 
 lint: .venv/.ready-lint            ## check style and types
 	$(BIN)/ruff format --check

@@ -114,7 +114,7 @@ class Salvage:
         try:
             chunk_type, chunk_length = chunks.chunk_head(s, self._decoder.longest_payload)
             if size is not None:
-                return _head(chunk_type, size, self._decoder.source.read(min(chunk_length, 8)))
+                return _head(chunk_type, size, bytes(self._decoder.source.read(min(chunk_length, 8))))
             end = s.position // 8 + chunk_length + CRC_SIZE
             if end > self._whole.end:
                 payload_cut = end - CRC_SIZE > self._whole.end
