@@ -108,13 +108,14 @@ class Salvage:
         """The chunk here, if it is whole; else its fault is noted and it is skipped."""
         offset = self._place.offset
         size = self._whole.size_at(offset)
-        self._decoder.source.seek(offset)
-        s = SourceReader(self._decoder.source)
-        end = None
+        source, end = self._decoder.source, None
         try:
-            chunk_type, chunk_length = chunks.chunk_head(s, self._decoder.longest_payload)
-            if size is not None:
-                return _head(chunk_type, size, bytes(self._decoder.source.read(min(chunk_length, 8))))
+            with source.lock:
+                source.seek(offset)
+                s = SourceReader(source)
+                chunk_type, chunk_length = chunks.chunk_head(s, self._decoder.longest_payload)
+                if size is not None:
+                    return _head(chunk_type, size, bytes(source.read(min(chunk_length, 8))))
             end = s.position // 8 + chunk_length + CRC_SIZE
             if end > self._whole.end:
                 payload_cut = end - CRC_SIZE > self._whole.end
@@ -173,8 +174,9 @@ class Salvage:
             if size is None:
                 offset = self._whole.after_damaged(offset, None)
                 continue
-            self._decoder.source.seek(offset)
-            chunk_type = self._decoder.source.read(1)[0]
+            with self._decoder.source.lock:
+                self._decoder.source.seek(offset)
+                chunk_type = self._decoder.source.read(1)[0]
             offset += size
             if chunk_type == chunks.END_TYPE:
                 break

@@ -124,12 +124,13 @@ class WholeChunks:
         if self._first <= offset and min(offset + size, self.end) <= self._covered():
             return
         self._data = np.empty(0, np.uint8)  # the old window goes before the new one comes
-        self._source.seek(offset)
         data = np.empty(min(2 * self._reach + self._step, self.end - offset), np.uint8)
         expected, filled = len(data), 0
-        while filled < expected and (piece := self._source.read(min(PIECE, expected - filled))):
-            data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
-            filled += len(piece)
+        with self._source.lock:
+            self._source.seek(offset)
+            while filled < expected and (piece := self._source.read(min(PIECE, expected - filled))):
+                data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
+                filled += len(piece)
         data = data[:filled]
         data.setflags(write=False)
         if filled < expected:  # the file has become shorter
