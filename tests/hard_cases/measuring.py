@@ -180,6 +180,8 @@ def outside(expectation: Expectation, actual: NDArray[Any]) -> Worst:
         same_type = actual.astype(expectation.value.dtype)
     if expectation.judge(same_type).passed:
         return Worst(0.0, 0.0)
+    if actual.shape != expectation.value.shape:
+        return Worst(np.inf, 0.0)
     if isinstance(expectation, Interval):
         low, high = expectation.lowest, expectation.highest
     else:

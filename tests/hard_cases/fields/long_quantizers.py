@@ -20,7 +20,7 @@ from tests.hard_cases.long_quantizers import (
     scale_learned_itself,
     scales,
 )
-from tests.hard_cases.measuring import Measurement, Objects, Worst, compared, exactly, precise
+from tests.hard_cases.measuring import Measurement, Objects, Truth, Worst, compared, exactly, precise
 
 FLOOR: Final = float(SCALE_FLOOR)
 
@@ -50,7 +50,7 @@ def averaged() -> Measurement:
     bound = 4 * 2.0**-53 / (1 - RVQ.decay) * 100
 
     def worst(found: tuple[NDArray[np.floating], NDArray[np.floating]]) -> Worst:
-        pairs = (compared(true, part, bound) for true, part in zip((counts, sums), found, strict=True))
+        pairs = (compared(Truth(true), part, bound) for true, part in zip((counts, sums), found, strict=True))
         return max(pairs, key=lambda one: one.rank)
 
     return Measurement({"gsvc_ref": worst(averages())}, worst(averages_in_binary32()))
