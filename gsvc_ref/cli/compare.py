@@ -107,7 +107,7 @@ def open_side(name: str, frames: tuple[int, int | None], precision: "Precision")
 
         with open_stream(name) as stream:
             decoded = gsvc_ref.decode(stream, start=start, stop=stop, precision=precision)
-            yield Side(name, stream.format, [], CompleteFrames(iter(decoded)), start, stream)
+            yield Side(name, stream.format, stream.notes, CompleteFrames(iter(decoded)), start, stream)
     else:
         from gsvc_ref.video import open_video
 

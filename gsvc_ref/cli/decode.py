@@ -98,7 +98,7 @@ def _decode(arguments: Namespace) -> int:
         if writer is None and frames.damage is None and not (gaps and gaps.found):
             raise UsageError(f"{_frames_of(stream, arguments)} holds no frame of --frames {start}:{stop or ''}")
         if writer is not None and frames.damage is None and not arguments.quiet:
-            _report(arguments, writer)
+            _report(arguments, writer, stream.notes)
         if frames.damage is not None:
             _report_damage(arguments, frames.damage, frames.count, stream)
             return EXIT_DATA
@@ -108,13 +108,13 @@ def _decode(arguments: Namespace) -> int:
     return 0
 
 
-def _report(arguments: Namespace, writer: "VideoWriter") -> None:
+def _report(arguments: Namespace, writer: "VideoWriter", notes: list[str]) -> None:
     """Say what was written."""
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     name, video = display_name(arguments.output, "standard output"), writer.format
     frames_of = f"{plural(writer.frames_written, 'frame')} of {video.width}x{video.height}"
     print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
-    for note in writer.notes:
+    for note in [*notes, *writer.notes]:
         print(f"  note: {note}", file=out)
 
 

@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
             compilation_notice(COMMAND, silent=arguments.json),
             open_stream(arguments.input, salvage=arguments.salvage) as stream,
         ):
-            video, summary = stream.format, stream.info(salvage=arguments.salvage)
+            video, notes, summary = stream.format, stream.notes, stream.info(salvage=arguments.salvage)
             damage = _damage(name, stream, summary)
     except GsvcError as error:  # there is not even a header
         if arguments.json:
@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
     if arguments.json:
         print_json(info_object(summary, salvage=arguments.salvage))
     else:
-        print("\n".join(describe(name, video, summary, frame_by_frame=arguments.frames_table)))
+        print("\n".join(describe(name, video, notes, summary, frame_by_frame=arguments.frames_table)))
     for line in damage:
         say(COMMAND, line)
     return EXIT_DATA if damage else 0
@@ -108,10 +108,13 @@ def info_object(summary: "StreamSummary", *, salvage: bool) -> dict[str, Any]:
     return info
 
 
-def describe(name: str, video: "VideoFormat", summary: "StreamSummary", *, frame_by_frame: bool) -> list[str]:
+def describe(
+    name: str, video: "VideoFormat", notes: list[str], summary: "StreamSummary", *, frame_by_frame: bool
+) -> list[str]:
     """The information in lines."""
     lines = [
         f"{name}: {plural(summary.file_bytes, 'byte')}, {plural(len(summary.frames), 'complete frame')}",
+        *(f"  note: {note}" for note in notes),
         *_header_lines(summary.header, video),
     ]
     if summary.frames:
@@ -152,8 +155,8 @@ def _type_line(frames: "list[FrameSummary]") -> str:
     numbers = [frame.number for frame in frames]
     splats = [frame.splats for frame in frames]
     counts = ", ".join(f"{types.count(kind)} {kind}" for kind in "IPR" if kind in types)
-    span = f"{min(splats):,}" if min(splats) == max(splats) else f"{min(splats):,} to {max(splats):,}"
-    return f"  frames      {counts} ({frame_runs(types, numbers)}); {span} splats each"
+    span = plural(splats[0], "splat") if len({*splats}) == 1 else f"{min(splats):,} to {max(splats):,} splats"
+    return f"  frames      {counts} ({frame_runs(types, numbers)}); {span} each"
 
 
 def bit_lines(summary: "StreamSummary") -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import DecodedFrame, Gap, SequenceHeader, StreamReader, StreamSummary
-from gsvc_ref.codec.formats import video_format
+from gsvc_ref.codec.formats import format_notes, video_format
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
 from gsvc_ref.video import VideoFormat
@@ -46,6 +46,11 @@ class Stream:
     def format(self) -> VideoFormat:
         """The format of the source that was encoded, with the number of frames if it can be told."""
         return replace(video_format(self.header), frame_count=self.frame_count)
+
+    @property
+    def notes(self) -> list[str]:
+        """In which ways `format` is not what the header says, since no file can be like that."""
+        return format_notes(self.header)
 
     @property
     def frame_count(self) -> int | None:

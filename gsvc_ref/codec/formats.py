@@ -4,8 +4,8 @@ from fractions import Fraction
 from typing import Final
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import ChromaFormat, ColorDescription, VideoFormat
+from gsvc_ref.video.format import MAX_RATIO_TERM
 
 CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("rgb", "420", "422", "444")
 """`chroma_format` 0 to 3 (spec.md section 6.3)."""
@@ -42,21 +42,35 @@ def _nearest_aspect(ratio: Fraction) -> Fraction:
 
 
 def video_format(header: SequenceHeader) -> VideoFormat:
-    """The format of the source that a header describes.
+    """The format of the source that a header describes, or the nearest that a file can have: see `format_notes`."""
+    color = ColorDescription(
+        header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
+        bool(header.video_full_range_flag), header.chroma_sample_loc_type,
+    )  # fmt: skip
+    chroma_format = "444" if _subsamples_identity(header) else CHROMA_FORMATS[header.chroma_format]
+    return VideoFormat(
+        header.width, header.height, _nearest_rate(header.frame_rate), header.bit_depth, chroma_format,
+        color, header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
+    )  # fmt: skip
 
-    Raises
-    ------
-    GsvcError
-        ``unsupported``: the header describes a format that no writer makes, such as identity-matrix 4:2:0.
-    """
-    try:
-        color = ColorDescription(
-            header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
-            bool(header.video_full_range_flag), header.chroma_sample_loc_type,
-        )  # fmt: skip
-        return VideoFormat(
-            header.width, header.height, header.frame_rate, header.bit_depth, CHROMA_FORMATS[header.chroma_format],
-            color, header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
-        )  # fmt: skip
-    except UsageError as error:
-        raise GsvcError("unsupported", f"the stream's source format cannot be written: {error}") from None
+
+def format_notes(header: SequenceHeader) -> list[str]:
+    """In which ways `video_format` is not what a header says; sentences without a full stop."""
+    notes = []
+    if _subsamples_identity(header):
+        notes.append("the header says subsampled chroma and matrix 0, which has none: taken as 4:4:4")
+    if (rate := header.frame_rate) != (nearest := _nearest_rate(rate)):
+        notes.append(f"files cannot have the frame rate of the header, {rate}: taken as {nearest}")
+    return notes
+
+
+def _subsamples_identity(header: SequenceHeader) -> bool:
+    return header.matrix_coefficients == 0 and CHROMA_FORMATS[header.chroma_format] in ("420", "422")
+
+
+def _nearest_rate(rate: Fraction) -> Fraction:
+    """The nearest frame rate whose terms a file can hold; the header's have 32 bits."""
+    if max(rate.numerator, rate.denominator) <= MAX_RATIO_TERM:
+        return rate
+    small = max(min(rate, 1 / rate).limit_denominator(MAX_RATIO_TERM), Fraction(1, MAX_RATIO_TERM))
+    return small if rate <= 1 else 1 / small

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.codec import video_format as format_of_header
-from gsvc_ref.codec.formats import CHROMA_FORMATS, header_fields
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.codec.formats import CHROMA_FORMATS, format_notes, header_fields
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 points = st.integers(0, 255)
@@ -52,8 +51,24 @@ def test_an_unknown_shape_of_pixels_is_taken_as_square():
     assert format_of_header(SequenceHeader(level=1, width=8, height=8)).sample_aspect_ratio == 1
 
 
-def test_a_header_of_a_format_that_cannot_be_written_is_unsupported():
+def test_identity_without_its_chroma_is_taken_as_444():
     header = SequenceHeader(level=1, width=8, height=8, chroma_format=1, matrix_coefficients=0)
-    with pytest.raises(GsvcError) as caught:
-        format_of_header(header)
-    assert caught.value.kind == "unsupported"
+    assert format_of_header(header).chroma_format == "444"
+    assert len(format_notes(header)) == 1
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "nearest"),
+    [
+        (2**32 - 1, 1, Fraction(2**31 - 1)),
+        (1, 2**32 - 1, Fraction(1, 2**31 - 1)),
+        (2**32 - 1, 2**32 - 2, Fraction(1)),
+        (3 * 2**30, 2**30, Fraction(3)),
+    ],
+)
+def test_a_frame_rate_of_large_terms_is_taken_as_the_nearest(numerator, denominator, nearest):
+    header = SequenceHeader(
+        level=1, width=8, height=8, frame_rate_numerator=numerator, frame_rate_denominator=denominator
+    )
+    assert format_of_header(header).frame_rate == nearest
+    assert len(format_notes(header)) == (nearest != Fraction(numerator, denominator))

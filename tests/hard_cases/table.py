@@ -35,12 +35,15 @@ def row(entry: Entry, measured: Measurement) -> tuple[str, ...]:
 
 
 def rows() -> list[tuple[str, ...]]:
-    """All lines, measured; progress goes to the standard error."""
+    """All lines, measured; progress goes to the standard error, if that is a terminal."""
     made = []
+    shown = sys.stderr.isatty()
     for done, entry in enumerate(catalogue().values(), 1):
-        print(f"\r{done} of {len(catalogue())}", end="", file=sys.stderr)
+        if shown:
+            print(f"\r{done} of {len(catalogue())}", end="", file=sys.stderr)
         made.append(row(entry, entry.measure()))
-    print(file=sys.stderr)
+    if shown:
+        print(file=sys.stderr)
     return made
 
 
