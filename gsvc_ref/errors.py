@@ -1,6 +1,7 @@
 """The two exceptions that gsvc_ref raises on purpose: bad data and wrong use."""
 
-from typing import Final, Literal
+from functools import partial
+from typing import Any, Final, Literal
 
 ErrorKind = Literal["malformed", "invalid", "unsupported", "limit"]
 
@@ -29,6 +30,10 @@ class GsvcError(Exception):
         self.rule = rule
         self.bit = bit
         super().__init__(kind, message, rule, bit)
+
+    def __reduce__(self) -> Any:
+        """An exception is made again from its arguments by position; other processes hand it back so."""
+        return partial(type(self), self.kind, self.message, rule=self.rule, bit=self.bit), ()
 
     def __str__(self) -> str:
         place = ", ".join(

@@ -106,7 +106,7 @@ class Splats:
         UsageError
             A parameter exceeds binary32 at this scale.
         """
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", under="ignore"):
             positions = self.positions * np.array([scale_x, scale_y], np.float32)
             cholesky = self.cholesky * np.array([scale_x, scale_y, scale_y], np.float32)
         return Splats(positions, cholesky, self.colors)

@@ -1,5 +1,7 @@
 """The few public names: all there, loaded only when used, and the ways of the docstring work."""
 
+import copy
+import pickle
 import subprocess
 import sys
 from fractions import Fraction
@@ -111,3 +113,10 @@ def test_gradients_point_downhill():
     lower = gsvc_ref.Splats.from_array(splats.to_array() - 1e-4 * gradient)
     losses = [np.square(gsvc_ref.render(s, 20, 12) - target).sum() for s in (splats, lower)]
     assert losses[1] < losses[0]
+
+
+def test_errors_survive_another_process():
+    error = gsvc_ref.GsvcError("malformed", "why", rule="R-6.2-2", bit=12)
+    for made in (pickle.loads(pickle.dumps(error)), copy.copy(error), copy.deepcopy(error)):
+        assert (type(made), str(made)) == (gsvc_ref.GsvcError, str(error))
+        assert (made.kind, made.rule, made.bit) == ("malformed", "R-6.2-2", 12)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import render_sum
+from gsvc_ref.rendering import render_exact_with_bound, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing.strategies import splat_sets
 
@@ -137,3 +137,11 @@ def test_a_scale_that_leaves_binary32_is_refused():
     far = Splats.from_array([[3e38, 0, 1, 0, 1, 1, 1, 1]])
     with pytest.raises(UsageError, match="NaN or infinite"):
         far.scaled(4, 1)
+
+
+def test_an_application_that_traps_underflow_is_not_trapped():
+    smallest = Splats.from_array(np.array([[4, 4, 2.0**-126, 0, 3, 1, 1, 1]], np.float32))
+    with np.errstate(all="raise"):
+        scaled = smallest.scaled(0.3, 0.3)
+        assert 0 < scaled.cholesky[0, 0] < 2.0**-126
+        assert np.isfinite(render_exact_with_bound(Splats.from_array(scaled.to_array() + np.float32(1)), 40, 8)).all()

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -60,8 +61,21 @@ def check_output(name: str, source: str, *, folder_allowed: bool = False) -> Non
         raise UsageError(f"the folder {path.parent} does not exist; create it first (mkdir -p {path.parent})")
     if path.is_dir() and not folder_allowed:
         raise UsageError(f"{name} is a folder; give the name of a file to write, such as {path / 'out'}{STREAM_SUFFIX}")
-    if path.is_file() and source != STDIO and os.path.samefile(path, source):
+    if path.is_file() and _is_read(path, source):
         raise UsageError(f"{name} is the input itself; give the output another name")
+
+
+def _is_read(path: Path, source: str) -> bool:
+    """Whether a file is the input, or a picture in the folder that is."""
+    if source == STDIO:
+        with suppress(OSError, AttributeError):  # there may be none, or no file behind it
+            return os.path.samestat(os.fstat(sys.stdin.fileno()), path.stat())
+        return False
+    if Path(source).is_dir():
+        from gsvc_ref.video.images import list_images
+
+        return any(os.path.samefile(path, picture) for picture in list_images(Path(source)))
+    return os.path.samefile(path, source)
 
 
 def holds_stream(name: str) -> bool:

@@ -137,7 +137,7 @@ def decode(
     """
     with nullcontext(source) if isinstance(source, Stream) else Stream(source) as stream:
         frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
-        yield from _rendered(frames, stream.header, scale, precision, threads)
+        yield from _rendered(frames, stream.header, scale, precision, threads, on_gap)
 
 
 def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
@@ -149,18 +149,29 @@ def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None
 
 
 def _rendered(
-    frames: Iterator[DecodedFrame], header: SequenceHeader, scale: float, precision: Precision, threads: int | None
+    frames: Iterator[DecodedFrame],
+    header: SequenceHeader,
+    scale: float,
+    precision: Precision,
+    threads: int | None,
+    on_gap: Callable[[Gap], None] | None,
 ) -> Iterator[Frame]:
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None
     for decoded in frames:
         if last is None or decoded.type != "R":
+            origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
             try:
                 splats = decoded.splats.scaled(width / header.width, height / header.height)
             except UsageError as error:
-                raise GsvcError("unsupported", f"frame {decoded.number} at scale {scale}: {error}") from None
-            last = renderer.next_frame(splats, header.bit_depth, decoded.codes.origins)
+                fault = GsvcError("unsupported", f"frame {decoded.number} at scale {scale}: {error}")
+                if on_gap is None:
+                    raise fault from None
+                on_gap(Gap((fault,), 1, decoded.offset, decoded.size, 0, decoded.number, 1))
+                last = None
+                continue
+            last = renderer.next_frame(splats, header.bit_depth, origins)
         yield last.copy()  # the renderer changes it, and an R-frame shows it again
 
 

@@ -88,12 +88,11 @@ class WeightErrors:
         )  # fmt: skip
         w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1**2 + self.delta_2**2) / 2
         d_sigma = w + gamma(2) * (sigma + w)
-        self.g_plain = np.exp(-sigma)
-        highest = np.exp(-np.maximum(sigma - d_sigma, 0))
-        lowest = np.exp(-(sigma + d_sigma))
-        of_exp = (
-            (3 + 2 * np.maximum(sigma - d_sigma, 0)) * EPS * highest
-        )  # exp(-x) (3 + 2 x) falls: most at the least x
+        nearest = np.maximum(sigma - d_sigma, 0)
+        with np.errstate(under="ignore"):
+            self.g_plain = np.exp(-sigma)
+            highest, lowest = np.exp(-nearest), np.exp(-(sigma + d_sigma))
+        of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
         self.band = abs(sigma - SUPPORT_SIGMA) <= d_sigma + EPS * SUPPORT_SIGMA
 

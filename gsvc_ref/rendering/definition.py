@@ -91,7 +91,9 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     u2 = (dy - l21 * u1) / l22
     sigma = (u1 * u1 + u2 * u2) / 2
     covered = sigma <= SUPPORT_SIGMA
-    return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, np.where(covered, np.exp(-sigma), 0.0))
+    with np.errstate(under="ignore"):
+        g = np.where(covered, np.exp(-sigma), 0.0)
+    return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, g)
 
 
 def _box(center: float, half_extent: float, size: int, margin: int) -> slice:

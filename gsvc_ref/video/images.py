@@ -57,7 +57,7 @@ def decode_image(data: bytes, name: str) -> PngImage:
             raise GsvcError("unsupported", f"{name} is a JPEG in {picture.mode}; convert it to RGB first")
         frame = np.array(picture.convert("RGB"))  # (H, W, 3) u1
         orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, Warning) as error:  # the process may turn warnings into errors
         raise GsvcError("malformed", f"{name} is not a valid JPEG ({error}); export the picture again") from error
     notes = ["a JPEG is read as it is stored; its EXIF orientation is not applied"] if orientation != 1 else []
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)

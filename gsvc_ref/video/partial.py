@@ -98,11 +98,17 @@ class PartialFile:
 def remove_leftovers(folder: Path, name: str | None = None) -> None:
     """Remove partial files for a target of this name, or for any, whose processes are gone: nobody holds their lock."""
     wanted = re.escape(_short(name)) if name else ".+"
-    for path in folder.iterdir():
-        if re.fullmatch(rf"\.{wanted}\.\d+-\d+\.part", path.name):
-            with suppress(OSError), path.open("rb") as file:
-                if try_lock(file):
-                    path.unlink()
+    with suppress(OSError):  # a folder may be written to and yet not be listed
+        for path in folder.iterdir():
+            if re.fullmatch(rf"\.{wanted}\.\d+-\d+\.part", path.name):
+                with suppress(OSError), open(path, "rb", opener=_open_at_once) as file:
+                    if stat.S_ISREG(os.fstat(file.fileno()).st_mode) and try_lock(file):
+                        path.unlink()
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open what may be anything: a pipe of that name would be waited for, a link may lead anywhere."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
 
 
 def check_parent(target: Path) -> None:

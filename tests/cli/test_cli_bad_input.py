@@ -1,6 +1,7 @@
 """The bad inputs that the commands must meet with a clear message, the right exit code and no half-written file."""
 
 import stat
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,16 @@ def test_nan_in_a_picture_is_refused_by_the_api(tmp_path):
 def test_an_unknown_command(capsys):
     assert main(["encod"]) == 2
     assert "'encod'" in capsys.readouterr().err
+
+
+def test_what_is_read_is_not_written_over(fails, clip, tmp_path, monkeypatch):
+    source = tmp_path / "same.y4m"
+    source.write_bytes(clip.read_bytes())
+    with source.open() as file:
+        monkeypatch.setattr(sys, "stdin", file)
+        assert "the input itself" in fails(2, "encode", "-", source, "--live")
+    assert source.read_bytes() == clip.read_bytes()
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    Image.new("RGB", (8, 8)).save(pictures / "1.png")
+    assert "the input itself" in fails(2, "encode", pictures, pictures / "1.png")

@@ -89,3 +89,7 @@ def test_json_is_strict():
         },
         "1": [True, None],
     }
+
+
+def test_a_file_name_of_bytes_that_are_no_characters_is_json():
+    assert to_json({"input": "a\udcffb", "path": Path("é")}) == {"input": "a\\udcffb", "path": "é"}

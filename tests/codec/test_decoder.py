@@ -2,6 +2,7 @@
 
 import io
 import itertools
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -11,7 +12,9 @@ from codec_cases import encoded, fast, video_format, waves
 from gsvc_ref.bitstream import Gap
 from gsvc_ref.codec import Stream, decode, encode, scaled_size
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.rendering import render, to_frame
+from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
 
 @pytest.fixture(scope="module")
@@ -211,3 +214,21 @@ def test_the_format_of_the_source_survives(chroma_format):
     encode((waves(24, 16, 1, bit_depth=10), source), file, fast(iterations=1))
     with Stream(file.getvalue()) as opened:
         assert opened.format == type(base)(24, 16, Fraction(30000, 1001), 10, chroma_format, color, Fraction(12, 11), 1)
+
+
+def test_a_frame_beyond_binary32_at_a_scale_is_a_gap_when_salvaging():
+    def frame(scale: float) -> FrameCodes:
+        codes = overview_frames()[0]
+        assert codes.intra is not None
+        assert codes.intra.quantizer is not None
+        quantizer = replace(codes.intra.quantizer, scale=np.full(3, scale, np.float32))
+        return replace(codes, intra=replace(codes.intra, quantizer=quantizer))
+
+    data = write_stream(OVERVIEW_HEADER, [frame(scale) for scale in (1, 5e36, 1)])
+    assert len(list(decode(data))) == 3
+    with pytest.raises(GsvcError, match="frame 1 at scale 9") as caught:
+        list(decode(data, scale=9))
+    assert (caught.value.kind, caught.value.rule) == ("unsupported", None)
+    gaps: list[Gap] = []
+    assert len(list(decode(data, scale=9, on_gap=gaps.append))) == 2
+    assert [(gap.first_missing, gap.missing_count, gap.skipped) for gap in gaps] == [(1, 1, 0)]

@@ -9,7 +9,7 @@ from PIL import Image
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
-from gsvc_ref.video.images import natural_key
+from gsvc_ref.video.images import decode_image, natural_key
 
 RGB = ColorDescription(1, 13, 0, True, 0)
 RATE_NOTE = "pictures state no frame rate, so assumed: 25 per second"
@@ -175,3 +175,10 @@ def test_a_png_file_holds_one_frame(tmp_path, count):
     with pytest.raises(UsageError, match=r"holds one frame|no frame"):
         write_all()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_warning_about_a_jpeg_that_the_process_takes_for_an_error():
+    data = jpeg(np.zeros((4, 4, 3), np.uint8))
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x05"  # five entries, none there
+    with pytest.raises(GsvcError, match="not a valid JPEG"):  # pytest takes warnings for errors
+        decode_image(data[:2] + b"\xff\xe1" + (2 + len(exif)).to_bytes(2, "big") + exif + data[2:], "x.jpg")

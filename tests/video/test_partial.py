@@ -145,3 +145,23 @@ def test_leftovers_of_killed_processes_go_and_files_in_work_stay(tmp_path):
     assert set(names(tmp_path)) == {working.path.name} | others
     working.commit()
     assert set(names(tmp_path)) == {"x"} | others
+
+
+@posix
+def test_a_pipe_or_a_link_of_a_leftovers_name_is_left_alone(tmp_path):
+    os.mkfifo(tmp_path / ".x.1-0.part")  # which blocks who opens it as a file
+    (tmp_path / "other").write_bytes(b"other")
+    (tmp_path / ".x.1-1.part").symlink_to(tmp_path / "other")
+    remove_leftovers(tmp_path, "x")
+    assert names(tmp_path) == [".x.1-0.part", ".x.1-1.part", "other"]
+
+
+def test_a_folder_that_cannot_be_listed_is_written_to(tmp_path, monkeypatch):
+    def closed(folder: Path):
+        raise PermissionError(errno.EACCES, "closed", str(folder))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "iterdir", closed)
+        remove_leftovers(tmp_path)
+        write(tmp_path / "x")
+    assert names(tmp_path) == ["x"]
