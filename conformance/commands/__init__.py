@@ -32,7 +32,13 @@ def add_selection(parser: ArgumentParser) -> None:
     )
     options.add_argument("--rule", action="append", default=[], metavar="ID", help="that exercise it: R-10.3-1")
     options.add_argument("--equation", action="append", default=[], metavar="NUMBER", help="that exercise it: 9-4")
-    options.add_argument("--flag", action="append", default=[], metavar="NAME", help="for this class of bugs: needle")
+    options.add_argument(
+        "--flag",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="for this class of bugs: needle; vectors/COVERAGE.md lists them",
+    )
 
 
 def selection(arguments: Namespace) -> Selection:

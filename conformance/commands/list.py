@@ -22,7 +22,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_vectors(parser)
     add_selection(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--cases", action="store_true", help="the cases, each with its title")
+    form.add_argument("--cases", action="store_true", help="the cases, each with its title; so does --flag")
     form.add_argument("--json", action="store_true", help="stages and cases as JSON")
     form.add_argument(
         "--markdown", nargs="?", type=Path, const=Path("-"), metavar="FILE",
@@ -38,14 +38,14 @@ def run(arguments: Namespace) -> int:
             print(markdown(arguments.vectors))
         else:
             update(arguments.markdown, markdown(arguments.vectors))
-    elif arguments.json or arguments.cases:
+    elif arguments.json or arguments.cases or chosen.flags:
         listed = [case for case in cases().values() if chosen.holds(case.id)]
         if chosen.of_manifests:
             selected = set(VectorFolder(arguments.vectors).select(chosen))
             listed = [case for case in listed if case.id in selected]
         if not listed:
             raise UsageError(f"no case is selected by {chosen}")
-        if arguments.cases:
+        if not arguments.json:
             print("\n".join(f"{case.id}: {case.title}" for case in listed))
         else:
             checks = checks_of(arguments.vectors)

@@ -1,7 +1,8 @@
 """The command ``gsvc``: one module per command, each with `add_command`; heavy imports happen inside a command's `run`.
 
 Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what was saved is said); 2 wrong use;
-70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C or SIGTERM; 141 the reader of standard output went away.
+70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C, SIGTERM or SIGHUP; 141 the reader of standard output went
+away.
 """
 
 import gc
@@ -20,6 +21,7 @@ from gsvc_ref.cli.demo import add_command as add_demo
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
 from gsvc_ref.cli.info import add_command as add_info
+from gsvc_ref.cli.signals import termination_as_ctrl_c
 
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""
@@ -84,4 +86,5 @@ def _run(argv: Sequence[str] | None) -> int:
     if arguments.command is None:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
-    return guarded(command, lambda: int(arguments.run(arguments)))
+    with termination_as_ctrl_c():
+        return guarded(command, lambda: int(arguments.run(arguments)))

@@ -13,27 +13,34 @@ COMPILE_EVENT: Final = "numba:compile"
 
 
 class CompilationNotice(event.Listener):
-    """Says once, on standard error, that the compiler works, at the moment when it begins to."""
+    """Says once, on standard error, that the compiler works, at the moment when it begins to.
+
+    Attributes
+    ----------
+    said
+        Whether it has: the time of the command is not that of its work alone.
+    """
 
     def __init__(self, command: str) -> None:
         self._command = command
-        self._said = False
+        self.said = False
 
     def on_start(self, event: Any) -> None:
         """Numba begins to compile a kernel."""
-        if not self._said:
-            self._said = True
-            say(self._command, "compiling kernels, once for this version (up to 30 seconds)")
+        if not self.said:
+            self.said = True
+            say(self._command, "compiling kernels for this command, once for this version (up to 30 seconds)")
 
     def on_end(self, event: Any) -> None:
         """Numba has compiled a kernel."""
 
 
 @contextmanager
-def compilation_notice(command: str, *, silent: bool) -> Iterator[None]:
+def compilation_notice(command: str, *, silent: bool) -> Iterator[CompilationNotice]:
     """Say so if a kernel has to be compiled inside the block, unless `silent`."""
+    notice = CompilationNotice(command)
     if silent:
-        yield
+        yield notice
     else:
-        with event.install_listener(COMPILE_EVENT, CompilationNotice(command)):
-            yield
+        with event.install_listener(COMPILE_EVENT, notice):
+            yield notice

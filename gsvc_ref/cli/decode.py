@@ -72,7 +72,10 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     check_output(arguments.output, arguments.input, folder_allowed=True)
     try:
-        return _decode(arguments)
+        from gsvc_ref.codec.interrupts import Interrupts
+
+        with Interrupts(patient=False, once=True):  # a terminal that is closed may send SIGHUP twice
+            return _decode(arguments)
     except KeyboardInterrupt:
         done = "the output ends early" if arguments.output == STDIO else "nothing was saved"
         say(COMMAND, f"interrupted; {done}")

@@ -19,6 +19,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream import StreamSummary
+    from gsvc_ref.cli.compilation import CompilationNotice
     from gsvc_ref.codec import EncodeReport
     from gsvc_ref.metrics import Comparison
 
@@ -53,8 +54,8 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice
 
     try:
-        with compilation_notice(COMMAND, silent=arguments.quiet):
-            return Demo(folder, arguments).run()
+        with compilation_notice(COMMAND, silent=arguments.quiet) as notice:
+            return Demo(folder, arguments, notice).run()
     except KeyboardInterrupt:
         say(COMMAND, f"interrupted; {folder} holds what was complete")
         return EXIT_INTERRUPTED
@@ -63,8 +64,8 @@ def run(arguments: Namespace) -> int:
 class Demo:
     """One run of the demo: files in a folder, and the seconds of each step."""
 
-    def __init__(self, folder: Path, arguments: Namespace) -> None:
-        self.folder, self.arguments = folder, arguments
+    def __init__(self, folder: Path, arguments: Namespace, notice: "CompilationNotice") -> None:
+        self.folder, self.arguments, self.notice = folder, arguments, notice
         self.original = folder / "original.y4m"
         self.clip = folder / "clip.gsvc"
         self.decoded = folder / "decoded"
@@ -119,7 +120,7 @@ class Demo:
         settings = Settings.quick(splats=self.arguments.splats, threads=self.arguments.threads, checksums=True)
         with self._timed("encode"), ProgressDisplay(quiet=self.arguments.quiet) as display:
             report = encode(self.original, self.clip, settings, progress=progress_callback(display))
-        self._print(*summary(str(self.clip), report))
+        self._print(*summary(str(self.clip), report, compiled=self.notice.said))
         return report
 
     def _decode_in_second_process(self) -> None:

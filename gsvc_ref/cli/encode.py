@@ -1,12 +1,9 @@
 """``gsvc encode``: a video in, a `.gsvc` file out."""
 
-import signal
 import sys
-import threading
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -108,29 +105,11 @@ def run(arguments: Namespace) -> int:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
-    with termination_as_ctrl_c():
-        try:
-            return _encode(arguments)
-        except KeyboardInterrupt:
-            say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
-            return EXIT_INTERRUPTED
-
-
-@contextmanager
-def termination_as_ctrl_c() -> Iterator[None]:
-    """Let the signals that end a process politely do what Ctrl-C does, unless somebody else cares about them."""
-    replaced = []
-    if threading.current_thread() is threading.main_thread():
-        for name in ("SIGTERM", "SIGHUP"):
-            number = getattr(signal, name, None)  # not every system has SIGHUP
-            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, signal.default_int_handler)
-                replaced.append(number)
     try:
-        yield
-    finally:
-        for number in replaced:
-            signal.signal(number, signal.SIG_DFL)
+        return _encode(arguments)
+    except KeyboardInterrupt:
+        say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
+        return EXIT_INTERRUPTED
 
 
 def _encode(arguments: Namespace) -> int:
@@ -141,7 +120,7 @@ def _encode(arguments: Namespace) -> int:
     settings = make_settings(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(COMMAND, silent=not talkative), open_video(arguments.input) as reader:
+    with compilation_notice(COMMAND, silent=not talkative) as notice, open_video(arguments.input) as reader:
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         told = len(reader.notes)
@@ -159,7 +138,7 @@ def _encode(arguments: Namespace) -> int:
         if talkative:
             for note in report.notes[told:]:
                 print(f"  note: {note}", file=out)
-            print("\n".join(summary(arguments.output, report)), file=out)
+            print("\n".join(summary(arguments.output, report, compiled=notice.said)), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
@@ -228,8 +207,8 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     return show
 
 
-def summary(output: str, report: "EncodeReport") -> list[str]:
-    """What came out, in lines."""
+def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
+    """What came out, in lines; `compiled` tells that kernels were compiled in the time of the encode."""
     frames = report.frames
     counts = Counter[str](frame.type for frame in frames)
     types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
@@ -242,6 +221,7 @@ def summary(output: str, report: "EncodeReport") -> list[str]:
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
         f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
+        + (" with the compilation of kernels" if compiled else "")
         + (f" ({shares})" if shares else ""),
     ]
 

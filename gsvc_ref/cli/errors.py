@@ -83,6 +83,9 @@ def _explain(command: str, error: BaseException) -> int:
     if isinstance(error, MemoryError):
         say(command, "there is not enough memory; use smaller frames or fewer splats, or a machine with more")
         return EXIT_DATA
+    if (package := missing_package(error)) is not None:
+        say(command, f"{package} is not installed: pip install .")
+        return EXIT_USAGE
     summary = " ".join(f"{type(error).__name__}: {error}".split())
     say(
         command,
@@ -90,6 +93,14 @@ def _explain(command: str, error: BaseException) -> int:
         f"gave; {DEBUG_VARIABLE}=1 shows where it happened",
     )
     return EXIT_INTERNAL
+
+
+def missing_package(error: BaseException) -> str | None:
+    """The package of others whose absence is the error, if that is what it is."""
+    if not isinstance(error, ModuleNotFoundError):
+        return None
+    package = (error.name or "").partition(".")[0]
+    return None if package in ("", "gsvc_ref", *sys.stdlib_module_names) else package
 
 
 def describe_os_error(error: OSError) -> str:

@@ -119,12 +119,12 @@ class ProgressDisplay:
             self._show(text, None)
 
     def update(self, text: str, done: float, total: float | None) -> None:
-        """Tell that `done` of `total` (None: unknown) units of work are complete."""
+        """Tell that `done` of `total` (None: unknown) units of work are complete; with the first comes an estimate."""
         now = self._clock()
         if not self.active or now < self._next:
             return
         share = min(done / total, 1.0) if total else None
-        if share:
+        if share and done >= 1:  # before, compilation and start are most of the time
             left = (now - self._start) * (1 - share) / share
             text = f"{text}  {duration(left)} left"
         self._show(text, share)

@@ -87,7 +87,7 @@ def encode(
 def _raise(fault: BaseException, report: EncodeReport) -> None:
     """Raise what ended an encode early, now that the frames before it are saved."""
     count = len(report.frames)
-    saved = f"saved: {count} complete frame{'' if count == 1 else 's'} before that, as a valid stream"
+    saved = f"saved: {count} complete frame{'' if count == 1 else 's'}, as a valid stream"
     if isinstance(fault, GsvcError):
         raise IncompleteEncodeError(fault.kind, f"{fault.message}; {saved}", report, fault.rule, fault.bit) from fault
     if isinstance(fault, UsageError):

@@ -1,4 +1,4 @@
-"""Ctrl-C during an encode: it comes through at once but while a frame is written, and only once."""
+"""Ctrl-C during an encode or decode: it comes through at once but while a frame is written, and only once."""
 
 import signal
 import threading
@@ -22,6 +22,8 @@ class Interrupts:
     ----------
     patient
         Let nothing through a hold: what is written goes to a disk, so it will end.
+    once
+        Hold from the first interrupt on: what was begun is being removed.
 
     Attributes
     ----------
@@ -31,17 +33,19 @@ class Interrupts:
         Whether one was noted.
     """
 
-    def __init__(self, *, patient: bool) -> None:
+    def __init__(self, *, patient: bool, once: bool = False) -> None:
         self.held, self.seen = False, False
-        self._patient, self._since = patient, 0.0
+        self._patient, self._once, self._since = patient, once, 0.0
         self._replaced: list[int] = []
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         insists = self.seen and not self._patient and time.monotonic() - self._since > INSISTING_S
-        if not self.held or insists:
-            raise KeyboardInterrupt
-        if not self.seen:
+        through = not self.held or insists
+        self.held |= self._once
+        if not self.seen and self.held:
             self.seen, self._since = True, time.monotonic()
+        if through:
+            raise KeyboardInterrupt
 
     def release(self) -> None:
         """Hold back no longer; what was noted is raised now.

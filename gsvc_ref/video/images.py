@@ -172,8 +172,8 @@ class ImageFolderWriter(VideoWriter):
 
     def _write(self, frame: Frame) -> None:
         path = self._folder / f"frame_{self.frames_written + self.frames_skipped:06d}.png"
+        self._written.append(path)  # before it is, so that an interrupt leaves none behind
         _write_png(path, frame, self.format)
-        self._written.append(path)
 
     def _finish(self) -> None:
         """Every file is in place already."""

@@ -124,8 +124,8 @@ class LibavReader(VideoReader):
         reason = getattr(error, "strerror", error)
         return GsvcError(
             "malformed",
-            f"{self._name} is no video that FFmpeg can read ({reason}); give a video file, a y4m file or a folder of "
-            f"PNG files",
+            f"{self._name} is no video that FFmpeg can read ({reason}), or it is cut off (its index may stand at the "
+            f"end); give a whole video file, a y4m file or a folder of PNG files",
         )
 
     def _open_stream(self) -> av.VideoStream:

@@ -84,7 +84,7 @@ class Y4mReader(VideoReader):
                 raise GsvcError(
                     "malformed",
                     f"{self._name} is cut off in frame {number}: {missing} of its {self._frame_bytes} bytes are "
-                    f"missing; the {number} frames before it are complete",
+                    f"missing",
                 )
             samples += part
         return samples

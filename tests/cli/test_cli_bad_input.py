@@ -96,7 +96,7 @@ def test_frames_that_change_size_end_the_stream(capsys, tmp_path):
     message = capsys.readouterr().err
     assert "16x12" in message
     assert "16x14" in message
-    assert message.endswith("saved: 1 complete frame before that, as a valid stream\n")
+    assert message.endswith("saved: 1 complete frame, as a valid stream\n")
     assert main(["info", str(tmp_path / "out.gsvc")]) == 0
 
 

@@ -7,18 +7,20 @@ from numba.core import event
 
 from gsvc_ref.cli.compilation import COMPILE_EVENT, compilation_notice
 
-NOTICE = "compiling kernels, once for this version"
+NOTICE = "compiling kernels for this command, once for this version"
 TIMEOUT_S = 120
 
 
 @pytest.mark.parametrize("silent", [False, True])
 def test_the_notice_comes_once_and_only_when_something_is_compiled(capsys, silent):
-    with compilation_notice("gsvc test", silent=silent):
+    with compilation_notice("gsvc test", silent=silent) as notice:
         assert capsys.readouterr().err == ""
+        assert not notice.said
         for _ in range(2):
             with event.trigger_event(COMPILE_EVENT):
                 pass
     assert capsys.readouterr().err.count(f"gsvc test: {NOTICE}") == (0 if silent else 1)
+    assert notice.said is not silent
 
 
 def test_nothing_is_said_after_the_command(capsys):

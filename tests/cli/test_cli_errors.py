@@ -29,6 +29,9 @@ def raising(error):
         (OSError(errno.EIO, "Input/output error", "a"), 1, "a: Input/output error"),
         (MemoryError(), 1, "not enough memory"),
         (KeyboardInterrupt(), 130, "interrupted"),
+        (ModuleNotFoundError("No module named 'numba'", name="numba.core"), 2, "numba is not installed: pip install ."),
+        (ModuleNotFoundError("No module named 'lzma'", name="lzma"), 70, "a fault of gsvc_ref (ModuleNotFoundError"),
+        (ModuleNotFoundError("No module", name="gsvc_ref.x"), 70, "a fault of gsvc_ref (ModuleNotFoundError"),
         (ZeroDivisionError("division\nby zero"), 70, "(ZeroDivisionError: division by zero)"),
     ],
 )

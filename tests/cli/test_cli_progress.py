@@ -47,6 +47,15 @@ def test_time_left_follows_from_the_share_done(recorder):
     assert recorder.shown == [("frame 5/20  30 s left", 0.25), "clear"]
 
 
+def test_nothing_is_estimated_before_the_first_is_done(recorder):
+    clock = Clock()
+    shown = display(recorder, clock)
+    for done in (0.5, 1):
+        clock.now += 10
+        shown.update("frame 1/2", done, 2)
+    assert recorder.shown == [("frame 1/2", 0.25), ("frame 1/2  20 s left", 0.5)]
+
+
 def test_nothing_is_estimated_without_a_total(recorder):
     clock = Clock()
     shown = display(recorder, clock)

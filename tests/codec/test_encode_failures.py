@@ -105,7 +105,7 @@ def test_a_fault_of_the_source_keeps_the_frames_before(tmp_path, error):
         assert type(caught.value) is IncompleteEncodeError
         assert caught.value.__cause__ is error
         assert caught.value.kind == getattr(error, "kind", "invalid")
-        assert str(caught.value).endswith("; saved: 3 complete frames before that, as a valid stream")
+        assert str(caught.value).endswith("; saved: 3 complete frames, as a valid stream")
         assert caught.value.report.fault == str(error)
         assert [frame.number for frame in caught.value.report.frames] == [0, 1, 2]
         assert caught.value.report.file_bytes == path.stat().st_size
@@ -113,7 +113,7 @@ def test_a_fault_of_the_source_keeps_the_frames_before(tmp_path, error):
         assert (str(again), again.report.fault) == (str(caught.value), str(error))
     else:
         assert caught.value is error
-        assert error.__notes__[-1] == "gsvc_ref.encode saved: 3 complete frames before that, as a valid stream"
+        assert error.__notes__[-1] == "gsvc_ref.encode saved: 3 complete frames, as a valid stream"
 
 
 @pytest.mark.parametrize("low_latency", [False, True])

@@ -133,6 +133,19 @@ def test_a_hold_is_let_through_late_and_only_where_a_write_may_never_end(monkeyp
                 interrupts.release()
 
 
+def test_only_the_first_gets_through_where_one_is_enough(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    with Interrupts(patient=False, once=True):
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        now[0] += 0.5
+        signal.raise_signal(signal.SIGINT)
+        now[0] += 0.6
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
 def test_other_threads_have_no_signals_and_leave_them_alone():
     made = []
 

@@ -333,6 +333,14 @@ def test_list_of_cases_and_json(folder, monkeypatch, capsys):
     ]
 
 
+def test_list_of_a_flag_is_that_of_its_cases(capsys):
+    assert main(["list", "--flag", "hard", "--stage", "render_sum"]) == 0
+    plain = capsys.readouterr().out
+    assert main(["list", "--flag", "hard", "--stage", "render_sum", "--cases"]) == 0
+    assert capsys.readouterr().out == plain
+    assert all("/render_sum/" in line.split(":")[0] for line in plain.splitlines())
+
+
 def test_list_in_markdown(folder, tmp_path, capsys):
     assert main(["list", "--markdown", "--vectors", str(folder)]) == 0
     table = capsys.readouterr().out

@@ -1,13 +1,15 @@
-"""The long checks of hostile input: ``python -m tests.hostile damage`` and ``... memory LEVEL [ENTRY...]``.
+"""The long checks of hostile input: ``python -m tests.hostile damage`` and ``... memory LEVEL [ENTRY ...]``.
 
 ``damage`` tries every truncation and every flipped bit of every core stream, with gsvc_ref and with the decoder of
 spec.md; ``memory`` measures the peak memory of every way into the decoder for streams at the limits of a level.
 """
 
 import sys
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections import Counter
 from time import perf_counter
 
+from gsvc_ref.bitstream import LEVELS
 from tests.hostile.damage import LibraryDecoder, SpecDecoder, core_streams, damages
 from tests.hostile.memory import ENTRIES, table
 
@@ -35,12 +37,32 @@ def try_all() -> bool:
 
 def main(arguments: list[str]) -> int:
     """Run what was asked for; 1 if something is wrong."""
-    if arguments == ["damage"]:
+    given = build_parser().parse_args(arguments)
+    if given.command == "damage":
         return 0 if try_all() else 1
-    if len(arguments) > 1 and arguments[0] == "memory" and set(arguments[2:]) <= set(ENTRIES):
-        return 0 if table(int(arguments[1]), arguments[2:] or ENTRIES) else 1
-    print(f"{__doc__}\nENTRY is one of: {', '.join(ENTRIES)}")
-    return 2
+    return 0 if table(given.level, given.entries or ENTRIES) else 1
+
+
+def build_parser() -> ArgumentParser:
+    """The parser of the two checks."""
+    parser = ArgumentParser("python -m tests.hostile", description="The long checks of hostile input.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("damage", help="every truncation and every flipped bit of every core stream")
+    entries = "".join(f"\n  {entry!r}" for entry in ENTRIES)
+    memory = commands.add_parser(
+        "memory", help="peak memory of decoding streams at the limits of a level", epilog=f"ENTRY is one of:{entries}",
+        formatter_class=RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    memory.add_argument("level", type=int, choices=LEVELS, metavar="LEVEL", help=", ".join(map(str, LEVELS)))
+    memory.add_argument("entries", nargs="*", type=entry_name, metavar="ENTRY", help="ways into the decoder; all")
+    return parser
+
+
+def entry_name(text: str) -> str:
+    """The name of a way into the decoder."""
+    if text not in ENTRIES:
+        raise ArgumentTypeError(f"there is no entry {text!r}; --help lists them")
+    return text
 
 
 if __name__ == "__main__":

@@ -194,15 +194,18 @@ def measure_level(
 
 def table(level: int, entries: Iterable[str]) -> bool:
     """Print the peaks of a level; whether all are allowed and all errors as they must be."""
-    good = True
+    measured, wrong = 0, 0
+    print(f"level    {'case':24} {'entry':24} {'peak':>8}    {'allowed':>8}")
     for case in cases(level):
         with tempfile.TemporaryDirectory() as folder:
             for name, entry, peak, most, error, rule in measure_level(level, Path(folder), entries, [case]):
                 fine = peak <= most and (rule or "") in error and bool(rule) == bool(error)
-                good &= fine
+                measured, wrong = measured + 1, wrong + (not fine)
                 share = f"{peak / MEBIBYTE:8.1f} of {most / MEBIBYTE:8.1f} MiB"
                 print(f"level {level}  {name:24} {entry:24} {share}  {'' if fine else f'WRONG {error}'}", flush=True)
-    return good
+    verdict = f"{wrong} WRONG" if wrong else "all below what is allowed, with the errors that must come"
+    print(f"level {level}: {measured} measured, {verdict}")
+    return wrong == 0
 
 
 if __name__ == "__main__":

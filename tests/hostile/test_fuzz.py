@@ -182,6 +182,13 @@ def test_a_defect_is_written_and_replayed(
     assert capsys.readouterr().out == f"{path}: accepted\n"
 
 
+def test_a_replay_of_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["parser", "--replay", str(tmp_path / "missing")])
+    assert end.value.code == 2
+    assert capsys.readouterr().err.endswith(f"error: --replay: there is no file {tmp_path / 'missing'}\n")
+
+
 def test_a_seed_makes_the_same_inputs(pools: dict[str, list[bytes]]) -> None:
     for name, target in TARGETS.items():
         first = [seeded.input_of(target, pools[name], 3, number) for number in range(40)]

@@ -13,6 +13,7 @@ from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
 from gsvc_ref.rendering.workspace import BUFFERS_SIZE, LISTED, SELECTION_SIZE, Workspace, windows_of
 from gsvc_ref.splats import Splats
+from tests.hostile.__main__ import main
 from tests.hostile.memory import SUPPORTED, measure_level
 
 LEVEL = 2
@@ -26,6 +27,41 @@ def test_peak_memory(tmp_path: Path) -> None:
         assert peak <= allowed, (name, entry)
         assert bool(error) == bool(rule), (name, entry, error)
         assert (rule or "") in error, (name, entry)
+
+
+@pytest.mark.parametrize(("peak", "good"), [(5, True), (11, False)])
+def test_the_table_ends_with_a_verdict(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], peak: int, good: bool
+) -> None:
+    def measured(level: int, folder: Path, entries: list[str], names: list[str]) -> list[tuple[object, ...]]:
+        return [(names[0], entries[0], peak << 20, 10 << 20, "R-1", "R-1")]
+
+    monkeypatch.setattr("tests.hostile.memory.measure_level", measured)
+    monkeypatch.setattr("tests.hostile.memory.cases", lambda level: {"words": None})
+    assert main(["memory", "1", "decode"]) == (0 if good else 1)
+    head, row, verdict = capsys.readouterr().out.splitlines()
+    assert row.index("words") == head.index("case")
+    assert row.index("decode") == head.index("entry")
+    assert verdict == "level 1: 1 measured, " + (
+        "all below what is allowed, with the errors that must come" if good else "1 WRONG"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "told"),
+    [
+        (["memory", "--help"], 0, "\n  'decode, deterministic'\n"),
+        (["memory", "9"], 2, "argument LEVEL: invalid choice: 9"),
+        (["memory", "1", "decode,"], 2, "there is no entry 'decode,'; --help lists them"),
+        ([], 2, "the following arguments are required: command"),
+    ],
+)
+def test_wrong_use_is_told(capsys: pytest.CaptureFixture[str], words: list[str], status: int, told: str) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == status
+    said = capsys.readouterr()
+    assert told in said.out + said.err
 
 
 def test_bytes_a_splat_at_each_level() -> None:

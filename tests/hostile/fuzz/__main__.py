@@ -40,6 +40,8 @@ def main(arguments: list[str] | None = None) -> int:
         corpus.minimise(given.target, given.minimise)
         return 0
     if given.replay:
+        if missing := [path for path in given.replay if not path.is_file()]:
+            parser.error(f"--replay: there is no file {missing[0]}")
         for path in given.replay:
             print(f"{path}: {seeded.execute(TARGETS[given.target], path.read_bytes())}")
         return 0

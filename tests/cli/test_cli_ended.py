@@ -1,0 +1,88 @@
+"""Commands other than encode that are asked to end: exit code 130, one line, nothing under the output's name."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import pytest
+
+import gsvc_ref
+from gsvc_ref.cli import main
+from gsvc_ref.video import images, y4m
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+
+TIMEOUT_S = 120
+
+
+def signalling(number: int, call: Callable, after: int = 1) -> Callable:
+    """The function, which sends this process a signal before its call number `after`."""
+    calls = 0
+
+    def signalled(*arguments, **options):
+        nonlocal calls
+        calls += 1
+        if calls == after:
+            signal.raise_signal(number)
+        return call(*arguments, **options)
+
+    return signalled
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("name", ["pictures", "there", "out.y4m"])
+def test_an_ended_decode_leaves_nothing(stream, tmp_path, monkeypatch, capsys, number, name):
+    """Also when a second signal comes while the files of the first frames are removed."""
+    there, out = tmp_path / "there", tmp_path / name
+    there.mkdir()
+    monkeypatch.setattr(images, "encode_png", signalling(number, images.encode_png, after=3))
+    monkeypatch.setattr(y4m.Y4mWriter, "_write", signalling(number, y4m.Y4mWriter._write, after=3))
+    for writer in (images.ImageFolderWriter, y4m.Y4mWriter):
+        monkeypatch.setattr(writer, "_discard", signalling(number, writer._discard))
+    assert main(["decode", str(stream), str(out)]) == 130
+    assert capsys.readouterr() == ("", "gsvc decode: interrupted; nothing was saved\n")
+    assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+    assert signal.getsignal(number) is signal.SIG_DFL
+    monkeypatch.undo()
+    assert main(["decode", str(stream), str(out), "--quiet"]) == 0
+
+
+def test_a_picture_that_has_just_got_its_name_is_removed_too(stream, tmp_path, monkeypatch):
+    def written(*arguments, call=images._write_png):
+        call(*arguments)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(images, "_write_png", written)
+    assert main(["decode", str(stream), str(tmp_path / "out"), "--quiet"]) == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_decode_that_waits_for_its_input(stream, tmp_path):
+    """All but the end of a stream on standard input: three frames are written, for the fourth it waits."""
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, "-m", "gsvc_ref", "decode", "-", str(out), "--quiet"],
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        process.stdin.write(stream.read_bytes()[:-100])
+        process.stdin.flush()
+        end = time.monotonic() + TIMEOUT_S
+        while not list(out.glob("*.png")):
+            assert process.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        process.send_signal(signal.SIGTERM)
+        _, error = process.communicate(timeout=TIMEOUT_S)
+    assert (process.returncode, error) == (130, b"gsvc decode: interrupted; nothing was saved\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["compare", "info"])
+def test_other_commands_say_so(stream, clip, monkeypatch, capsys, command):
+    monkeypatch.setattr(gsvc_ref, "open", signalling(signal.SIGTERM, gsvc_ref.open))
+    assert main([command, str(stream), *([str(clip)] if command == "compare" else [])]) == 130
+    assert capsys.readouterr() == ("", f"gsvc {command}: interrupted\n")
