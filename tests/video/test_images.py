@@ -9,7 +9,7 @@ from PIL import Image
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
-from gsvc_ref.video.images import natural_key
+from gsvc_ref.video.images import missing_numbers, natural_key
 
 RGB = ColorDescription(1, 13, 0, True, 0)
 RATE_NOTE = "pictures state no frame rate, so assumed: 25 per second"
@@ -175,3 +175,26 @@ def test_a_png_file_holds_one_frame(tmp_path, count):
     with pytest.raises(UsageError, match=r"holds one frame|no frame"):
         write_all()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ([0, 1, 2], None),
+        ([3, 4], None),
+        ([0, 1, 6, 8], "2-5, 7"),
+        ([0, 2, 4, 6, 8, 10], "1, 3, 5, 7, ..."),
+    ],
+)
+def test_gaps_in_the_numbers_are_told(tmp_path, numbers, told):
+    for number in numbers:
+        Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / f"frame_{number:03}.png")
+    with open_video(tmp_path) as reader:
+        notes = [f"the numbers in {tmp_path} have gaps ({told}); frames are counted without them"] if told else []
+        assert reader.notes == [RATE_NOTE, *notes]
+        assert len(list(reader)) == len(numbers)
+
+
+@pytest.mark.parametrize("names", [["a1", "b7"], ["a1", "b"], ["1a", "9a"], ["5"], ["01", "1", "2"]])
+def test_other_names_have_no_gaps(names):
+    assert missing_numbers(names) == []
