@@ -1,6 +1,6 @@
 """What a reader hands out: frames, and the account of a whole stream."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from gsvc_ref.bitstream.header import SequenceHeader
@@ -60,6 +60,8 @@ class Gap:
         The number that the next frame should have had.
     missing_count
         How many frames are missing from there on; None if the stream does not tell, which happens only at its end.
+    predicted_from
+        Frames with this number and greater ones are sound, but predicted from missing ones; None if there are none.
     """
 
     faults: tuple[GsvcError, ...]
@@ -69,11 +71,24 @@ class Gap:
     skipped: int
     first_missing: int
     missing_count: int | None
+    predicted_from: int | None = None
 
     def __str__(self) -> str:
-        others = self.fault_count - 1
+        fault, others = self.faults[0], self.fault_count - 1
         more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
-        return f"{self.frames_missing}: {self.faults[0]}{more}; {self.bytes_skipped}"
+        joint = ", but" if self.missing_count == 0 else f"{self._predicted}:"
+        return f"{self.frames_missing}{joint} {str(fault).removeprefix(f'{fault.kind}: ')}{more}; {self.bytes_skipped}"
+
+    def clipped(self, start: int, stop: int | None) -> "Gap":
+        """What it misses of frames `start` to `stop` - 1."""
+        if self.missing_count == 0:
+            return self
+        first = max(self.first_missing, start)
+        if self.missing_count is None:
+            return replace(self, first_missing=first)
+        end = self.first_missing + self.missing_count
+        end = end if stop is None else min(end, stop)
+        return replace(self, first_missing=first, missing_count=max(end - first, 0))
 
     def reaches(self, start: int) -> bool:
         """Whether it lies behind the frame before `start`, or misses frames from there on."""
@@ -88,6 +103,15 @@ class Gap:
         if count == 0:
             return "no frame is missing"
         return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
+
+    @property
+    def _predicted(self) -> str:
+        """Which of the missing frames are sound, in words."""
+        begin, last = self.predicted_from, self.first_missing + (self.missing_count or 0) - 1
+        if begin is None or begin > last:
+            return ""
+        which = "" if begin <= self.first_missing else f" {last}" if begin == last else f" {begin} to {last}"
+        return f",{which} because predicted from missing ones"
 
     @property
     def bytes_skipped(self) -> str:

@@ -85,7 +85,7 @@ class StreamReader:
         """Frames `start` to `stop` - 1 of a damaged file, and the gaps between them, in the order of the stream.
 
         A damaged frame is skipped, and all frames after it up to the next I-frame (spec.md section 12.5). No fault is
-        raised: what is missing, and why, is in the gaps. A stream without a fault has none.
+        raised: which of these frames are missing, and why, is in the gaps. A stream without a fault has none.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class StreamReader:
         for part in Salvage(self._decoder, first or self._decoder.first):
             if isinstance(part, Gap):
                 if part.reaches(start):
-                    yield part
+                    yield part.clipped(start, stop)
             elif part.frame is not None and part.frame.number >= start:
                 if stop is None or part.frame.number < stop:
                     yield part.frame
@@ -162,6 +162,7 @@ class StreamReader:
             while self._source.read(PIECE):
                 pass
             file_bytes = self._source.offset
+        file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
         counted = {category: bits[category] for category in CATEGORIES}
         counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
         return StreamSummary(self.header, frames, counted, file_bytes, error, gaps)

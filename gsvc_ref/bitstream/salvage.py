@@ -26,15 +26,23 @@ class _OpenGap:
     fault_count: int = 0
     end: int = 0
     skipped: int = 0
+    sound: range = range(0)  # the last run of whole P- and R-frames that could not be decoded
 
     def note(self, fault: GsvcError) -> None:
         self.fault_count += 1
         if len(self.faults) < MOST_FAULTS:
             self.faults.append(fault)
 
+    def note_sound(self, number: int) -> None:
+        self.sound = range(self.sound.start if number == self.sound.stop else number, number + 1)
+
     def closed(self, first_missing: int, missing_count: int | None) -> Gap:
-        size = max(self.end - self.offset, 0)
-        return Gap(tuple(self.faults), self.fault_count, self.offset, size, self.skipped, first_missing, missing_count)
+        reaches_end = missing_count is not None and self.sound.stop == first_missing + missing_count
+        predicted_from = self.sound.start if reaches_end and self.sound.start > first_missing else None
+        return Gap(
+            tuple(self.faults), self.fault_count, self.offset, max(self.end - self.offset, 0), self.skipped,
+            first_missing, missing_count, predicted_from,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -131,6 +139,8 @@ class Salvage:
         """The whole chunk here, if decoding can go on with it; else its fault is noted, unless the gap explains it."""
         behind = self._place_behind_gap(head)
         if self._gap is not None and behind is None and head.chunk_type in P_AND_R:
+            if head.frame_number is not None:
+                self._gap.note_sound(head.frame_number)
             return None
         places = [behind or self._place]
         if self._gap is None and places[0] is not self._place:

@@ -169,7 +169,13 @@ def describe(comparison: "Comparison", a: Side, b: Side, first: int, *, brief: b
         mean = comparison.vmaf.mean
         lines.append(f"VMAF     {mean:.2f}" if mean is not None else f"VMAF     none: {comparison.vmaf.reason}")
     reason = comparison.vmaf.reason if comparison.vmaf is not None else None
-    return lines + [f"note: {note}" for note in comparison.notes if note != reason]
+    notes = [note for note in comparison.notes if note != reason]
+    for place, side in (("first", a), ("second", b)):
+        if side.frames.damage is not None:
+            ends = f"the {place} video ends"
+            why = f"the {place} video (damaged after frame {first + side.frames.count - 1}) ends"
+            notes = [note.replace(ends, why) for note in notes]
+    return lines + [f"note: {note}" for note in notes]
 
 
 def _mean_psnr(comparison: "Comparison") -> str:

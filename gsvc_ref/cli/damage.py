@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Final
 
+from gsvc_ref.cli.files import CUT_RULE
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import GsvcError, UsageError
 
@@ -11,20 +12,28 @@ if TYPE_CHECKING:
     from gsvc_ref.bitstream import Gap
     from gsvc_ref.codec import Stream
 
-CUT_RULE: Final = "R-6.2-4"
 OTHER_STREAM_RULE: Final = "R-6.1-3"
+TRAILING_RULE: Final = "R-6.1-4"
+AGAIN: Final = "If it is still being written, try again later; otherwise fetch it again"
 
 
 def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, count: int) -> tuple[str, str]:
     """Two sentences about the fault that ended reading after `count` frames from `start` on: what it is, what to do."""
     total = stream.frame_count
-    frames = f"{count:,} of {plural(total, 'frame')}" if total and start == 0 else plural(count, "complete frame")
+    if count == 0:
+        place = f"before the end of frame {start}" if start else "in the first frame"
+    elif total and start == 0:
+        place = f"after {count:,} of {plural(total, 'frame')}"
+    else:
+        place = f"after {plural(count, 'complete frame')}"
+    if fault.rule == TRAILING_RULE:
+        return f"{name} is sound up to its end chunk: {fault}", "What follows the end is no part of the stream"
     advice = "Fetch the file again if you can"
     if _more_frames(stream, start + count):
-        return f"{name} is damaged after {frames}: {fault}", f"{advice}; --salvage finds more frames behind the damage"
-    was_cut = fault.rule == CUT_RULE and not stream.has_end
-    state = "cut off, or still being written," if was_cut else "damaged"
-    return f"{name} is {state} after {frames}: {fault}", advice
+        return f"{name} is damaged {place}: {fault}", f"{advice}; --salvage finds more frames behind the damage"
+    if fault.rule == CUT_RULE and not stream.has_end:
+        return f"{name} is cut off, or still being written, {place}: {fault}", AGAIN
+    return f"{name} is damaged {place}: {fault}", advice
 
 
 def _more_frames(stream: "Stream", next_number: int) -> bool:
@@ -45,13 +54,12 @@ class Gaps:
     found
         All gaps so far.
     missing
-        How many frames of the range are missing so far, as far as is known.
+        How many frames are missing so far, as far as is known.
     more_may_be_missing
         Whether the stream does not tell how many frames it had.
     """
 
-    def __init__(self, start: int, stop: int | None) -> None:
-        self._start, self._stop = start, stop
+    def __init__(self) -> None:
         self.found: list[Gap] = []
         self.missing = 0
         self.more_may_be_missing = False
@@ -62,9 +70,7 @@ class Gaps:
         if gap.missing_count is None:
             self.more_may_be_missing = True
             return
-        end = gap.first_missing + gap.missing_count
-        end = end if self._stop is None else min(end, self._stop)
-        self.missing += max(end - max(gap.first_missing, self._start), 0)
+        self.missing += gap.missing_count
 
     def lines(self) -> list[str]:
         """A line for each gap, and one for each other stream that begins inside of one."""
@@ -87,7 +93,7 @@ class Gaps:
 
 def all_gaps(found: "Iterable[Gap]") -> Gaps:
     """Gaps of a whole stream."""
-    gaps = Gaps(0, None)
+    gaps = Gaps()
     for gap in found:
         gaps(gap)
     return gaps

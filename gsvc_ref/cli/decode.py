@@ -5,6 +5,7 @@ from argparse import Namespace
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import frame_range, positive, whole
@@ -87,7 +88,7 @@ def _decode(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice
 
     start, stop = arguments.frames
-    gaps = Gaps(start, stop) if arguments.salvage else None
+    gaps = Gaps() if arguments.salvage else None
     with (
         compilation_notice(COMMAND, silent=arguments.quiet),
         open_stream(arguments.input, salvage=arguments.salvage) as stream,
@@ -106,7 +107,7 @@ def _decode(arguments: Namespace) -> int:
             _report_damage(arguments, frames.damage, frames.count, stream)
             return EXIT_DATA
     if gaps is not None and gaps.found:
-        _report_gaps(arguments, gaps, frames.count)
+        _report_gaps(arguments, gaps, frames.count, moved=writer is not None and writer.frames_skipped > 0)
         return EXIT_DATA
     return 0
 
@@ -117,7 +118,9 @@ def _report(arguments: Namespace, writer: "VideoWriter", notes: list[str]) -> No
     name, video = display_name(arguments.output, "standard output"), writer.format
     frames_of = f"{plural(writer.frames_written, 'frame')} of {video.width}x{video.height}"
     print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
-    for note in [*notes, *writer.notes]:
+    start, _ = arguments.frames
+    numbering = [f"names count from frame {start}"] if start and Path(arguments.output).is_dir() else []
+    for note in [*notes, *writer.notes, *numbering]:
         print(f"  note: {note}", file=out)
 
 
@@ -181,24 +184,30 @@ def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: 
     start, stop = arguments.frames
     total, next_number = stream.frame_count, start + count
     end = total if stop is None else min(stop, total or stop)
-    if count == 0:
-        missing = "all"
-    elif end is None:
-        missing = f"what follows frame {next_number - 1}"
-    elif end > next_number:
-        missing = f"frame {next_number}" if end == next_number + 1 else f"frames {next_number} to {end - 1}"
-    else:
-        missing = "no frame"
-    kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
     fault, advice = describe_damage(name, stream, damage, start, count)
+    if end is None:
+        missing = f"missing: what follows frame {next_number - 1}" if next_number else "missing: all"
+    elif end > next_number:
+        last = f" to {end - 1}" if end > next_number + 1 else ""
+        missing = f"missing: frame{'s' if last else ''} {next_number}{last}"
+    else:
+        missing, advice = "no frame is missing", ""
+    kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
     say(COMMAND, fault)
-    say(COMMAND, f"{kept}; missing: {missing}. {advice}")
+    say(COMMAND, f"{kept}; {missing}" + (f". {advice}" if advice else ""))
 
 
-def _report_gaps(arguments: Namespace, gaps: Gaps, count: int) -> None:
-    """Say what is damaged and what is missing: a line for each gap, and the sum."""
+def _report_gaps(arguments: Namespace, gaps: Gaps, count: int, *, moved: bool) -> None:
+    """Say what is damaged and what is missing: a line for each gap, which frame moved up first, and the sum."""
     output = display_name(arguments.output, "standard output")
     for line in gaps.lines():
         say(COMMAND, line)
+    if moved and not Path(arguments.output).is_dir():
+        first, missing = next((gap.first_missing, gap.missing_count) for gap in gaps.found if gap.missing_count)
+        say(
+            COMMAND,
+            f"frames after a gap move up: frame {first - arguments.frames[0]} of {output} is frame {first + missing} "
+            f"of the video; a folder of PNG files keeps the numbers",
+        )
     kept = f"{output} holds {plural(count, 'frame')}" if count else "nothing was written"
     say(COMMAND, f"{display_name(arguments.input)} is damaged: {gaps.total(count)}; {kept}")

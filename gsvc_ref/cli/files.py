@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 
 STDIO: Final = "-"
 STREAM_SUFFIX: Final = ".gsvc"
+CUT_RULE: Final = "R-6.2-4"
+"""The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"
-"""The requirement of spec.md that a file of another type breaks."""
+"""The one that a file of another type breaks."""
 
 
 def display_name(name: str, standard: str = "standard input") -> str:
@@ -110,6 +112,9 @@ def open_stream(name: str, *, salvage: bool = False) -> "Stream":
     try:
         return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name)
     except GsvcError as error:
+        if name != STDIO and Path(name).is_file() and Path(name).stat().st_size == 0:
+            message = f"{name} is empty; if it is still being written, try again later"
+            raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
         advice = _advice(error, name)
         if salvage:
             advice += "; nothing can be salvaged without a sound beginning, which ends with the sequence header"
@@ -118,11 +123,21 @@ def open_stream(name: str, *, salvage: bool = False) -> "Stream":
 
 
 def _advice(error: GsvcError, name: str) -> str:
+    if error.rule == CUT_RULE or (error.rule == MAGIC_RULE and _begins_like_stream(name)):
+        return "if it is still being written, try again later; otherwise fetch it again"
     if error.rule == MAGIC_RULE:
         return f"if it is a video, encode it first: gsvc encode {name} OUT.gsvc"
     if error.kind == "unsupported":
         return "a newer version of gsvc may read it"
     return "without its header nothing can be decoded: fetch the file again if you can"
+
+
+def _begins_like_stream(name: str) -> bool:
+    """Whether a file ends inside the magic number."""
+    from gsvc_ref.bitstream.chunks import MAGIC
+
+    path = Path(name)
+    return name != STDIO and path.is_file() and path.stat().st_size < len(MAGIC) and MAGIC.startswith(path.read_bytes())
 
 
 class CompleteFrames:

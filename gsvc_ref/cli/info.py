@@ -84,6 +84,7 @@ def gap_object(gap: "Gap") -> dict[str, Any]:
         "offset": gap.offset,
         "size": gap.size,
         "skipped": gap.skipped,
+        "predicted_from": gap.predicted_from,
         "fault_count": gap.fault_count,
         "faults": [error_object(fault) for fault in gap.faults],
     }
@@ -130,7 +131,7 @@ def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
 
     color = video.color
     siting = f", chroma siting {SITING_NAMES[color.chroma_location]}" if video.chroma_format in ("420", "422") else ""
-    promised = plural(header.frame_count, "frame") if header.frame_count else "number of frames unknown"
+    promised = plural(header.frame_count, "frame") if header.frame_count else "number of frames left open"
     checksums = ", a checksum of each frame's splats" if header.parameter_checksum_flag else ""
     return [
         f"  video       {describe_format(replace(video, frame_count=None))}",
@@ -143,11 +144,13 @@ def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
 
 
 def _rate_line(summary: "StreamSummary") -> str:
-    header, bits = summary.header, 8 * summary.file_bytes
+    header, damaged = summary.header, summary.error is not None or bool(summary.gaps)
+    bits = 8 * (sum(frame.size for frame in summary.frames) if damaged else summary.file_bytes)
     seconds = len(summary.frames) / header.frame_rate
     bits_per_pixel = bits / (header.width * header.height * len(summary.frames))
     kilobits = float(bits / seconds / 1000)
-    return f"  rate        {bits_per_pixel:.4f} bits/pixel, {kilobits:.1f} kbit/s, {float(seconds):.2f} s of video"
+    of_what = "the complete frames" if damaged else "video"
+    return f"  rate        {bits_per_pixel:.4f} bits/pixel, {kilobits:.1f} kbit/s, {float(seconds):.2f} s of {of_what}"
 
 
 def _type_line(frames: "list[FrameSummary]") -> str:

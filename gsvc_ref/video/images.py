@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,8 @@ from gsvc_ref.video.stream import VideoReader, VideoWriter
 PNG_SIGNATURE: Final = png.SIGNATURE
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+MOST_RUNS: Final = 4
+"""Gaps in the numbers of pictures that a note names."""
 ASSUMED_RATE: Final = Fraction(25)
 """Frames per second of pictures, which state none."""
 EXIF_ORIENTATION: Final = 0x0112
@@ -126,7 +129,21 @@ def open_folder(folder: Path) -> ImageReader:
     paths = list_images(folder)
     if not paths:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
-    return ImageReader(paths, str(folder))
+    reader = ImageReader(paths, str(folder))
+    if left_out := missing_numbers([path.stem for path in paths]):
+        runs = ", ".join([*left_out[:MOST_RUNS], *(["..."] if len(left_out) > MOST_RUNS else [])])
+        reader.note(f"the numbers in {folder} have gaps ({runs}); frames are counted without them")
+    return reader
+
+
+def missing_numbers(names: Sequence[str]) -> list[str]:
+    """Numbers left out between those at the end of names that are equal otherwise, in runs: ``2-5``, ``9``."""
+    parts = [re.fullmatch(r"(.*?)(\d+)", name) for name in names]
+    if None in parts or len({part[1] for part in parts if part}) > 1:
+        return []
+    numbers = [int(part[2]) for part in parts if part]
+    runs = [(a + 1, b - 1) for a, b in pairwise(numbers) if b - a > 1]
+    return [str(first) if first == last else f"{first}-{last}" for first, last in runs]
 
 
 def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:

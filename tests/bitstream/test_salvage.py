@@ -124,7 +124,7 @@ def test_a_cut_stream_of_unknown_length_says_so() -> None:
     cut = data[: FRAMES[4].offset + 3]
     (gap,) = salvage(cut, TRUTH).gaps
     assert gap.missing_count is None
-    assert str(gap).startswith("frames from 4 on are missing, if there were any: malformed: ")
+    assert str(gap).startswith("frames from 4 on are missing, if there were any: the stream ends inside `payload`")
     whole_frames = data[: -END_CHUNK_SIZE - 1]
     assert [gap.missing_count for gap in salvage(whole_frames, TRUTH).gaps] == [None]
 
@@ -297,8 +297,41 @@ def test_ranges_are_parts_of_the_whole() -> None:
                 asked = range(start, TOTAL if stop is None else min(stop, TOTAL))
                 found = Salvaged(part)
                 assert [frame.number for frame in found.frames] == [n for n in asked if n not in whole.missing]
-                assert [n for n in found.missing if n in asked] == [n for n in asked if n in whole.missing]
-                assert {str(gap) for gap in found.gaps} <= {str(gap) for gap in whole.gaps}
+                assert found.missing == [n for n in asked if n in whole.missing]
+                assert {gap.faults[0].bit for gap in found.gaps} <= {gap.faults[0].bit for gap in whole.gaps}
+
+
+def test_sound_frames_of_a_gap_are_told_apart() -> None:
+    def words(data: bytes, start: int = 0, stop: int | None = None) -> str:
+        (gap,) = Salvaged(list(StreamReader(data).salvage(start, stop))).gaps
+        return str(gap).split(":")[0]
+
+    last = altered(GOOD, FRAMES[6].offset + 5)
+    assert words(last) == "frames 6 to 7 are missing, 7 because predicted from missing ones"
+    assert words(last, 0, 7) == "frame 6 is missing"
+    assert words(last, 7, 9) == "frame 7 is missing, because predicted from missing ones"
+    assert words(altered(GOOD, FRAMES[0].offset + 5)) == (
+        "frames 0 to 2 are missing, 1 to 2 because predicted from missing ones"
+    )
+    assert words(altered(last, FRAMES[7].offset + 1)) == "frames 6 to 7 are missing"
+    assert words(altered(GOOD, FRAMES[0].offset + 5, FRAMES[2].offset + 5)) == "frames 0 to 2 are missing"
+    assert words(GOOD + b"more").startswith("no frame is missing, but something follows the end chunk")
+
+
+def test_a_file_that_grows_while_it_is_read() -> None:
+    """The account is of what was read, when that is more than there was at the beginning."""
+    file = io.BytesIO()
+    file.write(GOOD[: FRAMES[1].offset])
+    file.seek(0)
+    reader = StreamReader(file)
+    file.seek(0, 2)
+    file.write(GOOD[FRAMES[1].offset :])
+    file.seek(FRAMES[0].offset)
+    summary = reader.summary()
+    assert summary.error is None
+    assert summary.file_bytes == len(GOOD)
+    assert sum(summary.bits.values()) == 8 * len(GOOD)
+    assert summary.bits["unread"] == 0
 
 
 def test_ranges_that_make_no_sense_and_pipes_are_refused() -> None:

@@ -185,7 +185,8 @@ def test_decode_keeps_the_complete_frames_of_a_cut_stream(stream, tmp_path, caps
     folder = tmp_path / "frames"
     assert main(["decode", str(cut), str(folder)]) == 1
     fault, consequence = capsys.readouterr().err.splitlines()
-    assert fault.startswith(f"gsvc decode: {cut} is cut off, or still being written, after {complete} of 4 frames: ")
+    place = f"after {complete} of 4 frames" if complete else "in the first frame"
+    assert fault.startswith(f"gsvc decode: {cut} is cut off, or still being written, {place}: ")
     if complete:
         assert f"{folder} holds the {complete} complete frame" in consequence
         np.testing.assert_array_equal(read(folder), list(gsvc_ref.decode(stream, stop=complete)))
@@ -209,6 +210,24 @@ def test_info_tells_of_damage(stream, tmp_path, capsys):
     assert sum(info["bits"].values()) == 8 * cut.stat().st_size
     assert set(info["error"]) == {"kind", "message", "rule", "bit"}
     assert (info["error"]["kind"], info["error"]["rule"]) == ("malformed", "R-6.2-4")
+
+
+@pytest.mark.parametrize(
+    ("size", "told"),
+    [
+        (0, "is empty; if it is still being written, try again later"),
+        (5, "if it is still being written, try again later; otherwise fetch it again"),
+        (30, "if it is still being written, try again later; otherwise fetch it again"),
+    ],
+)
+def test_the_beginning_of_a_stream_may_still_grow(stream, tmp_path, capsys, size, told):
+    short = tmp_path / "short.gsvc"
+    short.write_bytes(stream.read_bytes()[:size])
+    for command in (["info"], ["decode"]):
+        assert main([*command, str(short), *([str(tmp_path / "out")] if command == ["decode"] else [])]) == 1
+        err = capsys.readouterr().err
+        assert f"{told} [R-6." in err
+        assert "encode it first" not in err
 
 
 def test_info_json_of_another_file_is_still_json(clip, capsys):
@@ -270,7 +289,7 @@ def test_compare_of_a_stream_without_a_frame(clip, stream, tmp_path, capsys):
     assert main(["compare", str(clip), str(cut), "--no-vmaf"]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert "after 0 of 4 frames" in err
+    assert "in the first frame" in err
 
 
 def interrupting(frames_before):

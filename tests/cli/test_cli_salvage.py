@@ -89,7 +89,7 @@ def test_every_truncation_through_the_commands(save, tmp_path, gsvc):
             assert folder.exists() == (complete > 0)
             if size < frames[0].offset:
                 assert len(errors) == 1
-                assert ("nothing can be salvaged" in errors[0]) == bool(options)
+                assert ("nothing can be salvaged" in errors[0]) == bool(options and size)
                 continue
             told = " ".join(errors)
             if complete:
@@ -101,7 +101,8 @@ def test_every_truncation_through_the_commands(save, tmp_path, gsvc):
             if options:
                 assert f"{3 - complete} of 3 frames" in told or complete == 3
             else:
-                assert f"cut off, or still being written, after {complete} of 3 frames" in told
+                place = f"after {complete} of 3 frames" if complete else "in the first frame"
+                assert f"cut off, or still being written, {place}" in told
             if complete == 2:
                 assert "frame 2" in told
 
@@ -123,9 +124,36 @@ def test_what_plain_decoding_says_of_damage(save, tmp_path, gsvc):
 
 
 def test_salvage_is_not_praised_where_it_finds_nothing(save, tmp_path, gsvc):
-    for data in (damaged(8), damaged(9), GOOD[: FRAMES[4].offset + 3], GOOD + b"\0"):
-        _, _, errors = gsvc("decode", save(data), tmp_path / f"frames{len(data)}{hash(data)}")
+    for data in (damaged(8), damaged(9)):
+        _, _, errors = gsvc("decode", save(data), tmp_path / f"frames{hash(data)}")
         assert errors[-1].endswith("Fetch the file again if you can")
+
+
+def test_a_cut_file_may_still_grow(save, tmp_path, gsvc):
+    _, _, errors = gsvc("decode", save(GOOD[: FRAMES[4].offset + 3]), tmp_path / "frames")
+    assert errors[-1].endswith(
+        "missing: frames 4 to 9. If it is still being written, try again later; otherwise fetch it again"
+    )
+
+
+def test_nothing_is_advised_where_nothing_is_missing(save, tmp_path, gsvc):
+    path, folder = save(GOOD + b"more"), tmp_path / "frames"
+    status, _, (fault, consequence) = gsvc("decode", path, folder)
+    assert status == 1
+    assert fault.startswith(f"gsvc decode: {path} is sound up to its end chunk: invalid: something follows")
+    assert consequence.endswith("holds the 10 complete frames before the fault; no frame is missing")
+    _, _, errors = gsvc("decode", save(GOOD[: FRAMES[9].offset + FRAMES[9].size]), tmp_path / "cut")
+    assert errors[1].endswith("; no frame is missing")
+
+
+def test_damage_in_the_first_frames(save, tmp_path, gsvc):
+    path = save(damaged(0))
+    _, _, errors = gsvc("decode", path, tmp_path / "frames")
+    assert f"{path} is damaged in the first frame: " in errors[0]
+    assert "nothing was written; missing: frames 0 to 9. " in errors[1]
+    _, _, errors = gsvc("decode", save(damaged(1)), tmp_path / "frames", "--frames", "2:4")
+    assert "is damaged before the end of frame 2: " in errors[0]
+    assert "nothing was written; missing: frames 2 to 3. " in errors[1]
 
 
 def test_a_wrong_length_is_no_cut(save, gsvc):
@@ -145,9 +173,9 @@ def test_salvage_writes_every_frame_that_is_left_under_its_number(save, tmp_path
     assert status == 1
     assert out == [f"{folder}: 7 frames of 40x30, 25 frames/s, 8 bits"]
     first, second, summary = errors
-    assert first.startswith("gsvc decode: frame 4 is missing: malformed: the checksum of a chunk P is wrong")
+    assert first.startswith("gsvc decode: frame 4 is missing: the checksum of a chunk P is wrong")
     assert first.endswith("bytes 1,279 to 1,292 skipped")
-    assert second.startswith("gsvc decode: frames 6 to 7 are missing: malformed: ")
+    assert second.startswith("gsvc decode: frames 6 to 7 are missing, 7 because predicted from missing ones: the check")
     assert summary == f"gsvc decode: {path} is damaged: 3 of 10 frames are missing; {folder} holds 7 frames"
     assert_are_those_of(pictures(folder), [0, 1, 2, 3, 5, 8, 9])
 
@@ -159,10 +187,18 @@ def test_quiet_does_not_hide_gaps(save, tmp_path, gsvc):
 
 def test_videos_become_shorter(save, tmp_path, gsvc):
     output = tmp_path / "out.y4m"
-    status, _, _ = gsvc("decode", "--salvage", save(damaged(0)), output, "--chroma", "444")
+    status, _, errors = gsvc("decode", "--salvage", save(damaged(0, 6)), output, "--chroma", "444")
     assert status == 1
+    assert errors[2] == (
+        f"gsvc decode: frames after a gap move up: frame 0 of {output} is frame 3 of the video; "
+        "a folder of PNG files keeps the numbers"
+    )
     with open_video(output) as reader:
-        assert len(list(reader)) == 7
+        assert len(list(reader)) == 5
+    _, _, errors = gsvc("decode", "--salvage", save(damaged(6)), output, "--frames", "5:9", "--chroma", "444")
+    assert f"frame 1 of {output} is frame 8 of the video" in errors[1]
+    _, _, errors = gsvc("decode", "--salvage", save(damaged(8)), output, "--chroma", "444")  # nothing follows the gap
+    assert len(errors) == 2
 
 
 @pytest.mark.parametrize("index", [True, False])
@@ -174,9 +210,13 @@ def test_a_range_of_a_damaged_file(save, tmp_path, gsvc, index):
     assert_are_those_of(pictures(tmp_path / "plain"), [3, 4, 5], 3)
     status, _, errors = gsvc("decode", "--salvage", path, tmp_path / "sound", "--frames", "3:6")
     assert (status, errors) == (0, [])
-    status, _, errors = gsvc("decode", "--salvage", path, tmp_path / "frames", "--frames", "2:7")
+    status, out, errors = gsvc("decode", "--salvage", path, tmp_path / "frames", "--frames", "2:7")
     assert status == 1
-    assert [line.split(":")[1] for line in errors[:2]] == [" frames 1 to 2 are missing", " frames 6 to 7 are missing"]
+    assert out[1:] == ["  note: names count from frame 2"]
+    assert [line.split(":")[1] for line in errors[:2]] == [
+        " frame 2 is missing, because predicted from missing ones",
+        " frame 6 is missing",
+    ]
     assert "2 of 5 frames are missing" in errors[2]
     assert_are_those_of(pictures(tmp_path / "frames"), [3, 4, 5], 2)
     status, _, errors = gsvc("decode", "--salvage", path, tmp_path / "gone", "--frames", "1:3")
@@ -197,7 +237,7 @@ def test_a_sound_stream_is_no_failure(save, tmp_path, gsvc):
 def test_damage_that_loses_no_frame_is_told_too(save, tmp_path, gsvc):
     status, _, errors = gsvc("decode", "--salvage", save(GOOD + b"more"), tmp_path / "frames")
     assert status == 1
-    assert errors[0].startswith("gsvc decode: no frame is missing: invalid: something follows the end chunk")
+    assert errors[0].startswith("gsvc decode: no frame is missing, but something follows the end chunk")
     assert "no frame is missing; " in errors[1]
 
 
@@ -218,6 +258,8 @@ def test_a_stream_that_does_not_tell_its_length(save, tmp_path, gsvc):
     status, _, errors = gsvc("decode", "--salvage", path, tmp_path / "frames")
     assert status == 1
     assert "is damaged: 2 frames are missing, and any number may be missing at the end" in errors[-1]
+    _, out, _ = gsvc("info", path)
+    assert "number of frames left open" in " ".join(out)
     sound = save(data[: FRAMES[4].offset])
     status, _, errors = gsvc("decode", "--salvage", sound, tmp_path / "more")
     assert "is damaged: any number may be missing at the end, since" in errors[-1]
@@ -233,8 +275,17 @@ def test_info_shows_gaps_and_accounts_for_their_bits(save, gsvc):
     assert rows["skipped"] == f"{8 * (FRAMES[4].size + FRAMES[6].size + FRAMES[7].size):,}"
     assert rows["total"] == f"{8 * len(GOOD):,}"
     assert out[-2].startswith("frame 4 is missing: ")
-    assert out[-1].startswith("frames 6 to 7 are missing: ")
+    assert out[-1].startswith("frames 6 to 7 are missing, 7 because predicted from missing ones: ")
     assert errors == [f"gsvc info: {path} is damaged: 3 of 10 frames are missing"]
+
+
+def test_the_rate_of_a_damaged_file_is_that_of_its_frames(save, gsvc):
+    _, out, _ = gsvc("info", save(damaged(3)))
+    bits = 8 * sum(frame.size for frame in FRAMES[:3])
+    (rate,) = [line for line in out if line.startswith("  rate ")]
+    assert rate.split("  ")[-1] == f"{bits / (40 * 30 * 3):.4f} bits/pixel, {bits / 120:.1f} kbit/s, 0.12 s of " + (
+        "the complete frames"
+    )
 
 
 def test_info_json_lists_the_gaps(save, gsvc):
@@ -248,6 +299,7 @@ def test_info_json_lists_the_gaps(save, gsvc):
         (4, 1, 1),
         (6, 2, 1),
     ]
+    assert [gap["predicted_from"] for gap in info["gaps"]] == [None, 7]
     assert info["gaps"][0]["faults"][0]["rule"] == "R-6.2-2"
     status, out, _ = gsvc("info", "--salvage", "--json", save(GOOD))
     assert (status, json.loads("\n".join(out))["gaps"]) == (0, [])
@@ -294,11 +346,12 @@ def test_compare_with_a_damaged_stream_says_how_far_it_went(save, tmp_path, gsvc
     assert out[0] == "PSNR     identical: 4 frames equal in every sample"
     assert errors[0].startswith(f"gsvc compare: {path} is damaged after 4 of 10 frames: malformed: ")
     assert errors[0].endswith("only the frames before it could be compared")
+    assert "note: the second video (damaged after frame 3) ends 6 frames before the other one" in " ".join(out)
 
 
 def test_the_sum_counts_what_lies_in_the_range() -> None:
-    gaps = Gaps(2, 7)
-    for gap in StreamReader(damaged(1, 6)).salvage():
+    gaps = Gaps()
+    for gap in StreamReader(damaged(1, 6)).salvage(2, 7):
         if not isinstance(gap, DecodedFrame):
             gaps(gap)
     assert gaps.missing == 2

@@ -9,7 +9,7 @@ from PIL import Image
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
-from gsvc_ref.video.images import decode_image, natural_key
+from gsvc_ref.video.images import decode_image, missing_numbers, natural_key
 
 RGB = ColorDescription(1, 13, 0, True, 0)
 RATE_NOTE = "pictures state no frame rate, so assumed: 25 per second"
@@ -182,3 +182,26 @@ def test_a_warning_about_a_jpeg_that_the_process_takes_for_an_error():
     exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x05"  # five entries, none there
     with pytest.raises(GsvcError, match="not a valid JPEG"):  # pytest takes warnings for errors
         decode_image(data[:2] + b"\xff\xe1" + (2 + len(exif)).to_bytes(2, "big") + exif + data[2:], "x.jpg")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ([0, 1, 2], None),
+        ([3, 4], None),
+        ([0, 1, 6, 8], "2-5, 7"),
+        ([0, 2, 4, 6, 8, 10], "1, 3, 5, 7, ..."),
+    ],
+)
+def test_gaps_in_the_numbers_are_told(tmp_path, numbers, told):
+    for number in numbers:
+        Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / f"frame_{number:03}.png")
+    with open_video(tmp_path) as reader:
+        notes = [f"the numbers in {tmp_path} have gaps ({told}); frames are counted without them"] if told else []
+        assert reader.notes == [RATE_NOTE, *notes]
+        assert len(list(reader)) == len(numbers)
+
+
+@pytest.mark.parametrize("names", [["a1", "b7"], ["a1", "b"], ["1a", "9a"], ["5"], ["01", "1", "2"]])
+def test_other_names_have_no_gaps(names):
+    assert missing_numbers(names) == []
