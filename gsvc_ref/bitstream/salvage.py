@@ -31,6 +31,8 @@ class _OpenGap:
     def note(self, fault: GsvcError) -> None:
         self.fault_count += 1
         if len(self.faults) < MOST_FAULTS:
+            # Where it was raised a whole frame is held: a gap must not keep that alive.
+            fault.__traceback__ = fault.__context__ = fault.__cause__ = None
             self.faults.append(fault)
 
     def note_sound(self, number: int) -> None:

@@ -6,6 +6,7 @@ away.
 """
 
 import gc
+import os
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
@@ -54,6 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv
         The arguments without the program's name; None takes those of the process.
     """
+    if sys.stderr is None:  # closed; `print` would take standard output, which may carry a stream
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (for as long as the process lives)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a file name may hold what the terminal cannot show
             with suppress(OSError):

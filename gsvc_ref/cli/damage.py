@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 OTHER_STREAM_RULE: Final = "R-6.1-3"
 TRAILING_RULE: Final = "R-6.1-4"
+MOST_GAPS: Final = 1000
 AGAIN: Final = "If it is still being written, try again later; otherwise fetch it again"
 
 
@@ -26,6 +27,8 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
         place = f"after {count:,} of {plural(total, 'frame')}"
     else:
         place = f"after {plural(count, 'complete frame')}"
+    if fault.rule is None:  # a frame is legal, and beyond binary32 at this scale
+        return f"{name} is sound, but cannot be shown so: {fault}", "Leave out --scale, or the frame: --salvage"
     if fault.rule == TRAILING_RULE:
         return f"{name} is sound up to its end chunk: {fault}", "What follows the end is no part of the stream"
     advice = "Fetch the file again if you can"
@@ -52,7 +55,9 @@ class Gaps:
     Attributes
     ----------
     found
-        All gaps so far.
+        The gaps so far, of which the first `MOST_GAPS` are kept: a hostile stream may have one in every few bytes.
+    count
+        How many there are.
     missing
         How many frames are missing so far, as far as is known.
     more_may_be_missing
@@ -61,12 +66,15 @@ class Gaps:
 
     def __init__(self) -> None:
         self.found: list[Gap] = []
+        self.count = 0
         self.missing = 0
         self.more_may_be_missing = False
 
     def __call__(self, gap: "Gap") -> None:
         """Count a gap."""
-        self.found.append(gap)
+        self.count += 1
+        if len(self.found) < MOST_GAPS:
+            self.found.append(gap)
         if gap.missing_count is None:
             self.more_may_be_missing = True
             return
@@ -78,7 +86,8 @@ class Gaps:
         for gap in self.found:
             lines.append(str(gap))
             lines += [f"  inside: {fault}" for fault in gap.faults[1:] if fault.rule == OTHER_STREAM_RULE]
-        return lines
+        others = self.count - len(self.found)
+        return [*lines, f"and {plural(others, 'more gap')}"] if others else lines
 
     def total(self, count: int) -> str:
         """How many frames are missing, of those that were found, `count`, and the missing ones."""

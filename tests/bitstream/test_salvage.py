@@ -425,3 +425,14 @@ def test_a_level_above() -> None:
     data = write_stream(replace(RICH_HEADER, level=5), CODES)
     result = salvage(altered(data, FRAMES[4].offset + 5), TRUTH, total=TOTAL)
     assert result.missing == [4]
+
+
+def test_a_gap_keeps_no_frame_alive() -> None:
+    """Frames of many splats whose checksum is wrong, in few bytes: what they stood for is gone when the gap is told."""
+    header = replace(OVERVIEW_HEADER, parameter_checksum_flag=True)
+    lies = [Lie("splat_count", 1), Lie("parameter_checksum", 0)]
+    (gap, *_) = StreamReader(write_stream(header, overview_frames()[:1], lies=lies)).salvage()
+    assert isinstance(gap, Gap)
+    (fault,) = gap.faults
+    assert fault.rule == "R-6.4-3"
+    assert (fault.__traceback__, fault.__context__, fault.__cause__) == (None, None, None)

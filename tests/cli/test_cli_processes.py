@@ -9,6 +9,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_ref.cli import main
+from gsvc_ref.video import open_video
 
 GSVC = [sys.executable, "-m", "gsvc_ref"]
 TIMEOUT_S = 120
@@ -87,3 +88,13 @@ def test_demo_needs_a_folder(tmp_path, capsys, target):
     (tmp_path / "file").touch()
     assert main(["demo", "--output", str(tmp_path / target)]) == 2
     assert capsys.readouterr().err.startswith("gsvc demo: ")
+
+
+def test_with_standard_error_closed_the_output_is_the_stream_alone(stream, tmp_path):
+    (tmp_path / "cut.gsvc").write_bytes(stream.read_bytes()[:-20])
+    with open(tmp_path / "out.y4m", "wb") as file:
+        command = [*GSVC, "decode", str(tmp_path / "cut.gsvc"), "-"]
+        closed = ["sh", "-c", 'exec "$@" 2>&-', "sh", *command]
+        assert subprocess.run(closed, stdout=file, timeout=TIMEOUT_S, check=False).returncode == 1
+    with open_video(tmp_path / "out.y4m") as reader:
+        assert len(list(reader)) > 0

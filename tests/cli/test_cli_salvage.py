@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from gsvc_ref.bitstream import DecodedFrame, StreamReader
+from gsvc_ref.bitstream import DecodedFrame, Gap, StreamReader
 from gsvc_ref.cli import main
-from gsvc_ref.cli.damage import Gaps
+from gsvc_ref.cli.damage import MOST_GAPS, Gaps
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
     RICH_HEADER,
@@ -356,3 +356,28 @@ def test_the_sum_counts_what_lies_in_the_range() -> None:
             gaps(gap)
     assert gaps.missing == 2
     assert gaps.total(3) == "2 of 5 frames are missing"
+
+
+def test_of_very_many_gaps_the_first_are_listed():
+    gaps = Gaps()
+    gap = Gap((gsvc_ref.GsvcError("malformed", "why", rule="R-6.2-2", bit=0),), 1, 0, 9, 9, 0, 1)
+    for _ in range(MOST_GAPS + 3):
+        gaps(gap)
+    assert len(gaps.lines()) == MOST_GAPS + 1
+    assert gaps.lines()[-1] == "and 3 more gaps"
+    assert gaps.total(1) == "1,003 of 1,004 frames are missing"
+
+
+def test_a_scale_beyond_binary32_is_no_damage(save, gsvc, tmp_path):
+    codes = overview_frames()[0]
+    quantizer = replace(codes.intra.quantizer, scale=np.full(3, 5e36, np.float32))
+    large = replace(codes, intra=replace(codes.intra, quantizer=quantizer))
+    path = save(write_stream(OVERVIEW_HEADER, [codes, large, codes]))
+    status, _, (sentence, kept) = gsvc("decode", path, tmp_path / "a", "--scale", 9)
+    assert status == 1
+    assert "in.gsvc is sound, but cannot be shown so: unsupported: frame 1 at scale 9" in sentence
+    assert kept.endswith("Leave out --scale, or the frame: --salvage")
+    status, _, lines = gsvc("decode", path, tmp_path / "b", "--scale", 9, "--salvage")
+    assert status == 1
+    assert "1 of 3 frames is missing" in lines[-1]
+    assert [picture.name for picture in sorted((tmp_path / "b").iterdir())] == ["frame_000000.png", "frame_000002.png"]
