@@ -75,7 +75,7 @@ def _fitted_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
 
 
 def _whole(value: Any) -> Any:
-    if isinstance(value, bool | np.ndarray):
+    if isinstance(value, bool | np.bool_ | np.ndarray):  # arrays and old NumPy's bools count as indices
         return _REFUSED
     try:
         return operator.index(value)
