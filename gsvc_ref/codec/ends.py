@@ -82,8 +82,8 @@ def opened_target(target: Target, *, live: bool) -> Iterator[BinaryIO]:
             yield file
         return
     part = PartialFile(path)
-    remove_leftovers(part.target.parent, part.target.name)
     try:
+        remove_leftovers(part.target.parent, part.target.name)
         with part.path.open("w+b") as file:
             yield file
         part.commit(durable=True)

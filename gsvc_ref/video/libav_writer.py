@@ -58,9 +58,9 @@ class LibavWriter(VideoWriter):
         self._viewing = viewing_format(video)
         self._target = target
         self._partial = PartialFile(target)
-        remove_leftovers(self._partial.target.parent, self._partial.target.name)
         container = CONTAINERS[target.suffix.lower()]
         try:
+            remove_leftovers(self._partial.target.parent, self._partial.target.name)
             with self._explained_errors():
                 self._container = self._av.open(str(self._partial.path), "w", format=container)
                 self._stream = self._add_stream(container)

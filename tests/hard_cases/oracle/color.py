@@ -72,8 +72,7 @@ def planes_to_frame(
     bit_depth: int,
 ) -> Mapping[str, Truth]:
     """4:4:4 planes to a frame."""
-    if chroma_format != 3:
-        raise NotImplementedError("chroma is not interpolated here")
+    assert chroma_format == 3  # no hard case interpolates
     scales = _scales(matrix_coefficients, video_full_range_flag, bit_depth)
     values = [(_rational(plane) - offset) / gain for plane, (gain, offset) in zip((y, cb, cr), scales, strict=True)]
     colors = _to_colors(matrix_coefficients, *values)
