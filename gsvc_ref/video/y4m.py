@@ -139,8 +139,12 @@ class Y4mWriter(VideoWriter):
             self._stream = target
         elif target.is_file() or not target.exists():
             self._partial = PartialFile(target)
-            remove_leftovers(self._partial.target.parent, self._partial.target.name)
-            self._stream = self._partial.path.open("wb")
+            try:
+                remove_leftovers(self._partial.target.parent, self._partial.target.name)
+                self._stream = self._partial.path.open("wb")
+            except BaseException:  # an interrupt too leaves no file behind
+                self._partial.discard()
+                raise
         else:  # a pipe or device must not be replaced by a file
             self._stream = target.open("wb")
         self._write_all(format_header(self._planar))

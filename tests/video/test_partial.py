@@ -5,11 +5,15 @@ import os
 import stat
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
+from gsvc_ref.video import ColorDescription, VideoFormat, libav_writer, open_writer, y4m
 from gsvc_ref.video.partial import PartialFile, remove_leftovers
+
+VIDEO = VideoFormat(16, 16, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and locks of POSIX")
 
@@ -165,3 +169,14 @@ def test_a_folder_that_cannot_be_listed_is_written_to(tmp_path, monkeypatch):
         remove_leftovers(tmp_path)
         write(tmp_path / "x")
     assert names(tmp_path) == ["x"]
+
+
+@pytest.mark.parametrize("module", [y4m, libav_writer])
+def test_an_interrupt_while_leftovers_are_removed_leaves_no_file_of_its_own(tmp_path, monkeypatch, module):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "remove_leftovers", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        open_writer(tmp_path / ("x.y4m" if module is y4m else "x.mkv"), VIDEO)
+    assert list(tmp_path.iterdir()) == []
