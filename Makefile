@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors fuzz lint format figures bench clean
+.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -52,6 +52,9 @@ figures: .venv/.ready-all,clips            ## measure the tables of README.md (a
 bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold start (about 8 minutes; LIMIT=FOLDER: the C++ limit too)
 	$(BIN)/python -m benchmarks $(if $(LIMIT),--limit $(LIMIT))
 
+experiments: .venv/.ready-experiments            ## the paper's experiments, small versions (FULL=1: large; UVG=FOLDER: on UVG too)
+	$(BIN)/python -m experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
+
 clean:            ## remove what the other commands made
-	rm -rf .venv .venv-lowest demo benchmarks/cache .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	rm -rf .venv .venv-lowest demo benchmarks/cache experiments/results .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
 	find . -name __pycache__ -prune -exec rm -rf {} +
