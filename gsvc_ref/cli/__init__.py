@@ -22,6 +22,7 @@ from gsvc_ref.cli.demo import add_command as add_demo
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
 from gsvc_ref.cli.info import add_command as add_info
+from gsvc_ref.cli.scene import add_command as add_scene
 from gsvc_ref.cli.signals import termination_as_ctrl_c
 
 COLLECT_AFTER: Final = 100_000
@@ -41,7 +42,7 @@ def build_parser() -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for add_command in (add_encode, add_decode, add_info, add_compare, add_accuracy, add_demo):
+    for add_command in (add_encode, add_decode, add_info, add_compare, add_accuracy, add_scene, add_demo):
         add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser

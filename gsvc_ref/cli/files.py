@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.scenes.names import is_scene_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +29,7 @@ def display_name(name: str, standard: str = "standard input") -> str:
 
 
 def check_input(name: str, *, folder_allowed: bool = False) -> None:
-    """Refuse an input that cannot be one.
+    """Refuse an input that cannot be one; where folders of pictures are allowed, built-in scenes are.
 
     Raises
     ------
@@ -38,6 +39,8 @@ def check_input(name: str, *, folder_allowed: bool = False) -> None:
     if name == STDIO:
         if sys.stdin is None or sys.stdin.isatty():
             raise UsageError("- reads from standard input, which is a terminal: pipe something in, or give a file")
+        return
+    if folder_allowed and is_scene_name(name):
         return
     path = Path(name)
     if not name or not path.exists():
@@ -72,6 +75,8 @@ def _is_read(path: Path, source: str) -> bool:
     if source == STDIO:
         with suppress(OSError, AttributeError):  # there may be none, or no file behind it
             return os.path.samestat(os.fstat(sys.stdin.fileno()), path.stat())
+        return False
+    if not Path(source).exists():  # a built-in scene
         return False
     if Path(source).is_dir():
         from gsvc_ref.video.images import list_images

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, open_video
+from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, VideoSource, open_video
 from gsvc_ref.video.format import check_frame
 from gsvc_ref.video.partial import check_parent, remove_leftovers
 
 Frame = NDArray[np.unsignedinteger[Any]]
-Source = str | Path | BinaryIO | VideoReader | tuple[Iterable[Frame], VideoFormat]
+Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat]
 Target = str | Path | BinaryIO
 
 
@@ -48,10 +48,10 @@ def opened_source(source: Source) -> Iterator[VideoReader]:
         yield source
     elif isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat):
         yield FrameSource(*source)
-    elif not isinstance(source, str | Path) and not hasattr(source, "read"):
+    elif not isinstance(source, str | Path) and not hasattr(source, "read") and not hasattr(source, "open_video"):
         raise UsageError(
-            f"a {type(source).__name__} is no source; give a path, a VideoReader, or frames with their format: "
-            f"(frames, VideoFormat(...))"
+            f"a {type(source).__name__} is no source; give a path, a VideoReader, a Scene, or frames with their "
+            f"format: (frames, VideoFormat(...))"
         )
     else:
         with open_video(source) as reader:

@@ -144,12 +144,13 @@ def side_by_side(original: U1, decoded: U1) -> U1:
     return np.concatenate([original, gap, decoded], axis=1)
 
 
-def animation_uri(pictures: Sequence[U1], frame_rate: Fraction) -> str | None:
+def animation_uri(pictures: Sequence[U1], frame_rate: Fraction, most_bytes: int | None = None) -> str | None:
     """(H, W, 3) u1 pictures as the data URI of an endless animated WebP; None when Pillow cannot write WebP.
 
-    Lossy, at the best of a few qualities that stays within `MOST_PREVIEW_BYTES`; of longer clips only the first
-    `MOST_PREVIEW_FRAMES` pictures, and fewer where the lowest quality is still too large.
+    Lossy, at the best of a few qualities that stays within `most_bytes` (None: `MOST_PREVIEW_BYTES`); of longer clips
+    only the first `MOST_PREVIEW_FRAMES` pictures, and fewer where the lowest quality is still too large.
     """
+    most_bytes = MOST_PREVIEW_BYTES if most_bytes is None else most_bytes
     if not features.check("webp"):
         return None
     images = [Image.fromarray(picture) for picture in pictures[:MOST_PREVIEW_FRAMES]]
@@ -168,7 +169,7 @@ def animation_uri(pictures: Sequence[U1], frame_rate: Fraction) -> str | None:
                 loop=0,
                 quality=quality,
             )
-            if buffer.tell() <= MOST_PREVIEW_BYTES or (len(images) == 1 and quality == _PREVIEW_QUALITIES[-1]):
+            if buffer.tell() <= most_bytes or (len(images) == 1 and quality == _PREVIEW_QUALITIES[-1]):
                 return _uri("webp", buffer.getvalue())
         images = images[: len(images) // 2]
 

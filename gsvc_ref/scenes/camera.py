@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from gsvc_ref.errors import UsageError
-
-F4 = NDArray[np.float32]
+from gsvc_ref.scenes.effect import F4, F8, centres
 
 
 @dataclass(frozen=True)
@@ -38,17 +37,47 @@ class Camera:
             raise UsageError(f"the camera's span is {self.span}; it must be positive, 1 for the largest part that fits")
 
 
-def view(picture: F4, camera: Camera, width: int, height: int) -> F4:
-    """What the camera sees, as a (height, width, 3) f4 picture; beyond the picture's edges its mirror image.
+@dataclass(frozen=True)
+class Sizes:
+    """Of a picture and of the frame that shows a part of it, in pixels."""
 
-    The picture is low-passed to the frame's resolution by a Gaussian, then read with cubic splines.
+    picture_width: int
+    picture_height: int
+    width: int
+    height: int
+
+    def step(self, camera: Camera) -> float:
+        """Picture pixels per frame pixel."""
+        return camera.span * min(self.picture_width / self.width, self.picture_height / self.height)
+
+    def to_picture(self, camera: Camera, x: F8, y: F8) -> tuple[F8, F8]:
+        """What points of the picture the camera shows at points (x, y) of the frame, all in pixels.
+
+        (0.5, 0.5) is the centre of the first pixel, of the frame as of the picture.
+        """
+        step = self.step(camera)
+        across, down = (x - self.width / 2) * step, (y - self.height / 2) * step
+        cosine, sine = math.cos(camera.roll), math.sin(camera.roll)
+        return (
+            camera.x * self.picture_width + across * cosine - down * sine,
+            camera.y * self.picture_height + across * sine + down * cosine,
+        )
+
+    def to_frame(self, camera: Camera, x: F8, y: F8) -> tuple[F8, F8]:
+        """Where in the frame the camera shows points (x, y) of the picture: the inverse of `to_picture`."""
+        step = self.step(camera)
+        across, down = (x - camera.x * self.picture_width) / step, (y - camera.y * self.picture_height) / step
+        cosine, sine = math.cos(camera.roll), math.sin(camera.roll)
+        return self.width / 2 + across * cosine + down * sine, self.height / 2 - across * sine + down * cosine
+
+
+class View:
+    """A picture to look at again and again: what depends on the span alone is computed once while it stays the same.
 
     Parameters
     ----------
     picture
         (H, W, 3) f4, 1.0 = full scale.
-    camera
-        Where the camera stands.
     width, height
         Size of the frame in pixels.
 
@@ -57,20 +86,96 @@ def view(picture: F4, camera: Camera, width: int, height: int) -> F4:
     UsageError
         The frame has no pixels.
     """
-    if width < 1 or height < 1:
-        raise UsageError(f"the frame is {width}x{height}; it must have at least one pixel")
-    picture_height, picture_width = picture.shape[:2]
-    step = camera.span * min(picture_width / width, picture_height / height)  # picture pixels per frame pixel
-    # A pixel of the frame gathers light like a Gaussian of half its pitch; the picture's own pixel is part of that.
-    blur = 0.5 * math.sqrt(max(step**2 - 1, 0))
-    smooth = gaussian_filter(picture, (blur, blur, 0), mode="reflect") if blur > 0 else picture
-    across = (np.arange(width) - (width - 1) / 2) * step  # (W,) f8
-    down = ((np.arange(height) - (height - 1) / 2) * step)[:, None]  # (H, 1) f8
-    cosine, sine = math.cos(camera.roll), math.sin(camera.roll)
-    rows = camera.y * picture_height - 0.5 + across * sine + down * cosine  # (H, W) f8
-    columns = camera.x * picture_width - 0.5 + across * cosine - down * sine  # (H, W) f8
-    channels = [
-        map_coordinates(smooth[..., channel], (rows, columns), order=3, mode="reflect", output=np.float32)
-        for channel in range(3)
-    ]
-    return np.asarray(np.clip(np.stack(channels, axis=-1), 0, 1), np.float32)
+
+    def __init__(self, picture: F4, width: int, height: int) -> None:
+        if width < 1 or height < 1:
+            raise UsageError(f"the frame is {width}x{height}; it must have at least one pixel")
+        self._picture = picture
+        self.sizes = Sizes(picture.shape[1], picture.shape[0], width, height)
+        self._step = math.nan  # that of the coefficients
+        self._coefficients: list[F8] = []
+        self._seen: tuple[Camera, F4] | None = None
+
+    def see(self, camera: Camera, displacement: tuple[F8, F8] | None = None) -> F4:
+        """What the camera sees, as a (height, width, 3) f4 picture; beyond the picture's edges its mirror image.
+
+        The picture is low-passed to the frame's resolution by a Gaussian, then read with cubic splines. The same array
+        again for the same camera, so it must not be changed.
+
+        Parameters
+        ----------
+        camera
+            Where the camera stands.
+        displacement
+            How far right and below of itself each pixel reads, in pixels of the frame, (height, width) f8 each.
+        """
+        if displacement is None and self._seen is not None and self._seen[0] == camera:
+            return self._seen[1]
+        self._prepare(self.sizes.step(camera))
+        seen: F4 = np.clip(self._read(camera, displacement), 0, 1)
+        seen.flags.writeable = False
+        if displacement is None:
+            self._seen = camera, seen
+        return seen
+
+    def _read(self, camera: Camera, displacement: tuple[F8, F8] | None) -> F4:
+        """The splines' values where the pixels read."""
+        x, y = centres(self.sizes.width, self.sizes.height)
+        if displacement is not None:
+            x, y = x + displacement[0], y + displacement[1]
+        columns, rows = self.sizes.to_picture(camera, x, y)
+        if displacement is None and camera.roll == 0:  # each row of pixels reads along a row: ten times as fast
+            channels = [read_grid(plane, rows[:, 0] - 0.5, columns[0] - 0.5) for plane in self._coefficients]
+        else:
+            channels = [
+                map_coordinates(plane, (rows - 0.5, columns - 0.5), order=3, mode="reflect", prefilter=False)
+                for plane in self._coefficients
+            ]
+        return np.stack(channels, axis=-1).astype(np.float32)
+
+    def _prepare(self, step: float) -> None:
+        """Low-pass the picture for a step, and find the coefficients of its splines."""
+        if step == self._step:
+            return
+        # A pixel of the frame gathers light like a Gaussian of half its pitch; the picture's own pixel is part of that.
+        blur = 0.5 * math.sqrt(max(step**2 - 1, 0))
+        smooth = gaussian_filter(self._picture, (blur, blur, 0), mode="reflect") if blur > 0 else self._picture
+        self._coefficients = [spline_filter(smooth[..., channel], 3, mode="reflect") for channel in range(3)]
+        self._step = step
+
+
+def read_grid(coefficients: F8, rows: F8, columns: F8) -> F8:
+    """Cubic splines where each of some rows meets each of some columns: `map_coordinates` with mode ``reflect``.
+
+    Parameters
+    ----------
+    coefficients
+        (P, Q) f8, as `spline_filter` finds them.
+    rows, columns
+        (H,) and (W,) f8, counted from the first coefficient.
+
+    Returns
+    -------
+    (H, W) f8.
+    """
+    some = np.zeros((len(rows), coefficients.shape[1]))
+    for index, weight in _taps(rows, coefficients.shape[0]):
+        some += weight[:, None] * coefficients[index]
+    values = np.zeros((len(rows), len(columns)))
+    for index, weight in _taps(columns, coefficients.shape[1]):
+        values += some[:, index] * weight
+    return values
+
+
+def _taps(places: F8, size: int) -> list[tuple[NDArray[np.intp], F8]]:
+    """The four coefficients that make the spline's value at each place, and their weights."""
+    first = np.floor(places)
+    t = places - first
+    weights = ((1 - t) ** 3 / 6, (4 - 6 * t**2 + 3 * t**3) / 6, (1 + 3 * t + 3 * t**2 - 3 * t**3) / 6, t**3 / 6)
+    mirrored = [(first.astype(np.intp) + shift) % (2 * size) for shift in (-1, 0, 1, 2)]
+    return [(np.minimum(at, 2 * size - 1 - at), weight) for at, weight in zip(mirrored, weights, strict=True)]
+
+
+def view(picture: F4, camera: Camera, width: int, height: int) -> F4:
+    """What the camera sees of a picture, once; see `View`."""
+    return View(picture, width, height).see(camera)

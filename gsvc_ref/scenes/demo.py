@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.scenes.camera import Camera, view
+from gsvc_ref.scenes.paths import gentle
 from gsvc_ref.scenes.photographs import photograph
 from gsvc_ref.scenes.shapes import Ball, paint_ball
 
@@ -63,7 +64,7 @@ def _draw(width: int, height: int, frames: int, rng: np.random.Generator) -> Ite
     for name, start, end, path in shots:
         picture = photograph(name)
         for number in range(start, end):
-            camera = path(_ease((number - start) / max(end - start - 1, 1)), sway_x[number], sway_y[number])
+            camera = path(gentle((number - start) / max(end - start - 1, 1)), sway_x[number], sway_y[number])
             scene = paint_ball(view(picture, camera, width, height), _ball(number, width, height))
             yield np.rint(scene * 255).astype(np.uint8)
 
@@ -91,11 +92,6 @@ def _ball(number: int, width: int, height: int) -> Ball:
         radius=radius,
         color=_BALL_COLOR,
     )
-
-
-def _ease(progress: float) -> float:
-    """A camera move that starts and ends gently."""
-    return 0.5 - 0.5 * math.cos(math.pi * progress)
 
 
 def _sway(frames: int, rng: np.random.Generator) -> list[float]:

@@ -1,17 +1,13 @@
 """The photographs inside the scikit-image package: real pixels without a download."""
 
-from typing import Final
-
 import numpy as np
 import skimage.data
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
+from gsvc_ref.scenes.base import PHOTOGRAPHS
 
 F4 = NDArray[np.float32]
-
-PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")
-"""RGB photographs that every scikit-image wheel holds as PNG files, so that they read the same everywhere."""
 
 
 def photograph(name: str) -> F4:

@@ -1,12 +1,15 @@
-"""Shapes that move in front of a scene, with antialiased edges."""
+"""A ball that moves in front of a scene, with an antialiased edge."""
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+Color = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Ball:
     x: float
     y: float
     radius: float
-    color: tuple[float, float, float]
+    color: Color
 
 
 _LIGHT = np.array([-0.5, -0.6, 0.62]) / math.hypot(0.5, 0.6, 0.62)
@@ -40,12 +43,20 @@ def paint_ball(picture: F4, ball: Ball) -> F4:
     height, width = picture.shape[:2]
     dx = (np.arange(width) + 0.5 - ball.x) / ball.radius  # (W,) f8
     dy = ((np.arange(height) + 0.5 - ball.y) / ball.radius)[:, None]  # (H, 1) f8
+    part = np.clip((1 - np.hypot(dx, dy)) * ball.radius + 0.5, 0, 1)[..., None]  # (H, W, 1) f8
+    return np.asarray(picture * (1 - part) + ball_colors(dx, dy, ball.color) * part, np.float32)
+
+
+def ball_colors(dx: NDArray[np.floating[Any]], dy: NDArray[np.floating[Any]], color: Color) -> F8:
+    """The (H, W, 3) f8 colours of a ball lit from the upper left, by places relative to its centre, in radii.
+
+    Beyond its outline it has the colours of the nearest point of the outline.
+    """
     distance = np.hypot(dx, dy)  # (H, W) f8, in radii
-    part = np.clip((1 - distance) * ball.radius + 0.5, 0, 1)[..., None]  # (H, W, 1) f8
     inside = np.minimum(distance, 1)
     scale = np.divide(inside, distance, out=np.ones_like(distance), where=distance > 0)
     facing = dx * scale * _LIGHT[0] + dy * scale * _LIGHT[1] + np.sqrt(1 - inside**2) * _LIGHT[2]  # normal . light
     diffuse = 0.30 + 0.70 * np.maximum(facing, 0)
     highlight = 0.55 * np.maximum(facing, 0) ** 24
-    shaded = diffuse[..., None] * np.asarray(ball.color) + highlight[..., None]  # (H, W, 3) f8
-    return np.asarray(picture * (1 - part) + np.minimum(shaded, 1) * part, np.float32)
+    shaded = diffuse[..., None] * np.asarray(color) + highlight[..., None]  # (H, W, 3) f8
+    return np.asarray(np.minimum(shaded, 1))

@@ -1,0 +1,20 @@
+"""Random generators of a scene: each of its own, told apart by names and numbers, not by the order of their use."""
+
+from zlib import crc32
+
+import numpy as np
+
+
+def generator(seed: int, name: str, *numbers: int) -> np.random.Generator:
+    """The generator of a part of a scene.
+
+    Parameters
+    ----------
+    seed
+        Of the scene.
+    name
+        Of the part, such as the kind of an effect.
+    numbers
+        What else tells parts apart, such as the number of a frame; 0 or more each.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()), *numbers)))
