@@ -26,7 +26,7 @@ from benchmarks.encoding_tables import report
 from benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
 from gsvc_ref.codec.frame_encoder import FrameEncoder
 from gsvc_ref.codec.motion import estimated_motion
-from gsvc_ref.codec.rate_control import exchange_splats, psnr_of_loss
+from gsvc_ref.codec.rate_control import add_where_wrong, make_room, psnr_of_loss
 from gsvc_ref.codec.settings import Settings, scaled
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
@@ -122,13 +122,14 @@ class Case:
         def start() -> Population:
             population = Population(before, KEPT_WEIGHT, np.arange(len(before)), fit_settings)
             new = round(kind.new_fraction * self.total)
-            if kind.follow_motion:
+            if settings.effects.motion == "auto":
                 moved = population.parameters()
                 moved[:, :2] += estimated_motion(*self.frames, population.values[:, :2])
                 if objective.loss(moved) < objective.loss(population.parameters()):
                     population.values[:, :2] = moved[:, :2]
             if kind.new_from_residual:
-                exchange_splats(population, objective, new, self.total, rng)
+                everywhere = np.ones((self.height, self.width), np.bool_)
+                add_where_wrong(population, objective, make_room(population, new, self.total), rng, everywhere)
             else:
                 population.append(random_splats(new, self.width, self.height, rng), NEW_WEIGHT)
             return population

@@ -41,12 +41,16 @@ class Place:
 
 @dataclass(frozen=True)
 class DecodedChunk:
-    """A chunk's bits by category, its frame if it has one, whether it is the end chunk, and the place after it."""
+    """A chunk's bits by category, its frame if it has one, whether it is the end chunk, and the place after it.
+
+    `ancillary` is the type and payload of an ancillary chunk that this version does not know.
+    """
 
     bits: Counter[str]
     frame: DecodedFrame | None
     is_end: bool
     after: Place
+    ancillary: tuple[str, Bytes] | None = None
 
 
 class ChunkDecoder:
@@ -107,6 +111,7 @@ class ChunkDecoder:
         size = s.position // 8 - place.offset
         after = replace(place, offset=place.offset + size, index_length=0)
         parsed: Frame | None = None
+        ancillary: tuple[str, Bytes] | None = None
         if chunk_type in chunks.FRAME_TYPE_CODES:
             frame_type = chunks.frame_type_of(chunk_type)
             parsed = frame(p, self.header, place.state, frame_type, place.next_number)
@@ -122,10 +127,10 @@ class ChunkDecoder:
             _check_filled(p)
         else:
             with p.part("ancillary"):
-                p.raw("payload", p.bytes_left)
+                ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
         bits = s.bits_by_category() + p.bits_by_category()
         decoded = None if parsed is None else _decoded_frame(parsed, bits, place, after)
-        return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after)
+        return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary)
 
     def check_nothing_follows(self, place: Place) -> None:
         """R-6.1-4, at the place after the end chunk."""

@@ -155,6 +155,8 @@ class StreamSummary:
         Why reading stopped before the end, or None.
     gaps
         What was skipped; empty unless salvaging.
+    ancillary
+        The payload of the last ancillary chunk of the type asked for; None if there is none.
     """
 
     header: SequenceHeader
@@ -163,3 +165,4 @@ class StreamSummary:
     file_bytes: int
     error: GsvcError | None
     gaps: list[Gap] = field(default_factory=list)
+    ancillary: bytes | None = None

@@ -132,15 +132,16 @@ class StreamReader:
                 break
         self._decoder.check_nothing_follows(place)
 
-    def summary(self, *, salvage: bool = False) -> StreamSummary:
+    def summary(self, *, salvage: bool = False, ancillary: str | None = None) -> StreamSummary:
         """Decode everything, keep no splats, and account for every bit; a fault is returned, not raised.
 
-        With `salvage`, which needs a file, as `salvage` does it, and all faults are returned in the gaps.
+        With `salvage`, which needs a file, as `salvage` does it, and all faults are returned in the gaps. With
+        `ancillary`, the payload of the last chunk of that type is kept.
         """
         bits = Counter(self._decoder.opening_bits)
         frames: list[FrameSummary] = []
         gaps: list[Gap] = []
-        error = None
+        error, kept = None, None
         parts: Iterator[DecodedChunk | Gap]
         if salvage:
             self._check_salvage()
@@ -153,6 +154,8 @@ class StreamReader:
                     gaps.append(part)
                     continue
                 bits += part.bits
+                if part.ancillary is not None and part.ancillary[0] == ancillary:
+                    kept = bytes(part.ancillary[1])
                 if (f := part.frame) is not None:
                     frames.append(FrameSummary(f.number, f.type, len(f.splats), f.bits, f.offset, f.size))
         except GsvcError as fault:
@@ -165,7 +168,7 @@ class StreamReader:
         file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
         counted = {category: bits[category] for category in CATEGORIES}
         counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
-        return StreamSummary(self.header, frames, counted, file_bytes, error, gaps)
+        return StreamSummary(self.header, frames, counted, file_bytes, error, gaps, kept)
 
     def close(self) -> None:
         """Close the file, if a path was given."""

@@ -150,8 +150,11 @@ class StreamWriter:
 
         self._write_chunk(code, content)
 
-    def finish(self) -> dict[str, int]:
+    def finish(self, ancillary: tuple[str, bytes] | None = None) -> dict[str, int]:
         """Write index and end chunk and correct the header: how many bits of the stream went to each category.
+
+        `ancillary` is the type and payload of one more chunk for `write_ancillary`, before the index; it is left out if
+        the level has no room for it.
 
         Raises
         ------
@@ -164,6 +167,8 @@ class StreamWriter:
             if self.goes_back:  # an interrupted write may have left part of a chunk
                 self._target.seek(self._start + self.offset)
                 self._target.truncate()
+            if ancillary is not None and len(ancillary[1]) <= self.header.limits.payload:
+                self.write_ancillary(*ancillary)
             index_length = self._write_index()
             self._write_chunk(chunks.END_TYPE, lambda p: chunks.end(p, self.frame_count, index_length))
             self._correct_header()

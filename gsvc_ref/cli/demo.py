@@ -161,6 +161,7 @@ class Demo:
             f"  which is 8 x {stream.file_bytes:,}, the size of the file",
             f"Done in {duration(seconds)}. Open {self.report} in a browser, or try:",
             f"  gsvc info {self.clip} --frames-table",
+            f"  gsvc info {self.clip} --decisions",
             f"  gsvc compare {self.original} {self.clip}",
             f"  gsvc decode {self.clip} {self.folder / 'large.y4m'} --scale 3",
         )

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import gsvc_ref
 from gsvc_ref.bitstream import StreamSummary
+from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.codec import EncodeReport
+from gsvc_ref.codec.decisions import Decision
 from gsvc_ref.metrics import Comparison
-from gsvc_ref.report import FrameRecord, PictureRow, ReportData
+from gsvc_ref.report import Choice, FrameRecord, PictureRow, ReportData
 from gsvc_ref.video import Frame, open_video
 
 MOST_PREVIEW_FRAMES: Final = 120
@@ -60,6 +62,7 @@ def report_data(
         pictures=_pictures(original, clip, decoded, encoded, comparison),
         preview_original=_read(original, MOST_PREVIEW_FRAMES),
         preview_decoded=_read(decoded, MOST_PREVIEW_FRAMES),
+        savings=f"In all: {effects_line([f.decisions for f in encoded.frames], [f.type for f in encoded.frames])}.",
         notes=[*encoded.notes, *comparison.notes],
         environment=_environment(),
     )
@@ -89,9 +92,15 @@ def _records(encoded: EncodeReport, comparison: Comparison) -> list[FrameRecord]
             frame.iterations,
             frame.seconds,
             frame.reason,
+            [_choice(one) for one in frame.decisions],
         )
         for frame, decoded in zip(encoded.frames, comparison.frames, strict=False)
     ]
+
+
+def _choice(one: Decision) -> Choice:
+    state: Literal["done", "skipped", "off"] = "done" if one.done else "off" if one.cause == "off" else "skipped"
+    return Choice(one.effect, state, one.reason)
 
 
 def _pictures(

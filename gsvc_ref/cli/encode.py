@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.arguments import finite, frame_range, key_frames, whole
+from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
@@ -23,7 +24,7 @@ COMMAND: Final = "gsvc encode"
 
 OVERRIDES: Final = (
     "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
-    "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
+    "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -73,11 +74,21 @@ def add_command(commands: Any) -> None:
     frames.add_argument(
         "--low-latency", action="store_true", default=None, help="decide I-frames without looking ahead"
     )
+    frames.add_argument(
+        "--effects", metavar="auto|all|...",
+        help="what the encoder does: auto (default of quick; where the scene calls for it), all (default of paper; on "
+        "every frame), then switches by name, for instance auto,gsa=off,dks=all: frames, regions = auto|all; gsa, dks, "
+        "gsp = auto|all|off; motion = auto|off",
+    )  # fmt: skip
     stream = parser.add_argument_group("stream")
     stream.add_argument("--lanes", type=whole, metavar="L", dest="lane_count", help="lanes of the entropy coder, 1..64")
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"
     )
+    stream.add_argument(
+        "--no-decisions", action="store_false", default=None, dest="decisions",
+        help="leave out what was decided about each frame (gsvc info --decisions)",
+    )  # fmt: skip
     stream.add_argument(
         "--live", action="store_true",
         help="write under the final name, frame by frame: the growing file can be decoded up to its last complete "
@@ -182,7 +193,7 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
         chosen = f"every {plural(keys, 'frame')}"
     else:
         chosen = "listed"
-    return f"preset {settings.preset}, {rate}, I-frames {chosen}, seed {settings.seed}"
+    return f"preset {settings.preset}, {rate}, I-frames {chosen}, effects {settings.effects}, seed {settings.seed}"
 
 
 def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
@@ -220,6 +231,7 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
         f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
+        f"  effects: {effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])}",
         f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
         + (" with the compilation of kernels" if compiled else "")
         + (f" ({shares})" if shares else ""),
@@ -246,7 +258,10 @@ def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFor
         "interrupted": report.interrupted,
         "fault": report.fault,
         "header": report.header,
-        "frames": report.frames,
+        "frames": [
+            to_json(frame) | {"decisions": [to_json(one) | {"reason": one.reason} for one in frame.decisions]}
+            for frame in report.frames
+        ],
         "notes": report.notes,
         "settings": to_json(report.settings),
     }

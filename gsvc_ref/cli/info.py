@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.damage import all_gaps, describe_damage
+from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import check_input, display_name, open_stream
 from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
@@ -31,6 +32,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--json", action="store_true", help="print everything, frame by frame, as JSON")
     parser.add_argument("--frames-table", action="store_true", help="print a line for each frame")
     parser.add_argument(
+        "--decisions", action="store_true", help="print what the encoder decided about each effect, and why"
+    )
+    parser.add_argument(
         "--salvage", action="store_true", help="of a damaged file tell all that is left, and every gap in it"
     )
 
@@ -53,9 +57,17 @@ def run(arguments: Namespace) -> int:
             print_json({"error": error_object(error)})
         raise
     if arguments.json:
-        print_json(info_object(summary, salvage=arguments.salvage))
+        info = info_object(summary, salvage=arguments.salvage)
+        if arguments.decisions:
+            decisions, note = stream_decisions(summary)
+            info |= {"decisions": decisions_object(decisions), "decisions_note": note}
+        print_json(info)
     else:
-        print("\n".join(describe(name, video, notes, summary, frame_by_frame=arguments.frames_table)))
+        lines = describe(name, video, notes, summary, frame_by_frame=arguments.frames_table)
+        if arguments.decisions:
+            decisions, note = stream_decisions(summary)
+            lines += ["", *(decision_lines(decisions) if note is None else [f"note: {note}"])]
+        print("\n".join(lines))
     for line in damage:
         say(COMMAND, line)
     return EXIT_DATA if damage else 0

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import DecodedFrame, Gap, SequenceHeader, StreamReader, StreamSummary
+from gsvc_ref.codec.decision_chunk import CHUNK_TYPE
 from gsvc_ref.codec.formats import format_notes, video_format
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
@@ -82,9 +83,10 @@ class Stream:
     def info(self, *, salvage: bool = False) -> StreamSummary:
         """All frames and where every bit of the stream went; a fault is in it, not raised.
 
-        With `salvage`, of a damaged file, everything that is left and all gaps.
+        With `salvage`, of a damaged file, everything that is left and all gaps. What the encoder wrote about its
+        decisions is in `ancillary`, for `gsvc_ref.codec.decision_chunk.unpack`.
         """
-        return self._reader.summary(salvage=salvage)
+        return self._reader.summary(salvage=salvage, ancillary=CHUNK_TYPE)
 
     def close(self) -> None:
         """Close the file, if a path was given."""

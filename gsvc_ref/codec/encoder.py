@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, StreamWriter, level_for
+from gsvc_ref.codec.decision_chunk import CHUNK_TYPE, pack
+from gsvc_ref.codec.decisions import completed
 from gsvc_ref.codec.detection import TypedFrame, typed_frames
 from gsvc_ref.codec.ends import Frame, Source, Target, opened_source, opened_target
 from gsvc_ref.codec.formats import header_fields
@@ -40,8 +42,9 @@ def encode(
     Parameters
     ----------
     source
-        A path to anything `gsvc_ref.video.open_video` reads, ``-`` for y4m from standard input, an open VideoReader, or
-        a pair of frames ((H, W, 3) u1 or u2 each) and their VideoFormat.
+        A path to anything `gsvc_ref.video.open_video` reads, ``-`` for y4m from standard input, ``scene:NAME`` or a
+        Scene of `gsvc_ref.scenes`, an open VideoReader, or a pair of frames ((H, W, 3) u1 or u2 each) and their
+        VideoFormat.
     target
         A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
         folder, ``.NAME.PROCESS-NUMBER.part``, and its own name when it is complete and on the disk: at every moment it
@@ -173,7 +176,8 @@ class _Encode:
         if self.writer is None:
             nothing = "the source has no frames to encode; check the file and --frames"
             raise self.fault or GsvcError("malformed", nothing)
-        file_bytes = sum(self.writer.finish().values()) // 8
+        told = (CHUNK_TYPE, pack([frame.decisions for frame in self.reports])) if self.settings.decisions else None
+        file_bytes = sum(self.writer.finish(told).values()) // 8
         return EncodeReport(
             header=self.writer.header,
             settings=self.encoder.settings,
@@ -256,10 +260,16 @@ class _Encode:
         self, item: TypedFrame, encoded: EncodedFrame, before: int, bits: dict[str, int], seconds: float
     ) -> FrameReport:
         codes = encoded.codes
-        pruned = before - codes.survivor_count if item.type == "P" else 0
+        pruned = before - codes.survivor_count if codes.type == "P" else 0
+        reason = item.reason if codes.type == item.type else "nothing to see of what changed"
+        made = [
+            replace(one, iterations=encoded.iterations, seconds=sum(encoded.seconds.values()))
+            if one.effect == "frames" else one
+            for one in (*item.decisions, *encoded.decisions)
+        ]  # fmt: skip
         return FrameReport(
-            item.number, item.type, item.reason, len(encoded.state.splats), codes.intra_count, pruned,
-            encoded.iterations, encoded.psnr, bits, seconds,
+            item.number, codes.type, reason, len(encoded.state.splats), codes.intra_count, pruned, encoded.iterations,
+            encoded.psnr, bits, seconds, completed(made, self.settings.effects, codes.type),
         )  # fmt: skip
 
     def _tell(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:

@@ -9,18 +9,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.codec.decisions import Decision, decision
 from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.codec.motion import estimated_motion
+from gsvc_ref.codec.prediction import SAME_RATIO, Past, Prediction, errors_left
 from gsvc_ref.codec.quantizer_choice import with_best_quantizer
-from gsvc_ref.codec.rate_control import exchange_splats, hold_quality, loss_of_psnr, psnr_of_loss
-from gsvc_ref.codec.rest import at_rest, changed_pixels
-from gsvc_ref.codec.settings import FrameSettings, Settings
+from gsvc_ref.codec.rate_control import hold_quality, loss_of_psnr, psnr_of_loss
+from gsvc_ref.codec.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
-from gsvc_ref.training.fit import NEW, OnIteration, Population, fit
+from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
@@ -32,6 +32,9 @@ SAFETY: Final = 0.05
 
 QUALITY_ROUNDS: Final = 8
 """Constant quality: most attempts to hold the quality of the decoded frame."""
+
+FEWER: Final = 1 / 3
+"""The fraction of the iterations that a P-frame gets which is predicted about as well as the frame before was left."""
 
 OnStage = Callable[[str, int, int, float], None]
 """Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
@@ -53,6 +56,8 @@ class EncodedFrame:
         Of all fits and fine-tuning together.
     seconds
         Time by stage: start, fit, choose, rate, quantize, check.
+    decisions
+        What was decided on the way.
     """
 
     codes: FrameCodes
@@ -60,6 +65,7 @@ class EncodedFrame:
     psnr: float
     iterations: int
     seconds: dict[str, float] = field(default_factory=dict)
+    decisions: tuple[Decision, ...] = ()
 
 
 class FrameEncoder:
@@ -85,7 +91,7 @@ class FrameEncoder:
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
-        self.picture: F4 | None = None  # the source frame before, (H, W, 3)
+        self.past: Past | None = None
         self.is_first = True
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
@@ -95,7 +101,8 @@ class FrameEncoder:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
-        self.state, self.picture, self.is_first = result.state, work.picture, False
+        self.past = work.remembered(result)
+        self.state, self.is_first = result.state, False
         return result
 
 
@@ -112,6 +119,19 @@ class _FrameWork:
         self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
         self.seconds: dict[str, float] = {}
         self.iterations = 0
+        self.decisions: list[Decision] = []
+        self.worse: NDArray[np.bool_] | None = None  # the blocks of a P-frame that were not as good as they were left
+
+    def remembered(self, result: EncodedFrame) -> Past:
+        """What the next frame needs to know of this one."""
+        past = self.encoder.past
+        if result.codes.type == "R" and past is not None:
+            return Past(self.picture, past.left)
+        self.objective.loss(result.state.splats.to_array())
+        left = errors_left(self.objective.residual())
+        if past is not None and self.worse is not None and self.settings.psnr is None:
+            left = np.where(self.worse, left, past.left)  # slow changes add up until they count
+        return Past(self.picture, left)
 
     def repeat(self) -> EncodedFrame:
         """An R-frame: nothing changes."""
@@ -120,49 +140,42 @@ class _FrameWork:
     def intra(self) -> EncodedFrame:
         """An I-frame: fit from scratch, then fine-tune with quantisation."""
         settings = self.settings.intra
+        fit_settings = self.settings.pruned(settings.fit)
         with self._timed("start"):
             count = settings.fit.growth.start(self.total) if settings.fit.growth else self.total
             if settings.start == "image":
                 splats, weight = image_start(self.picture, count, self.rng), KEPT_WEIGHT
             else:
-                splats, weight = random_splats(count, self.width, self.height, self.rng), NEW_WEIGHT
+                splats = random_splats(count, self.width, self.height, self.rng)
+                weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT  # w is learnt only for pruning
             population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
-        return self._encode(population, settings, self.before.forget())
+        if fit_settings.pruning is not None:
+            pruned = sum(fit_settings.pruning.counts(self.total, fit_settings.iterations).values())
+            self.decisions.append(decision("gsp", "pruned", pruned, done=True))
+        return self._encode(population, replace(settings, fit=fit_settings), self.before.forget())
 
     def inter(self) -> EncodedFrame:
         """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
-        settings = self.settings.inter
+        settings, effects, past = self.settings.inter, self.settings.effects, self.encoder.past
+        assert past is not None
         with self._timed("start"):
             reference = self.before.splats
-            population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.fit)
             total = self.total if self.settings.psnr is None else len(reference)
-            changed = self._changed(settings)
-            population.frozen = at_rest(population.parameters(), changed)
-            new = round(settings.new_fraction * total * float(changed.mean()))
-            if settings.follow_motion:
-                self._follow_motion(population)
-            if settings.new_from_residual:
-                exchange_splats(population, self.objective, new, total, self.rng, changed)
-            else:
-                population.append(random_splats(new, self.width, self.height, self.rng), NEW_WEIGHT)
-        return self._encode(population, settings, self.before)
-
-    def _changed(self, settings: FrameSettings) -> NDArray[np.bool_]:
-        """The pixels that may need other splats than the frame before, (H, W) bool."""
-        if settings.rest and self.settings.psnr is None and self.encoder.picture is not None:
-            return changed_pixels(self.encoder.picture, self.picture)
-        return np.ones((self.height, self.width), np.bool_)
-
-    def _follow_motion(self, population: Population) -> None:
-        """Move the splats by the estimated motion if that brings the picture closer."""
-        assert self.encoder.picture is not None
-        motion = estimated_motion(self.encoder.picture, self.picture, population.values[:, :2])
-        motion[population.frozen] = 0
-        parameters = population.parameters()
-        still = self.objective.loss(parameters)
-        parameters[:, :2] += motion
-        if self.objective.loss(parameters) < still:
-            population.values[:, :2] += motion
+            prediction = Prediction(
+                self.settings, self.objective, self.picture, reference, past, total, self.encoder.most, self.rng
+            )
+            self.decisions += prediction.decisions
+            self.worse = prediction.worse
+        if effects.frames == "auto" and self.settings.psnr is None:
+            if prediction.is_still:
+                self.decisions.append(decision("frames", "at rest", done=False, saved=_steps(settings)))
+                return self.repeat()
+            if prediction.growth <= SAME_RATIO:
+                less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
+                saved = _steps(settings) - _steps(less)
+                self.decisions.append(decision("frames", "same", prediction.growth, done=True, saved=saved))
+                return self._encode(prediction.population, less, self.before)
+        return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
 
     def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
         """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
@@ -180,11 +193,13 @@ class _FrameWork:
             return self._finish(*self._quantize(population, settings, before))
         goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most
         best: EncodedFrame | None = None
+        fitted, may_prune = len(population), self.settings.effects.gsp != "off"
         for _ in range(QUALITY_ROUNDS):
             with self._timed("rate"):
                 self.iterations += hold_quality(
-                    population, self.objective, goal, most, settings.tune, self.rng, self._report("rate")
-                )
+                    population, self.objective, goal, most, settings.tune, self.rng, self._report("rate"),
+                    may_prune=may_prune,
+                )  # fmt: skip
             result = self._finish(*self._quantize(population, settings, before))
             if best is None or result.psnr > best.psnr:
                 best = result
@@ -192,7 +207,13 @@ class _FrameWork:
                 break
             goal *= 10 ** ((result.psnr - self.settings.psnr - SAFETY) / 10)
         assert best is not None  # there is at least one round
-        return replace(best, iterations=self.iterations)
+        fewer_splats = fitted - len(best.state.splats)
+        if self.settings.effects.gsp == "auto":
+            spared = fewer_splats > 0
+            self.decisions.append(
+                decision("gsp", *(("spare", fewer_splats) if spared else ("nothing to spare",)), done=spared)
+            )
+        return replace(best, iterations=self.iterations, decisions=tuple(self.decisions))
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
@@ -207,7 +228,7 @@ class _FrameWork:
         with self._timed("check"):
             decoded = self.encoder.renderer.frame(state.splats, self.bit_depth)
             quality = psnr(self.frame, decoded, self.peak)
-        return EncodedFrame(codes, state, quality, self.iterations, self.seconds)
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, tuple(self.decisions))
 
     def _report(self, stage: str) -> OnIteration:
         return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))
@@ -217,3 +238,13 @@ class _FrameWork:
         begin = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+
+def _steps(settings: FrameSettings) -> int:
+    """The iterations of fit and fine-tuning."""
+    return settings.fit.iterations + settings.tune.iterations
+
+
+def fewer(settings: FitSettings) -> FitSettings:
+    """The settings with a part of their iterations."""
+    return scaled(settings, max(1, round(FEWER * settings.iterations)))

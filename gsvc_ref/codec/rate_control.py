@@ -57,29 +57,24 @@ def most_visible(parameters: F4, count: int) -> NDArray[np.int64]:
     return np.sort(np.argsort(-visibility(parameters), kind="stable")[: max(0, count)])
 
 
-def exchange_splats(
-    population: Population,
-    objective: Objective,
-    new: int,
-    total: int,
-    rng: np.random.Generator,
-    where: NDArray[np.bool_] | None = None,
-) -> None:
-    """Replace the least visible splats by `new` ones where the prediction is wrong, with at most `total` in all.
-
-    Frozen splats stay, and new ones come where `where` (H, W) bool is set, or anywhere.
-    """
-    room = total - len(population)
-    if new > room:
+def make_room(population: Population, new: int, total: int) -> int:
+    """Remove the least visible splats that are not frozen until `new` fit into `total`; how many then do."""
+    excess = new - (total - len(population))
+    if excess > 0:
         moving = np.flatnonzero(~population.frozen)
-        fewer = max(0, len(moving) - (new - room))
-        kept = moving[most_visible(population.parameters()[moving], fewer)]
+        kept = moving[most_visible(population.parameters()[moving], len(moving) - excess)]
         population.take(np.sort(np.concatenate([np.flatnonzero(population.frozen), kept])))
         if population.frozen.any():
             new = min(new, max(0, total - len(population)))
-    if new > 0:
-        objective.loss(population.parameters())
-        population.append(new_splats(objective, new, len(population) + new, rng, where), KEPT_WEIGHT)
+    return new
+
+
+def add_where_wrong(
+    population: Population, objective: Objective, new: int, rng: np.random.Generator, where: NDArray[np.bool_]
+) -> None:
+    """Add `new` splats where the picture is wrong and `where` (H, W) bool is set."""
+    objective.loss(population.parameters())
+    population.append(new_splats(objective, new, len(population) + new, rng, where), KEPT_WEIGHT)
 
 
 def hold_quality(
@@ -90,6 +85,8 @@ def hold_quality(
     settings: FitSettings,
     rng: np.random.Generator,
     on_iteration: OnIteration | None = None,
+    *,
+    may_prune: bool = True,
 ) -> int:
     """Add splats until the loss is at most `goal`, or remove some while it stays there; returns the iterations made.
 
@@ -105,6 +102,8 @@ def hold_quality(
         The short fit after each change.
     on_iteration
         Called after each iteration of these fits.
+    may_prune
+        Whether splats may be removed.
     """
     done = 0
     loss = objective.loss(population.parameters())
@@ -114,7 +113,7 @@ def hold_quality(
         if (
             0 <= surplus < TOLERANCE
             or (surplus < 0 and len(population) >= most)
-            or (surplus > 0 and len(population) == 1)
+            or (surplus > 0 and (len(population) == 1 or not may_prune))
         ):
             break
         saved = population.copy()

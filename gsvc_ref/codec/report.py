@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.codec.decisions import Decision
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.errors import ErrorKind, GsvcError
 from gsvc_ref.reconstruction import FrameType
@@ -63,6 +64,8 @@ class FrameReport:
         Bits of the frame's chunk by category.
     seconds
         Time spent on the frame.
+    decisions
+        What was decided about each effect, in the order of `Effects`.
     """
 
     number: int
@@ -75,6 +78,7 @@ class FrameReport:
     psnr: float
     bits: dict[str, int]
     seconds: float
+    decisions: tuple[Decision, ...] = ()
 
 
 @dataclass(frozen=True)

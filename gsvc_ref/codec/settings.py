@@ -5,6 +5,7 @@ from numbers import Integral
 from typing import Any, Final, Literal, Self, TypeVar
 
 from gsvc_ref.checks import check_types
+from gsvc_ref.codec.effects import Effects
 from gsvc_ref.codec.quantizer import BlockSettings, with_codewords
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
@@ -54,10 +55,6 @@ class FrameSettings:
     still_threshold
         P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
         share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
-    rest
-        P-frames: splats stay as they are where the source shows the same pixels as before, at constant rate.
-    follow_motion
-        P-frames: begin with the splats moved along the optical flow of the source.
     """
 
     fit: FitSettings
@@ -68,8 +65,6 @@ class FrameSettings:
     new_fraction: float = 0.1
     new_from_residual: bool = False
     still_threshold: float = 0.0
-    rest: bool = False
-    follow_motion: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -146,8 +141,11 @@ class Settings:
         ``auto``, every k frames, or the listed frame numbers (0 always is one).
     low_latency
         Decide key frames from the past alone.
-    repeat_frames
-        Code a frame that equals the one before as an R-frame.
+    effects
+        What is done on every frame, and what only where the scene calls for it; a preset takes a text of
+        `Effects.parse` as well.
+    decisions
+        Write what was decided about each frame, and why, as an ancillary chunk, which decoders skip.
     frames
         Half-open range of source frames to encode.
     seed
@@ -168,7 +166,8 @@ class Settings:
     psnr: float | None = None
     key_frames: KeyFrames = "auto"
     low_latency: bool = False
-    repeat_frames: bool = True
+    effects: Effects = field(default_factory=Effects)
+    decisions: bool = True
     frames: tuple[int, int | None] = (0, None)
     seed: int = 0
     threads: int | None = None
@@ -207,7 +206,7 @@ class Settings:
         tune = FitSettings(iterations=5_000, pruning=None)
         intra = FrameSettings(FitSettings(), tune, BlockSettings())
         inter = FrameSettings(FitSettings(pruning=PruningSchedule.inter()), tune, BlockSettings())
-        return _override(cls("paper", intra, inter), overrides)
+        return _override(cls("paper", intra, inter, effects=Effects.parse("all")), overrides)
 
     @classmethod
     def quick(cls, **overrides: Any) -> Self:
@@ -217,24 +216,27 @@ class Settings:
             pruning=None, schedule=Cosine(150, 0.02),
         )  # fmt: skip
         intra = FrameSettings(
-            fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05), growth=Growth()),
+            fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), growth=Growth()),
             tune=replace(few, iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(60, 0.05)),
             quantizer=BlockSettings(0.05, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
             candidates=((7, 2, 16), (8, 2, 32), (8, 3, 16), (8, 3, 32), (9, 3, 32), (10, 3, 64)),
             start="image",
         )
         inter = FrameSettings(
-            fit=replace(few, iterations=60, rates=Rates(0.2, 0.08, 0.008), schedule=Cosine(60, 0.05)),
+            fit=replace(few, iterations=60, rates=Rates(0.2, 0.08, 0.008, 0.008), schedule=Cosine(60, 0.05)),
             tune=replace(few, iterations=30, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(30, 0.05)),
             quantizer=BlockSettings(0.1, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
             new_fraction=0.03,
             new_from_residual=True,
             still_threshold=0.5,
-            rest=True,
-            follow_motion=True,
         )
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
         return _override(cls("quick", intra, inter, detection), overrides)
+
+    def pruned(self, fit: FitSettings) -> FitSettings:
+        """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
+        pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
+        return replace(fit, pruning=pruning)
 
     def most_splats(self, width: int, height: int) -> int:
         """The most splats that a frame of this size may get."""
@@ -263,7 +265,7 @@ class Settings:
 S = TypeVar("S", bound=Settings)
 
 OVERRIDES: Final = (
-    "splats", "psnr", "key_frames", "low_latency", "repeat_frames", "frames", "seed", "threads", "precision",
+    "splats", "psnr", "key_frames", "low_latency", "effects", "decisions", "frames", "seed", "threads", "precision",
     "lane_count", "entropy_precision", "index", "checksums", "intra", "inter", "detection",
 )  # fmt: skip
 """Settings that an override replaces as they are."""
@@ -280,6 +282,8 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
     if unknown:
         known = ", ".join((*OVERRIDES, *REACHING))
         raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
+    if isinstance(overrides.get("effects"), str):
+        overrides["effects"] = Effects.parse(overrides["effects"])
     settings = replace(settings, **overrides)
     stages = _check_whole("color_stages", stages, 1, 8)
     codewords = _check_whole("color_codewords", codewords, 1, 1024)

@@ -92,6 +92,34 @@ def bits_chart(frames: Sequence[FrameRecord], colors: Mapping[str, int]) -> str:
     return svg_chart(parts, height, "bits of each frame, stacked by attribute")
 
 
+STATES: Final = {
+    "done": ("c0", "done"),
+    "skipped": ("c5", "left out, at least in part"),
+    "off": ("c9", "switched off"),
+}
+"""The class and the meaning of the colour of what was decided."""
+
+
+def choices_chart(frames: Sequence[FrameRecord]) -> str:
+    """What was decided: a row for each effect, a column for each frame, the reason as what the pointer shows."""
+    effects = [choice.effect for choice in frames[0].choices]
+    row = 20
+    height = _TOP + row * len(effects) + _BOTTOM
+    parts = _frame_axis(frames, height)
+    step = _PLOT_WIDTH / len(frames)
+    for number, effect in enumerate(effects):
+        y = _TOP + row * number
+        parts.append(f'<text class="label" x="0" y="{y + 14}">{html.escape(effect)}</text>')
+        for index, frame in enumerate(frames):
+            choice = frame.choices[number]
+            title = html.escape(f"frame {frame.number}, {effect}: {choice.reason}")
+            parts.append(
+                f'<rect class="{STATES[choice.state][0]}" x="{_LEFT + step * index:.2f}" y="{y}" '
+                f'width="{max(step - 1, step * 0.8):.2f}" height="{row - 3}"><title>{title}</title></rect>'
+            )
+    return svg_chart(parts, height, "what was decided about each effect of each frame")
+
+
 def share_bar(shares: Mapping[str, float], label: str) -> str:
     """One horizontal bar whose parts are as long as their share of the whole."""
     total = sum(shares.values())

@@ -42,6 +42,25 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """What was decided about one effect of a frame.
+
+    Attributes
+    ----------
+    effect
+        Its name.
+    state
+        ``done``, ``skipped`` (all or part of it was left out), or ``off``.
+    reason
+        Why.
+    """
+
+    effect: str
+    state: Literal["done", "skipped", "off"]
+    reason: str
+
+
+@dataclass(frozen=True)
 class FrameRecord:
     """What one frame cost and what came of it.
 
@@ -63,6 +82,8 @@ class FrameRecord:
         Wall time of its encoding.
     reason
         Why it became a frame of this type; may be empty.
+    choices
+        What was decided about each effect; of all frames the same effects in the same order, or none.
     """
 
     number: int
@@ -73,6 +94,7 @@ class FrameRecord:
     iterations: int
     seconds: float
     reason: str = ""
+    choices: Sequence[Choice] = ()
 
     def __post_init__(self) -> None:
         if self.type not in FRAME_TYPES:
@@ -157,6 +179,8 @@ class ReportData:
         Frames to look at.
     preview_original, preview_decoded
         Equally many frames for the animation; none for no animation.
+    savings
+        A sentence on what the encoder left out; may be empty.
     notes
         Sentences that a reader must know.
     environment
@@ -181,6 +205,7 @@ class ReportData:
     pictures: Sequence[PictureRow] = ()
     preview_original: Sequence[Frame] = ()
     preview_decoded: Sequence[Frame] = ()
+    savings: str = ""
     notes: Sequence[str] = ()
     environment: Mapping[str, str] = field(default_factory=dict)
 
@@ -197,6 +222,8 @@ class ReportData:
         for frame in self.frames:
             if strangers := set(frame.bits_by_attribute) - set(self.bits_by_attribute):
                 raise UsageError(f"frame {frame.number} has bits of {strangers}, which the file's parts do not name")
+        if len({tuple(choice.effect for choice in frame.choices) for frame in self.frames}) > 1:
+            raise UsageError("frames have decisions about different effects; the report shows a row for each effect")
         if len(self.preview_original) != len(self.preview_decoded):
             raise UsageError(
                 f"the preview has {len(self.preview_original)} original and {len(self.preview_decoded)} decoded "

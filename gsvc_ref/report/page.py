@@ -7,7 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
-from gsvc_ref.report.charts import bits_chart, color_classes, decibels, mark_symbol, psnr_chart, share_bar, thousands
+from gsvc_ref.report.charts import (
+    STATES,
+    bits_chart,
+    choices_chart,
+    color_classes,
+    decibels,
+    mark_symbol,
+    psnr_chart,
+    share_bar,
+    thousands,
+)
 from gsvc_ref.report.data import FRAME_TYPES, Figure, FrameRecord, ReportData
 from gsvc_ref.report.gallery import pictures_section, preview_section
 
@@ -54,6 +64,7 @@ def report_html(data: ReportData) -> str:
         _quality(data),
         _bits(data),
         _time(data),
+        _choices(data),
         pictures_section(data),
         _frame_table(data),
         notes_section(data.notes, data.environment),
@@ -175,6 +186,24 @@ def _time(data: ReportData) -> str:
         '<p class="caption">Wall time, stage by stage.</p>'
         + share_bar(data.stages, "seconds by stage")
         + _share_table(data.stages, "seconds", lambda seconds: f"{seconds:.2f}")
+    )
+
+
+def _choices(data: ReportData) -> str:
+    """What the encoder did and left out, frame by frame."""
+    if not data.frames[0].choices:
+        return ""
+    used = {choice.state for frame in data.frames for choice in frame.choices}
+    legend = "".join(
+        f'<span><span class="swatch {color}"></span>{meaning}</span>'
+        for state, (color, meaning) in STATES.items()
+        if state in used
+    )
+    return (
+        "<h2>What the scene called for</h2>"
+        f'<p class="caption">Each step of the encoder, frame by frame; point at a cell for its reason. '
+        f"{html.escape(data.savings)}</p>"
+        f'{choices_chart(data.frames)}<div class="legend">{legend}</div>'
     )
 
 

@@ -234,14 +234,15 @@ def fit(
     unit = learned_unit(settings.learn_pixels, width, height)
     rates = settings.rates.columns()
     grown = settings.growth.counts(total or len(population), settings.iterations) if settings.growth else {}
-    removed = settings.pruning.counts(len(population), settings.iterations) if settings.pruning else {}
+    splats = max(len(population), *grown.values()) if grown else len(population)
+    removed = settings.pruning.counts(splats, settings.iterations) if settings.pruning else {}
     last_change = max([*removed, *(i + 1 for i in grown)], default=0)  # no convergence before it
     convergence = settings.convergence.start() if settings.convergence else None
     objective.freeze(population.parameters(), population.frozen)
     done = 0
     for i in range(settings.iterations):
         loss, gradient = weighted_gradients(population, objective)
-        missing = grown.get(i, 0) - len(population)
+        missing = grown.get(i, 0) - sum(count for at, count in removed.items() if at <= i) - len(population)
         if missing > 0:
             population.append(new_splats(objective, missing, len(population) + missing, rng), 1.0)
             objective.freeze(population.parameters(), population.frozen)

@@ -60,6 +60,11 @@ class PruningSchedule:
         """P-frames: 10 % of the splats, as many as GSA added to 90 % of N, after every 100th from 500 to 1000."""
         return cls(first=500, last=1000)
 
+    @classmethod
+    def late(cls) -> Self:
+        """10 % of the splats in five steps from 64 % to 80 % of the iterations, however few; ours, for short fits."""
+        return cls(first=LAST * 4 // 5, last=LAST, interval=LAST // 20)
+
     def counts(self, splats: int, iterations: int) -> dict[int, int]:
         """How many splats to remove after which iteration (R-10.7-1).
 

@@ -41,7 +41,7 @@ def test_encode_says_what_it_does_and_what_came_out(clip, tmp_path, capsys):
     out, err = capsys.readouterr()
     first, second, *rest = out.splitlines()
     assert first == f"{clip}: 32x24, 4 frames, 24 frames/s, 8 bits, 4:2:0, BT.709, limited range"
-    assert second == "settings: preset quick, 12 splats a frame, I-frames every 2 frames, seed 0"
+    assert second == "settings: preset quick, 12 splats a frame, I-frames every 2 frames, effects auto, seed 0"
     assert f"{path.stat().st_size:,} bytes" in rest[0]
     assert "4 frames: 2 I, 2 P" in rest[1]
     assert err == ""

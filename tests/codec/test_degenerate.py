@@ -55,9 +55,11 @@ def black_and_white(zero, peak, rng):
 
 KINDS = (black, white, grey, one_hot_pixel, one_dark_pixel, a_hot_pixel_that_moves, noise, black_and_white)
 PRESETS = {
-    "quick": lambda: fast(repeat_frames=False),
-    "detected": lambda: Settings.quick(iterations=3, threads=1, repeat_frames=False),  # with a choice of quantisers
-    "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2, repeat_frames=False),
+    "quick": lambda: fast(effects="auto,frames=all"),
+    "detected": lambda: Settings.quick(
+        iterations=3, threads=1, effects="auto,frames=all"
+    ),  # with a choice of quantisers
+    "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
 }
 
 

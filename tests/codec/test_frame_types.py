@@ -10,7 +10,7 @@ from codec_cases import Counting, encoded, fast, flat, video_format, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.codec import Settings, Stream, encode
+from gsvc_ref.codec import Effects, Settings, Stream, encode
 from gsvc_ref.codec.detection import Pretraining, block_means_plain, reduced, typed_frames
 from gsvc_ref.video import VideoReader
 
@@ -65,7 +65,7 @@ def test_an_equal_frame_is_repeated(key_frames):
     clip = [a, a, b, b, b, a]
     settings = auto(key_frames=key_frames)
     assert types(clip, settings) == "IRPRRP"
-    assert types(clip, replace(settings, repeat_frames=False)) == "IPPPPP"
+    assert types(clip, replace(settings, effects=Effects.parse("auto,frames=all"))) == "IPPPPP"
     assert types(flat(9, frames=5), settings) == "IRRRR"
 
 

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from gsvc_ref.codec import Settings, decode, frame_encoder
 from gsvc_ref.codec.rate_control import (
-    exchange_splats,
+    add_where_wrong,
     hold_quality,
     loss_of_psnr,
+    make_room,
     most_visible,
     psnr_of_loss,
     visibility,
@@ -26,6 +27,7 @@ from gsvc_ref.training.fit import NEW, Population, fit
 
 WIDTH, HEIGHT = 32, 24
 PICTURE = waves(WIDTH, HEIGHT, 1)[0].astype(np.float32) / 255
+EVERYWHERE = np.ones((HEIGHT, WIDTH), bool)
 TUNE = fast(iterations=30).intra.tune
 
 
@@ -87,7 +89,7 @@ def test_of_equally_visible_splats_the_first_stay():
 def test_an_exchange_never_exceeds_the_total(new, total):
     made, objective = population(12, iterations=1)
     made.origins = np.arange(12)
-    exchange_splats(made, objective, new, total, np.random.default_rng(0))
+    add_where_wrong(made, objective, make_room(made, new, total), np.random.default_rng(0), EVERYWHERE)
     old = made.origins[made.origins != NEW]
     assert len(made) - len(old) == new
     assert len(made) <= max(total, new)
@@ -103,7 +105,7 @@ def test_an_exchange_keeps_the_most_visible_and_adds_where_the_error_is():
     made.origins = np.arange(20)
     picture[2:7, 20:26] = 1 - picture[2:7, 20:26]
     expected = most_visible(made.parameters(), 15)
-    exchange_splats(made, Objective(picture, 1), 5, 20, np.random.default_rng(0))
+    add_where_wrong(made, Objective(picture, 1), make_room(made, 5, 20), np.random.default_rng(0), EVERYWHERE)
     assert np.array_equal(made.origins, [*expected, *[NEW] * 5])
     new = made.values[15:, :2]
     inside = (new[:, 0] >= 20) & (new[:, 0] < 26) & (new[:, 1] >= 2) & (new[:, 1] < 7)
@@ -216,7 +218,7 @@ def test_the_most_splats_are_a_bound_for_constant_quality():
 
 
 def test_constant_rate_gives_every_frame_the_same_number_of_splats():
-    report, _ = encoded(waves(frames=4, cut=2), fast(splats=33, key_frames=3))
+    report, _ = encoded(waves(frames=4, cut=2), fast(splats=33, key_frames=3, effects="auto,gsa=all"))
     assert [frame.splats for frame in report.frames] == [33] * 4
     assert all(frame.new_splats == frame.pruned_splats == 1 for frame in report.frames if frame.type == "P")
 

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 from codec_cases import encoded, fast, waves
 
-from gsvc_ref.codec import Settings
+from gsvc_ref.codec import Effects, Settings
 from gsvc_ref.codec.settings import scaled, with_iterations
 from gsvc_ref.errors import UsageError
 from gsvc_ref.training.fit import FitSettings, Rates
@@ -27,7 +27,7 @@ def test_the_papers_settings_are_the_papers():
         assert kind.start == "random"
         assert kind.candidates == ()
     assert paper.inter.new_fraction == 0.1
-    assert not paper.inter.follow_motion
+    assert str(paper.effects) == "all"
     assert not paper.inter.new_from_residual
     assert (paper.detection.iterations, paper.detection.window, paper.detection.threshold) == (500, 10, 3.0)
     assert (paper.detection.splats, paper.detection.longest_side, paper.detection.rule) == (None, None, "paper")
@@ -52,7 +52,8 @@ def test_overrides_of_nothing_change_nothing():
         {"key_frames": 7},
         {"key_frames": (3, 9)},
         {"low_latency": True},
-        {"repeat_frames": False},
+        {"effects": Effects.parse("auto,gsa=off")},
+        {"decisions": False},
         {"frames": (2, 5)},
         {"frames": (2, None)},
         {"seed": 2**63 - 1},

@@ -73,7 +73,7 @@ def test_the_papers_preset_can_do_with_one_splat():
 
 def test_black_is_exactly_black():
     clip = flat(0, frames=2)
-    report, data = encoded(clip, fast(repeat_frames=False))
+    report, data = encoded(clip, fast(effects="auto,frames=all"))
     assert [frame.psnr for frame in report.frames] == [np.inf, np.inf]
     assert report.mean_psnr == np.inf
     assert not any(frame.any() for frame in decode(data))
@@ -82,7 +82,7 @@ def test_black_is_exactly_black():
 @pytest.mark.parametrize("value", [255, 128, (255, 0, 60)], ids=["white", "grey", "red"])
 def test_even_frames_are_no_trouble(value):
     clip = flat(value, frames=2)
-    report, data = encoded(clip, fast(iterations=60, repeat_frames=False))
+    report, data = encoded(clip, fast(iterations=60, effects="auto,frames=all"))
     assert [frame.type for frame in report.frames] == ["I", "P"]
     assert min(frame.psnr for frame in report.frames) > 20
     assert len(list(decode(data))) == 2
@@ -90,7 +90,7 @@ def test_even_frames_are_no_trouble(value):
 
 def test_from_black_to_white_and_back():
     clip = [*flat(0), *flat(255), *flat(0), *waves(frames=1), *flat(255)]
-    report, data = encoded(clip, fast(iterations=30))
+    report, data = encoded(clip, fast(iterations=30, effects="auto,frames=all"))
     assert [frame.type for frame in report.frames] == list("IPPPP")
     assert np.isfinite([frame.psnr for frame in report.frames[1:2]]).all()
     assert len(list(decode(data))) == 5
@@ -105,7 +105,7 @@ QUICK = st.fixed_dictionaries(
         "color_stages": st.integers(1, 8),
         "color_codewords": st.sampled_from((1, 2, 33)),
         "low_latency": st.booleans(),
-        "repeat_frames": st.booleans(),
+        "effects": st.sampled_from(["auto", "all", "auto,frames=all", "all,gsa=off,motion=auto"]),
         "lane_count": st.sampled_from((1, 5, 64)),
         "seed": st.integers(0, 2**63 - 1),
     },

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.report import Figure, FrameRecord, PictureRow, ReportData, pictures, report_html, write_report
+from gsvc_ref.report import Choice, Figure, FrameRecord, PictureRow, ReportData, pictures, report_html, write_report
 from gsvc_ref.report.charts import bits_chart, color_classes, nice_ticks, psnr_chart, share_bar
 
 
@@ -249,3 +249,20 @@ def test_shares_fill_the_bar(shares):
     bar = share_bar(shares, "label")
     widths = [float(width) for width in re.findall(r'width="([\d.]+)"', bar)]
     assert sum(widths) == pytest.approx(960 if sum(shares.values()) else 0, abs=0.1)
+
+
+def test_decisions_are_a_cell_each_with_their_reason():
+    choices = [Choice("gsa", "done", "5 % is <new>"), Choice("dks", "skipped", "no cut"), Choice("gsp", "off", "off")]
+    frames = [record(0, "I", choices=choices), record(1, choices=choices[::1])]
+    page = report_html(report(frames, savings="Much was saved."))
+    assert page.count("<title>frame 1, gsa: 5 % is &lt;new&gt;</title>") == 1
+    assert page.count("<title>frame 0, dks: no cut</title>") == 1
+    assert "Much was saved." in page
+    assert "left out, at least in part" in page
+    assert "What the scene called for" not in report_html(report())
+
+
+def test_decisions_about_different_effects_are_refused():
+    frames = [record(0, "I", choices=[Choice("gsa", "done", "")]), record(1)]
+    with pytest.raises(UsageError, match="different effects"):
+        report(frames)

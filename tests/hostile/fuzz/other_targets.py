@@ -125,9 +125,10 @@ NUMBERS: Final = (
 )  # fmt: skip
 NAMES: Final = (
     "splats", "psnr", "key_frames", "frames", "seed", "threads", "precision", "lane_count", "entropy_precision",
-    "index", "checksums", "iterations", "cholesky_bits", "color_stages", "color_codewords", "low_latency", "nonsense",
+    "index", "checksums", "iterations", "cholesky_bits", "color_stages", "color_codewords", "low_latency", "effects",
+    "decisions", "nonsense",
 )  # fmt: skip
-WORDS: Final = {"key_frames": ("auto",), "precision": ("fast", "")}
+WORDS: Final = {"key_frames": ("auto",), "precision": ("fast", ""), "effects": ("auto", "all,gsa=off", "auto,gsa", "")}
 """The settings that take words; the types of all others are numbers, as their annotations say."""
 
 

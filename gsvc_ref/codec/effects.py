@@ -1,0 +1,103 @@
+"""Which steps of the paper an encode takes: all of them on every frame, or those that the scene calls for."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, Literal, Self, get_args, get_type_hints
+
+from gsvc_ref.checks import check_types
+from gsvc_ref.errors import UsageError
+
+Mode = Literal["auto", "all", "off"]
+"""Where it is asked for, on every frame, or nowhere."""
+
+EffectName = Literal["frames", "regions", "gsa", "dks", "gsp", "motion"]
+
+EFFECT_NAMES: Final[tuple[EffectName, ...]] = get_args(EffectName)
+
+MEANINGS: Final[dict[EffectName, str]] = {
+    "frames": "optimise every frame, also one that equals the frame before",
+    "regions": "optimise every splat, also where nothing changed",
+    "gsa": "add splats to every P-frame",
+    "dks": "pre-train every frame twice to find cuts",
+    "gsp": "prune in every frame",
+    "motion": "move splats along the optical flow",
+}
+"""What `all` does; `auto` does it where the scene calls for it."""
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What to do of each: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere.
+
+    Attributes
+    ----------
+    frames
+        ``auto``: a frame that equals the one before becomes an R-frame without a step, and one that is predicted about
+        as well as that was left gets fewer iterations; ``all``: every frame gets all iterations.
+    regions
+        ``auto``: splats over regions that did not change stay as they are; ``all``: every splat is optimised.
+    gsa
+        Splats added to P-frames. ``auto``: where the residual after prediction is above what the frame before left;
+        ``all``: in every P-frame (paper section 3.5); ``off``: none.
+    dks
+        Key frames when `Settings.key_frames` is ``auto``. ``auto``: only frames that a cheap measure suspects are
+        pre-trained; ``all``: every frame, twice (paper section 3.6); ``off``: no key frame but the first.
+    gsp
+        Splats removed. ``auto``: only those that the rate has no room for; ``all``: during every fit (paper section
+        3.4); ``off``: none, so that splats are added only while there is room.
+    motion
+        ``auto``: P-frames of which something moves begin with the splats moved along the optical flow; ``off``: never.
+        Ours, not the paper's.
+
+    Raises
+    ------
+    UsageError
+        A field has another value.
+    """
+
+    frames: Literal["auto", "all"] = "auto"
+    regions: Literal["auto", "all"] = "auto"
+    gsa: Literal["auto", "all", "off"] = "auto"
+    dks: Literal["auto", "all", "off"] = "auto"
+    gsp: Literal["auto", "all", "off"] = "auto"
+    motion: Literal["auto", "off"] = "auto"
+
+    def __post_init__(self) -> None:
+        check_types(self)
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The effects of a text such as ``auto``, ``all`` or ``auto,gsa=off,dks=all``: a base, then switches by name.
+
+        Raises
+        ------
+        UsageError
+            A word of it is unknown; the message lists those that there are.
+        """
+        base, *switches = [part.strip() for part in text.split(",")]
+        if base not in ("auto", "all"):
+            raise UsageError(f"effects {text!r} begin with {base!r}; give auto or all first, then for instance gsa=off")
+        effects = cls() if base == "auto" else cls("all", "all", "all", "all", "all", "off")
+        given: dict[str, Any] = {}
+        allowed = {name: get_args(hint) for name, hint in get_type_hints(cls).items()}
+        for switch in switches:
+            name, equals, mode = (part.strip() for part in switch.partition("="))
+            if not equals or name not in allowed:
+                raise UsageError(f"effects {text!r} have {switch!r}; give NAME=MODE, NAME one of {', '.join(allowed)}")
+            if mode not in allowed[name]:
+                raise UsageError(f"effects {text!r}: {name} is {mode!r}; it must be {' or '.join(allowed[name])}")
+            given[name] = mode
+        return replace(effects, **given)
+
+    def mode(self, name: EffectName) -> Mode:
+        """The mode of an effect."""
+        mode: Mode = getattr(self, name)
+        return mode
+
+    def __str__(self) -> str:
+        """The shortest text that `parse` makes these effects of."""
+        texts = []
+        for base in ("auto", "all"):
+            start = self.parse(base)
+            switched = [field.name for field in fields(self) if getattr(self, field.name) != getattr(start, field.name)]
+            texts.append(",".join([base, *(f"{name}={getattr(self, name)}" for name in switched)]))
+        return min(texts, key=len)
