@@ -1,0 +1,1 @@
+"""The paper's experiments, each with its figure, its numbers beside the paper's claim, and a verdict."""
