@@ -52,7 +52,7 @@ figures: .venv/.ready-all,clips            ## measure the tables of README.md (a
 bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold start (about 8 minutes; LIMIT=FOLDER: the C++ limit too)
 	$(BIN)/python -m benchmarks $(if $(LIMIT),--limit $(LIMIT))
 
-experiments: .venv/.ready-experiments            ## the paper's experiments, small versions (FULL=1: large; UVG=FOLDER: on UVG too)
+experiments: .venv/.ready-experiments            ## the paper's experiments, small versions (FULL=1: large; UVG=FOLDER: on UVG instead)
 	$(BIN)/python -m experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
 
 clean:            ## remove what the other commands made
