@@ -79,6 +79,8 @@ def main(words: Sequence[str] | None = None) -> int:
             failed = [name for name in names if not make(name, arguments)]
             if len(failed) < len(names) or not names:
                 show(arguments)
+    except BrokenPipeError:  # the reader has enough
+        raise
     except (UsageError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
