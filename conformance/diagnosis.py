@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
+from conformance.layouts import layout_cause
 from conformance.mutants import Mutant, all_mutants, answer, called
 from conformance.stage import Values
 from conformance.vectors import Vector
@@ -49,13 +50,25 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
         By the id of a vector, at most two sentences, the better one first.
     """
     examined = failures[:EXAMINED]
-    named = {vector.id: _explanations(vector, outputs) for vector, outputs in examined}
+    laid_out = {vector.id: sentences for vector, outputs in examined if (sentences := _layouts(vector, outputs))}
+    named = {vector.id: _explanations(vector, outputs) for vector, outputs in examined if vector.id not in laid_out}
     explained = Counter(mutant for mutants in named.values() for mutant in mutants)
     foreseen = Counter(
         name for vector in [*passed, *(v for v, _ in examined)] for name in vector.manifest.get("kills", ())
     )
     fit = {mutant: count / max(foreseen[mutant.name], count) for mutant, count in explained.items()}
-    return {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+    return laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+
+
+def _layouts(vector: Vector, outputs: Values) -> list[str]:
+    """What all wrong outputs look like, if they are empty, in another order, or parts: at most two sentences."""
+    wrong = [name for name, expectation in vector.expected.items() if not expectation.judge(outputs.get(name)).passed]
+    arrays = [(vector.expected[name].value, outputs.get(name)) for name in wrong]
+    told = [
+        layout_cause(value, mine) if isinstance(value, np.ndarray) and isinstance(mine, np.ndarray) else ""
+        for value, mine in arrays
+    ]
+    return list(dict.fromkeys(told))[:2] if told and all(told) else []
 
 
 def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counter[Mutant]) -> list[str]:

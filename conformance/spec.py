@@ -2,7 +2,7 @@
 
 import re
 import types
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -27,21 +27,31 @@ def source() -> str:
     return "\n\n".join(block.lstrip("\n") for block in blocks())
 
 
-def namespace(patches: Iterable[Patch] = ()) -> dict[str, Any]:
+def namespace(
+    patches: Iterable[Patch] = (), functions: Mapping[str, Callable[..., Any]] | None = None
+) -> dict[str, Any]:
     """What the code defines, by name.
 
     Parameters
     ----------
     patches
         Changes, made in order; without any it is the code as it stands, which is run only once.
+    functions
+        What takes the place of functions of the code, which then calls these.
 
     Raises
     ------
     LookupError
-        The text of a patch does not occur exactly once.
+        The text of a patch does not occur exactly once, or there is no function of a name.
     """
     patches = tuple(patches)
-    return _run([_compiled(block) for block in _patched(patches)]) if patches else _original()
+    if not patches and not functions:
+        return _original()
+    names = _run([_compiled(block) for block in _patched(patches)])
+    if strange := (functions or {}).keys() - names.keys():
+        raise LookupError(f"the code of spec.md has no {', '.join(sorted(strange))}")
+    names.update(functions or {})
+    return names
 
 
 def _patched(patches: tuple[Patch, ...]) -> list[str]:

@@ -1,0 +1,52 @@
+"""What all tests of adapters share: judging a module by the vectors of a stage, and what must hold of its source."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from conformance.implementations import load_module
+from conformance.results import FAULTS
+from conformance.runner import run_suite
+from conformance.selection import VectorFolder
+from conformance.vectors import VECTORS
+
+ADAPTERS = Path(__file__).parents[2] / "conformance" / "adapters"
+
+
+@pytest.fixture(scope="session")
+def vector_folder():
+    return VectorFolder(VECTORS)
+
+
+@pytest.fixture(scope="session")
+def judge(vector_folder):
+    """judge(module, stage): the results of a module for all vectors of a stage; it fails if one of them is wrong."""
+
+    def judged(module, stage):
+        names = [name for name in vector_folder.names if name.split("/")[1] == stage]
+        assert names, f"there are no vectors of {stage}"
+        results = run_suite(load_module(module), vector_folder.read(names))
+        wrong = [f"{result.id}: {result.outcome}: {result.message}" for result in results if result.outcome in FAULTS]
+        assert not wrong, "\n".join(wrong)
+        return results
+
+    return judged
+
+
+@pytest.fixture(scope="session")
+def imported_by():
+    """imported_by(name): the modules that the Python files of an adapter import."""
+
+    def imported(name):
+        found = set()
+        for path in (ADAPTERS / name).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    found |= {alias.name for alias in node.names}
+                elif isinstance(node, ast.ImportFrom):
+                    assert node.level == 0, f"{path}: a relative import"
+                    found.add(node.module)
+        return found
+
+    return imported
