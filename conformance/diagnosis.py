@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
-from conformance.layouts import layout_cause
+from conformance.layouts import NOTHING_WRITTEN, layout_cause
 from conformance.mutants import Mutant, all_mutants, answer, called
 from conformance.stage import Values
 from conformance.vectors import Vector
@@ -29,6 +29,15 @@ NEARNESS: Final = 0.25
 
 LEAST_FIT: Final = 0.2
 """Bugs that fit the stage worse are not named."""
+
+PAIRED: Final = 3
+"""Failures that no bug explains for which pairs of bugs are tried."""
+
+FIRST_OF_PAIR: Final = 2
+"""So many bugs, those that give most, are tried together with each other one."""
+
+LEAST_WRONG: Final = 20
+"""Wrong elements that a pair must explain: fewer agree with one of so many by chance."""
 
 Failure = tuple[Vector, Values]
 """A vector and the wrong outputs."""
@@ -50,8 +59,9 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
         By the id of a vector, at most two sentences, the better one first.
     """
     examined = failures[:EXAMINED]
-    laid_out = {vector.id: sentences for vector, outputs in examined if (sentences := _layouts(vector, outputs))}
+    laid_out = _laid_out(examined)
     named = {vector.id: _explanations(vector, outputs) for vector, outputs in examined if vector.id not in laid_out}
+    _name_pairs([failure for failure in examined if named.get(failure[0].id) == []], named)
     explained = Counter(mutant for mutants in named.values() for mutant in mutants)
     foreseen = Counter(
         name for vector in [*passed, *(v for v, _ in examined)] for name in vector.manifest.get("kills", ())
@@ -60,15 +70,22 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
     return laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
 
 
+def _laid_out(failures: Iterable[Failure]) -> dict[str, list[str]]:
+    """What needs no bug to be tried, by the id of a vector; a picture may be empty for other reasons, all are not."""
+    told = {vector.id: _layouts(vector, outputs) for vector, outputs in failures}
+    empty = [name for name, sentences in told.items() if any(NOTHING_WRITTEN in sentence for sentence in sentences)]
+    rare = set(empty) if 2 * len(empty) < len(told) else set()
+    return {name: sentences for name, sentences in told.items() if sentences and name not in rare}
+
+
 def _layouts(vector: Vector, outputs: Values) -> list[str]:
     """What all wrong outputs look like, if they are empty, in another order, or parts: at most two sentences."""
-    wrong = [name for name, expectation in vector.expected.items() if not expectation.judge(outputs.get(name)).passed]
-    arrays = [(vector.expected[name].value, outputs.get(name)) for name in wrong]
+    arrays = [(vector.expected[name].value, outputs.get(name)) for name in _wrong_outputs(vector, outputs)]
     told = [
         layout_cause(value, mine) if isinstance(value, np.ndarray) and isinstance(mine, np.ndarray) else ""
         for value, mine in arrays
     ]
-    return list(dict.fromkeys(told))[:2] if told and all(told) else []
+    return list(dict.fromkeys(told))[:2] if all(told) else []
 
 
 def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counter[Mutant]) -> list[str]:
@@ -82,8 +99,7 @@ def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counte
 
 def _explanations(vector: Vector, outputs: Values) -> list[Mutant]:
     """The bugs that explain one failure."""
-    answers = ((mutant, answer(mutant, vector.stage, vector.inputs)) for mutant in bugs_for(vector))
-    return [mutant for mutant, theirs in answers if theirs is not None and _explains(vector, outputs, theirs)]
+    return [mutant for mutant in bugs_for(vector) if _share(vector, outputs, mutant) >= EXPLAINED]
 
 
 def bugs_for(vector: Vector) -> list[Mutant]:
@@ -95,31 +111,72 @@ def bugs_for(vector: Vector) -> list[Mutant]:
     return [mutant for mutant in all_mutants() if run & mutant.touched()]
 
 
-def _explains(vector: Vector, outputs: Values, theirs: Values) -> bool:
-    wrong = [name for name, expectation in vector.expected.items() if not expectation.judge(outputs.get(name)).passed]
-    return bool(wrong) and all(_gives(vector.expected[name], outputs.get(name), theirs.get(name)) for name in wrong)
+def _name_pairs(failures: Sequence[Failure], named: dict[str, list[Mutant]]) -> None:
+    """Name two bugs together for failures that no one of them explains."""
+    pairs: list[Mutant] = []
+    for vector, outputs in failures:
+        found = [pair for pair in pairs if _share(vector, outputs, pair) >= EXPLAINED]
+        if not found and len(pairs) < PAIRED:
+            found = _pairs(vector, outputs)[:1]
+            pairs += found
+        named[vector.id] = found
 
 
-def _gives(expectation: Expectation, mine: Any, theirs: Any) -> bool:
-    """Whether a bug's output gives a wrong one."""
+def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
+    """The pairs of bugs that explain a failure, the best first."""
+    wrong = sum(_count(vector.expected[name], outputs.get(name)) for name in _wrong_outputs(vector, outputs))
+    if wrong < LEAST_WRONG:
+        return []
+    bugs = sorted(bugs_for(vector), key=lambda bug: -_share(vector, outputs, bug))
+    tried = [_both(a, b) for place, a in enumerate(bugs[:FIRST_OF_PAIR]) for b in bugs[place + 1 :]]
+    shares = {pair: _share(vector, outputs, pair) for pair in tried}
+    return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
+
+
+def _both(a: Mutant, b: Mutant) -> Mutant:
+    return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
+
+
+def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
+    """The fraction of the wrong elements that a bug gives, of the output of which it gives least."""
+    theirs = answer(mutant, vector.stage, vector.inputs)
+    wrong = _wrong_outputs(vector, outputs)
+    if theirs is None or not wrong:
+        return 0.0
+    return min(_given(vector.expected[name], outputs.get(name), theirs.get(name)) for name in wrong)
+
+
+def _wrong_outputs(vector: Vector, outputs: Values) -> list[str]:
+    return [name for name, expectation in vector.expected.items() if not expectation.judge(outputs.get(name)).passed]
+
+
+def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
+    """The fraction of a wrong output's wrong elements that a bug's output gives."""
     if isinstance(expectation, Refusal):
         if not isinstance(mine, str) or not isinstance(theirs, str):
-            return False
+            return 0.0
         told = mine.split()[:2]  # the kind, and the rule if it is told
-        return told == theirs.split()[: len(told)] and bool(told) == bool(theirs)
+        return float(told == theirs.split()[: len(told)] and bool(told) == bool(theirs))
     if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
-        return False
+        return 0.0
     if mine.shape != theirs.shape or mine.dtype != theirs.dtype:
-        return False
+        return 0.0
     if mine.shape != expectation.value.shape or mine.dtype.kind != expectation.value.dtype.kind:
-        return np.array_equal(mine, theirs)
+        return float(np.array_equal(mine, theirs))
     wrong = _wrong(expectation, mine)
     same = (mine == theirs) | ((mine != mine) & (theirs != theirs))
     if not isinstance(expectation, Decision):
         with np.errstate(invalid="ignore", over="ignore"):
             a, b, c = (array.astype(np.float64) for array in (mine, theirs, expectation.value))
             same |= abs(a - b) <= NEARNESS * abs(a - c)
-    return bool(np.mean(same[wrong]) >= EXPLAINED)
+    return float(np.mean(same[wrong]))
+
+
+def _count(expectation: Expectation, mine: Any) -> int:
+    """How many elements of an output are wrong; 0 for what is no array of the right shape."""
+    if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray) or mine.shape != expectation.value.shape:
+        return 0
+    return int(_wrong(expectation, mine).sum())
 
 
 def _wrong(expectation: Bounded | Decision | Exact | Interval, mine: NDArray[Any]) -> NDArray[np.bool_]:

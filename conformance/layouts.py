@@ -11,6 +11,8 @@ Array = NDArray[Any]
 TILES: Final = (16, 8, 32)
 """Sides of the blocks of pixels beyond whose last whole one a picture may have been left out."""
 
+NOTHING_WRITTEN: Final = "an output that nothing was written to"
+
 LEAST: Final = 0.99
 """Fraction of the elements that a layout must give."""
 
@@ -48,7 +50,7 @@ def _never_written(value: Array, mine: Array) -> str:
         return ""
     if not (value != value.flat[0]).any():
         return ""
-    return f"an output that nothing was written to: every element is {first:g}"
+    return f"{NOTHING_WRITTEN}: every element is {first:g}"
 
 
 def _layouts(right: Array) -> Iterator[tuple[str, Array]]:

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -61,7 +61,7 @@ def bug(area: str, name: str, sentence: str, *patches: tuple[str, str]) -> Mutan
     return Mutant(name, area, sentence, patches)
 
 
-@cache
+@lru_cache(maxsize=512)  # more than there are bugs; pairs of them come and go
 def _namespace(mutant: Mutant) -> dict[str, Any]:
     return spec.namespace(mutant.patches)
 

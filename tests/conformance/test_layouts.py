@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from conformance.diagnosis import diagnose
 from conformance.layouts import layout_cause
-from conformance.selection import VectorFolder
-from conformance.vectors import VECTORS
 
 PICTURE = np.random.default_rng(7).uniform(0.1, 1, (43, 60, 3)).astype(np.float32)
 SPLATS = np.random.default_rng(8).uniform(1, 9, (11, 8)).astype(np.float32)
@@ -57,9 +54,3 @@ def test_a_layout_is_named(value, mine, word):
 )
 def test_something_else_is_not(value, mine):
     assert layout_cause(np.asarray(value), np.asarray(mine)) == ""
-
-
-def test_it_comes_before_the_bugs():
-    (vector,) = VectorFolder(VECTORS).read(["core/render_sum/corners_of_tiles"])
-    mirrored = vector.expected["sum"].value.astype(np.float32)[::-1]
-    assert diagnose([(vector, {"sum": mirrored})]) == {vector.id: ["rows from the bottom to the top"]}
