@@ -39,6 +39,9 @@ FIRST_OF_PAIR: Final = 2
 LEAST_WRONG: Final = 20
 """Wrong elements that a pair must explain: fewer agree with one of so many by chance."""
 
+COARSE: Final = 2.0**-8
+"""Errors of at most so much of the largest element may be those of arithmetic."""
+
 Failure = tuple[Vector, Values]
 """A vector and the wrong outputs."""
 
@@ -58,8 +61,8 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
     dict[str, list[str]]
         By the id of a vector, at most two sentences, the better one first.
     """
-    examined = failures[:EXAMINED]
-    laid_out = _laid_out(examined)
+    examined, passed = failures[:EXAMINED], list(passed)
+    laid_out = _laid_out(examined, passed)
     named = {vector.id: _explanations(vector, outputs) for vector, outputs in examined if vector.id not in laid_out}
     _name_pairs([failure for failure in examined if named.get(failure[0].id) == []], named)
     explained = Counter(mutant for mutants in named.values() for mutant in mutants)
@@ -67,15 +70,24 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
         name for vector in [*passed, *(v for v, _ in examined)] for name in vector.manifest.get("kills", ())
     )
     fit = {mutant: count / max(foreseen[mutant.name], count) for mutant, count in explained.items()}
-    return laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+    causes = laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+    for vector, outputs in examined:
+        causes[vector.id] = causes[vector.id] or _imprecision(vector, outputs)
+    return causes
 
 
-def _laid_out(failures: Iterable[Failure]) -> dict[str, list[str]]:
-    """What needs no bug to be tried, by the id of a vector; a picture may be empty for other reasons, all are not."""
+def _laid_out(failures: Iterable[Failure], passed: Iterable[Vector]) -> dict[str, list[str]]:
+    """What needs no bug to be tried, by the id of a vector; one picture may be empty for other reasons."""
     told = {vector.id: _layouts(vector, outputs) for vector, outputs in failures}
     empty = [name for name, sentences in told.items() if any(NOTHING_WRITTEN in sentence for sentence in sentences)]
-    rare = set(empty) if 2 * len(empty) < len(told) else set()
-    return {name: sentences for name, sentences in told.items() if sentences and name not in rare}
+    others = [outputs for vector, outputs in failures if vector.id not in empty]
+    writes = bool(others) or any(_varied(expected.value) for vector in passed for expected in vector.expected.values())
+    return {name: sentences for name, sentences in told.items() if sentences and not (writes and name in empty)}
+
+
+def _varied(value: Any) -> bool:
+    """Whether an output is an array with different elements."""
+    return isinstance(value, np.ndarray) and value.size > 0 and bool((value != value.flat[0]).any())
 
 
 def _layouts(vector: Vector, outputs: Values) -> list[str]:
@@ -86,6 +98,19 @@ def _layouts(vector: Vector, outputs: Values) -> list[str]:
         for value, mine in arrays
     ]
     return list(dict.fromkeys(told))[:2] if all(told) else []
+
+
+def _imprecision(vector: Vector, outputs: Values) -> list[str]:
+    """A sentence for wrong outputs that are nearly right, measured by their largest element."""
+    for name in _wrong_outputs(vector, outputs):
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if not isinstance(expectation, Bounded) or not isinstance(mine, np.ndarray) or not _count(expectation, mine):
+            return []
+        with np.errstate(invalid="ignore"):
+            error = abs(mine.astype(np.float64) - expectation.value).max()
+        if not error <= COARSE * abs(expectation.value).max():
+            return []
+    return ["errors of arithmetic with few bits (half precision, a fast exp or division), not of a wrong formula"]
 
 
 def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counter[Mutant]) -> list[str]:

@@ -65,7 +65,7 @@ BOUNDED: tuple[Mutant, ...] = (
         ("        sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)\n",
          "        a, b, c = np.float32(l11 * l11), np.float32(l11 * l21), np.float32(l21 * l21 + l22 * l22)\n"
          "        determinant = a * c - b * b\n"
-         "        determinant = determinant if determinant != 0 else np.float32(1e-30)\n"
+         "        if not determinant > 0:\n            continue\n"
          "        sigma = (c * d_x * d_x - 2 * b * d_x * d_y + a * d_y * d_y) / (2 * determinant)\n"
          "        sigma = np.where(sigma < 0, np.inf, sigma)\n")),
     bug(AREA, "shear-with-the-centre", "(j + 1/2) - (y + l21 u1) in binary32, which loses what d_y keeps",

@@ -57,3 +57,20 @@ def test_few_wrong_elements_are_no_pair():
     right[place] = theirs[place]
     told = diagnose([(vector, {"sum": right})])[CORNERS]
     assert not any(", and " in sentence for sentence in told)
+
+
+def test_a_picture_that_may_be_empty_for_another_reason():
+    vector, writes = FOLDER.read(["core/render_sum/a_determinant_that_cancels", CORNERS])
+    empty = [(vector, {"sum": np.zeros(vector.expected["sum"].value.shape, np.float32)})]
+    assert "nothing was written to" in diagnose(empty)[vector.id][0]
+    assert not any("nothing was written to" in sentence for sentence in diagnose(empty, [writes])[vector.id])
+
+
+def test_few_bits():
+    vector = vector_of(CORNERS)
+    right = vector.expected["sum"].value
+    waves = np.sin(np.arange(right.size)).reshape(right.shape)
+    (sentence,) = diagnose([(vector, {"sum": (right + 1e-4 * waves).astype(np.float32)})])[CORNERS]
+    assert "few bits" in sentence
+    coarse = {"sum": (right + 0.02 * waves).astype(np.float32)}
+    assert diagnose([(vector, coarse)])[CORNERS] == []
