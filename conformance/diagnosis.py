@@ -72,7 +72,7 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
     fit = {mutant: count / max(foreseen[mutant.name], count) for mutant, count in explained.items()}
     causes = laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
     for vector, outputs in examined:
-        causes[vector.id] = causes[vector.id] or _imprecision(vector, outputs)
+        causes[vector.id] = causes[vector.id] or _not_numbers(vector, outputs) or _imprecision(vector, outputs)
     return causes
 
 
@@ -98,6 +98,17 @@ def _layouts(vector: Vector, outputs: Values) -> list[str]:
         for value, mine in arrays
     ]
     return list(dict.fromkeys(told))[:2] if all(told) else []
+
+
+def _not_numbers(vector: Vector, outputs: Values) -> list[str]:
+    """A sentence for outputs whose wrong elements are all NaN, or infinite."""
+    for name in _wrong_outputs(vector, outputs):
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray) or not _count(expectation, mine):
+            return []
+        if mine.dtype.kind != "f" or np.isfinite(mine[_wrong(expectation, mine)]).any():
+            return []
+    return ["0 times infinity or infinity minus infinity (mask the factors, not the product), or an overflow"]
 
 
 def _imprecision(vector: Vector, outputs: Values) -> list[str]:

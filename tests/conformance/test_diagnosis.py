@@ -74,3 +74,11 @@ def test_few_bits():
     assert "few bits" in sentence
     coarse = {"sum": (right + 0.02 * waves).astype(np.float32)}
     assert diagnose([(vector, coarse)])[CORNERS] == []
+
+
+def test_not_a_number():
+    vector = vector_of(CORNERS)
+    broken = vector.expected["sum"].value.astype(np.float32)
+    broken[3, 4] = np.nan
+    (sentence,) = diagnose([(vector, {"sum": broken})])[CORNERS]
+    assert "infinity" in sentence
