@@ -57,8 +57,8 @@ def _layouts(right: Array) -> Iterator[tuple[str, Array]]:
     """The right output as plausible mistakes of order and scale would leave it."""
     if right.ndim == 3 and right.shape[2] == 3:
         yield "channels in the order B, G, R", right[:, :, ::-1]
-        yield "rows from the bottom to the top", right[::-1]
-        yield "columns from the right to the left", right[:, ::-1]
+        yield "the y axis upwards", right[::-1]
+        yield "the x axis to the left", right[:, ::-1]
         yield "planes one after the other (3, H, W) in place of (H, W, 3)", _in_shape(right.transpose(2, 0, 1), right)
         yield "columns one after the other (W, H, 3) in place of (H, W, 3)", _in_shape(right.transpose(1, 0, 2), right)
     elif right.ndim == 2:

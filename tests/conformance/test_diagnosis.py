@@ -25,7 +25,7 @@ def mutant(name):
 def test_a_layout_comes_before_the_bugs():
     vector = vector_of(CORNERS)
     mirrored = vector.expected["sum"].value.astype(np.float32)[::-1]
-    assert diagnose([(vector, {"sum": mirrored})]) == {CORNERS: ["rows from the bottom to the top"]}
+    assert diagnose([(vector, {"sum": mirrored})]) == {CORNERS: ["the y axis upwards"]}
 
 
 def test_one_empty_picture_among_others_may_be_a_bug():

@@ -1,0 +1,74 @@
+"""docs/check-your-implementation.md is true: its code makes mine.py, its commands print what stands there."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from conformance import diagnosis, layouts
+from conformance.__main__ import main
+from conformance.mutants import all_mutants
+
+GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
+BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+STEPS = BLOCK.findall(GUIDE.read_text(encoding="utf-8"))
+COMMAND = "$ python -m conformance "
+
+
+def sources():
+    """What mine.py holds when each command is run, with the command and what it prints."""
+    code = ""
+    for kind, text in STEPS:
+        first, _, rest = text.partition("\n")
+        if kind == "python":
+            assert first in ("# mine.py", "# mine.py, added")
+            code = rest if first == "# mine.py" else f"{code}\n\n{rest}"
+        else:
+            assert first.startswith(COMMAND)
+            yield pytest.param(code, first.removeprefix(COMMAND), rest.splitlines(), id=first.removeprefix(COMMAND))
+
+
+@pytest.mark.parametrize(("code", "command", "printed"), list(sources()))
+def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    status = main(shlex.split(command))
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    monkeypatch.delitem(sys.modules, "mine")
+    place = 0
+    for line, before in zip(printed, ["", *printed], strict=False):
+        if line == "...":
+            continue
+        found = lines.index(line, place) if line in lines[place:] else None
+        assert found is not None, f"not printed: {line}\n" + "\n".join(lines)
+        assert before == "..." or found == place, f"lines left out before: {line}"
+        place = found + 1
+    assert status == (0 if printed[-1] == "PASSED" else 1)
+    assert place == len(lines)
+
+
+def test_links_and_names():
+    text = GUIDE.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#]+)", text):
+        assert (GUIDE.parent / target).exists(), target
+    headings = {
+        re.sub(r"[^a-z0-9 -]", "", line[3:].lower()).replace(" ", "-") for line in re.findall("^## .*", text, re.M)
+    }
+    assert set(re.findall(r"\]\(#([^)]+)", text)) <= headings
+
+
+def test_what_the_report_says_is_what_it_can_say():
+    known = [mutant.sentence for mutant in all_mutants()]
+    known += [Path(module.__file__).read_text(encoding="utf-8") for module in (diagnosis, layouts)]
+    text = GUIDE.read_text(encoding="utf-8")
+    tables = re.findall(r"^\| the report says \|.*\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)
+    said = [part.strip() for table in tables for row in table.splitlines() for part in first_cell(row).split(";")]
+    assert len(said) > 30
+    assert [part for part in said if not any(part in sentence for sentence in known)] == []
+
+
+def first_cell(row):
+    return re.split(r"(?<!\\)\|", row)[1].replace("\\|", "|")
