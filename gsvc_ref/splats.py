@@ -28,10 +28,12 @@ class Splats:
     colors
         (N, 3) f4, the weighted colour c' as (R, G, B); 1 is full scale, any sign.
 
+    A position or factor that a scale has taken beyond binary32 is infinite, and the splat covers nothing.
+
     Raises
     ------
     UsageError
-        A shape does not fit, or a value is NaN or infinite.
+        A shape does not fit, a value is NaN, or a colour is infinite.
     """
 
     positions: F4
@@ -43,9 +45,10 @@ class Splats:
             array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
             if array.ndim != 2 or array.shape[1] != columns:
                 raise UsageError(f"Splats.{name} has shape {array.shape}; it must be (N, {columns})")
-            if not np.isfinite(array).all():
-                bad = int(np.argwhere(~np.isfinite(array))[0, 0])
-                raise UsageError(f"Splats.{name} is NaN or infinite at splat {bad}; every parameter must be finite")
+            wrong = ~np.isfinite(array) if name == "colors" else np.isnan(array)
+            if wrong.any():
+                value = "NaN or infinite" if name == "colors" else "NaN"
+                raise UsageError(f"Splats.{name} is {value} at splat {int(np.argwhere(wrong)[0, 0])}")
             object.__setattr__(self, name, array)
         if not len(self.positions) == len(self.cholesky) == len(self.colors):
             counts = f"{len(self.positions)}, {len(self.cholesky)} and {len(self.colors)}"
@@ -99,12 +102,7 @@ class Splats:
     def scaled(self, scale_x: float, scale_y: float) -> "Splats":
         """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale.
 
-        Each product is rounded once (R-9.4-1).
-
-        Raises
-        ------
-        UsageError
-            A parameter exceeds binary32 at this scale.
+        Each product is rounded once (R-9.4-1); one beyond binary32 is infinite.
         """
         with np.errstate(over="ignore", under="ignore"):
             positions = self.positions * np.array([scale_x, scale_y], np.float32)

@@ -92,12 +92,20 @@ def test_other_counts_are_refused(name):
         Splats(**arrays() | {name: np.zeros((3, COLUMNS[name]))})
 
 
-@pytest.mark.parametrize("name", COLUMNS)
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_refused_with_its_splat(name, value):
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("positions", np.nan, "NaN"),
+        ("cholesky", np.nan, "NaN"),
+        ("colors", np.nan, "NaN or infinite"),
+        ("colors", np.inf, "NaN or infinite"),
+        ("colors", -np.inf, "NaN or infinite"),
+    ],
+)
+def test_what_is_no_number_is_refused_with_its_splat(name, value, said):
     parts = arrays()
     parts[name][2, 1] = value
-    with pytest.raises(UsageError, match=rf"Splats\.{name} is NaN or infinite at splat 2"):
+    with pytest.raises(UsageError, match=rf"Splats\.{name} is {said} at splat 2"):
         Splats(**parts)
 
 
@@ -133,10 +141,13 @@ def test_a_scale_of_one_keeps_all_bits():
     assert splats.scaled(1, 1) == splats
 
 
-def test_a_scale_that_leaves_binary32_is_refused():
-    far = Splats.from_array([[3e38, 0, 1, 0, 1, 1, 1, 1]])
-    with pytest.raises(UsageError, match="NaN or infinite"):
-        far.scaled(4, 1)
+def test_a_product_beyond_binary32_is_infinite():
+    far = Splats.from_array([[3e38, -3e38, 2e38, -1e38, 3e38, 1, -1, 3e38]])
+    with np.errstate(all="raise"):
+        scaled = far.scaled(4, 2).to_array()[0]
+    assert scaled[[0, 1, 2, 4]].tolist() == [np.inf, -np.inf, np.inf, np.inf]
+    assert scaled[3] == 2 * np.float32(-1e38)
+    assert np.array_equal(scaled[5:], far.colors[0])
 
 
 def test_an_application_that_traps_underflow_is_not_trapped():

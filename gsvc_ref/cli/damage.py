@@ -27,8 +27,6 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
         place = f"after {count:,} of {plural(total, 'frame')}"
     else:
         place = f"after {plural(count, 'complete frame')}"
-    if fault.rule is None:  # a frame is legal, and beyond binary32 at this scale
-        return f"{name} is sound, but cannot be shown so: {fault}", "Leave out --scale, or the frame: --salvage"
     if fault.rule == TRAILING_RULE:
         return f"{name} is sound up to its end chunk: {fault}", "What follows the end is no part of the stream"
     advice = "Fetch the file again if you can"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gsvc_ref.bitstream import DecodedFrame, Gap, SequenceHeader, StreamReader, StreamSummary
 from gsvc_ref.codec.decision_chunk import CHUNK_TYPE
 from gsvc_ref.codec.formats import format_notes, video_format
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
 from gsvc_ref.video import VideoFormat
 
@@ -139,7 +139,7 @@ def decode(
     """
     with nullcontext(source) if isinstance(source, Stream) else Stream(source) as stream:
         frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
-        yield from _rendered(frames, stream.header, scale, precision, threads, on_gap)
+        yield from _rendered(frames, stream.header, scale, precision, threads)
 
 
 def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
@@ -156,7 +156,6 @@ def _rendered(
     scale: float,
     precision: Precision,
     threads: int | None,
-    on_gap: Callable[[Gap], None] | None,
 ) -> Iterator[Frame]:
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
@@ -164,15 +163,7 @@ def _rendered(
     for decoded in frames:
         if last is None or decoded.type != "R":
             origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
-            try:
-                splats = decoded.splats.scaled(width / header.width, height / header.height)
-            except UsageError as error:
-                fault = GsvcError("unsupported", f"frame {decoded.number} at scale {scale}: {error}")
-                if on_gap is None:
-                    raise fault from None
-                on_gap(Gap((fault,), 1, decoded.offset, decoded.size, 0, decoded.number, 1))
-                last = None
-                continue
+            splats = decoded.splats.scaled(width / header.width, height / header.height)
             last = renderer.next_frame(splats, header.bit_depth, origins)
         yield last.copy()  # the renderer changes it, and an R-frame shows it again
 

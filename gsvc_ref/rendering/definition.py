@@ -78,8 +78,8 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     d^T (L L^T)^-1 d / 2 (section 3.2), never negative and without a determinant.
     """
     mu_x, mu_y, l11, l21, l22 = splat[:5]
-    if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR):
-        return None
+    if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all()):
+        return None  # degenerate, or infinite, which leaves no sigma that is small enough
     radius = np.sqrt(2 * SUPPORT_SIGMA)
     columns = _box(mu_x, radius * l11, width, margin)
     rows = _box(mu_y, radius * np.hypot(l21, l22), height, margin)

@@ -47,9 +47,9 @@ def weight(s: F4) -> F4:
 
 
 def _drawn(splats: Splats) -> Iterator[tuple[int, F4]]:
-    """The index and parameters (8,) f4 of every splat that is not degenerate, in index order."""
+    """The index and parameters (8,) f4 of every splat that is finite and not degenerate, in index order."""
     for n, splat in enumerate(splats.to_array()):
-        if splat[2] >= SMALLEST_FACTOR and splat[4] >= SMALLEST_FACTOR:
+        if splat[2] >= SMALLEST_FACTOR and splat[4] >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all():
             yield n, splat
 
 

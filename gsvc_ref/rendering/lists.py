@@ -68,21 +68,21 @@ class Lists(NamedTuple):
 
 
 @kernel()
-def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists: Lists) -> int:
-    """Fill `records` and `strips` of the splats first to end - 1; return one that is not finite, or -1.
+def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists: Lists) -> None:
+    """Fill `records` and `strips` of the splats first to end - 1.
 
-    `parameters` is (N, 8) f4.
+    `parameters` is (N, 8) f4. A splat whose position or factor is infinite covers nothing.
     """
     for n in range(first, end):
-        for column in range(8):
-            if not np.isfinite(parameters[n, column]):
-                return n
+        finite = True
+        for column in range(5):
+            finite &= np.isfinite(parameters[n, column])
         mu_x, mu_y = np.float64(parameters[n, 0]), np.float64(parameters[n, 1])
         l11, l21, l22 = np.float64(parameters[n, 2]), np.float64(parameters[n, 3]), np.float64(parameters[n, 4])
         strips = lists.strips[n]
         strips[0] = 0
         strips[1] = 0
-        if l11 < SMALLEST_FACTOR or l22 < SMALLEST_FACTOR:
+        if l11 < SMALLEST_FACTOR or l22 < SMALLEST_FACTOR or not finite:
             continue
         half_width = REACH * l11
         half_height = REACH * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)
@@ -110,7 +110,6 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         record[11] = parameters[n, 4]
         record[12] = np.float32(top)
         record[13] = np.float32(bottom - top + 1)
-    return -1
 
 
 @kernel()

@@ -173,8 +173,11 @@ class Objective:
 
 
 def _checked(parameters: ArrayLike) -> F4:
-    """The parameters as (N, 8) f4."""
+    """The parameters as (N, 8) f4, all of them finite."""
     packed = np.asarray(parameters, np.float32)
     if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
         raise UsageError(f"the parameters have shape {packed.shape}; they must be (N, {PARAMETERS_PER_SPLAT})")
+    if not np.isfinite(packed).all():
+        bad = int(np.argwhere(~np.isfinite(packed))[0, 0])
+        raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
     return packed

@@ -21,11 +21,11 @@ from gsvc_ref.rendering.tiles import Tiles, any_stale
 
 
 @kernel(parallel=True)
-def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Lists, bad: I8) -> None:
-    """`prepare` for `tasks` runs of splats; `bad` is (tasks,) i8, what each returned."""
+def prepare_tasks(tasks: int, parameters: F4, width: int, height: int, lists: Lists) -> None:
+    """`prepare` for `tasks` runs of splats."""
     count = parameters.shape[0]
     for task in numba.prange(tasks):
-        bad[task] = prepare(count * task // tasks, count * (task + 1) // tasks, parameters, width, height, lists)
+        prepare(count * task // tasks, count * (task + 1) // tasks, parameters, width, height, lists)
 
 
 @kernel(inline=True)

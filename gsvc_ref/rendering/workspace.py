@@ -162,13 +162,7 @@ class Workspace:
         )
 
     def load(self, parameters: F4) -> None:
-        """Copy the parameters (N, 8) f4 and count the entries of every strip.
-
-        Raises
-        ------
-        UsageError
-            A parameter is NaN or infinite.
-        """
+        """Copy the parameters (N, 8) f4, as `Splats` has them, and count the entries of every strip."""
         if len(parameters) != len(self.parameters):
             self._resize(len(parameters))
         np.copyto(self.parameters, parameters)
@@ -201,14 +195,10 @@ class Workspace:
     def _prepare(self) -> None:
         count, threads = len(self.parameters), self._threads_for_splats()
         if threads <= 1:
-            bad = prepare(0, count, self.parameters, self.width, self.height, self.lists)
+            prepare(0, count, self.parameters, self.width, self.height, self.lists)
         else:
-            found = np.empty(threads, np.int64)
             with parallel_region(threads):
-                prepare_tasks(threads, self.parameters, self.width, self.height, self.lists, found)
-            bad = int(found[np.argmax(found >= 0)])
-        if bad >= 0:
-            raise UsageError(f"splat {bad} has a parameter that is NaN or infinite; every parameter must be finite")
+                prepare_tasks(threads, self.parameters, self.width, self.height, self.lists)
 
     def exchange(self, other: Prepared | None) -> Prepared:
         """Hand out what was loaded last, and use the memory of `other` for what is loaded next if its size fits."""
