@@ -8,8 +8,8 @@ MUTANTS: tuple[Mutant, ...] = (
     bug(
         AREA, "off-diagonal-counted-twice",
         "the gradient of l11 and l21 through a symmetric covariance whose off-diagonal entry is counted twice",
-        ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * (v1 * u1 + l21 / l11 * v2 * u1))"),
-        ("of_l21 = np.sum(q * v2 * u1)", "of_l21 = np.sum(q * (v2 * u1 + l11 / l22 * v1 * u2))"),
+        ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * (v1 * u1 + l21 * v1 * v2))"),
+        ("of_l21 = np.sum(q * v2 * u1)", "of_l21 = np.sum(q * (v2 * u1 + l11 * v1 * v2))"),
     ),
     bug(
         AREA, "l21-gradient-doubled", "the gradient of l21 taken twice",
@@ -85,13 +85,32 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     bug(
         AREA, "gradient-first-256", "gradients of the first 256 splats only",
-        ("for n in range(len(parameters)):\n        splat = parameters[n].astype(np.float64)\n        if splat[2]",
-         "for n in range(min(256, len(parameters))):\n        splat = parameters[n].astype(np.float64)\n        if splat[2]"),
+        ("for n in range(len(parameters)):\n        splat = parameters[n].astype(np.float64)\n        factors",
+         "for n in range(min(256, len(parameters))):\n        splat = parameters[n].astype(np.float64)\n        factors"),
     ),
     bug(
         AREA, "gradient-of-degenerate", "a gradient of degenerate splats that is not zero",
-        ("if splat[2] >= SMALLEST_NORMAL and splat[4] >= SMALLEST_NORMAL:\n            gradients[n]",
-         "if splat[2] != 0 and splat[4] != 0:\n            gradients[n]"),
+        ("drawn = (factors >= SMALLEST_NORMAL) & np.isfinite(factors)\n", "drawn = factors != 0\n"),
+    ),
+    bug(
+        AREA, "gradient-of-infinite", "a gradient of splats whose l11 or l22 is infinite",
+        ("drawn = (factors >= SMALLEST_NORMAL) & np.isfinite(factors)\n", "drawn = factors >= SMALLEST_NORMAL\n"),
+    ),
+    bug(
+        AREA, "gradient-nan-covers", "gradients that count pixels where sigma is not a number",
+        ("    x, y, l11, l21, l22 = splat[:5]\n    red", "    x, y, l11, l21, l22 = splat[:5].astype(np.float32)\n    red"),
+        ("d_x = np.arange(width)[None, :] + 0.5 - x\n    d_y = np.arange(height)[:, None] + 0.5 - y\n    u1 = np.broad",
+         "d_x = (np.arange(width)[None, :] + 0.5).astype(np.float32) - x\n"
+         "    d_y = (np.arange(height)[:, None] + 0.5).astype(np.float32) - y\n    u1 = np.broad"),
+        ("covered = sigma <= LN_255\n    u1 = u1[covered]", "covered = ~(sigma > np.float32(LN_255))\n    u1 = u1[covered]"),
+    ),
+    bug(
+        AREA, "gradient-columns-1024", "gradients from the first 1024 columns only",
+        ("covered = sigma <= LN_255\n    u1 = u1[covered]", "covered = (sigma <= LN_255) & (np.arange(width) < 1024)\n    u1 = u1[covered]"),
+    ),
+    bug(
+        AREA, "gradient-rows-1024", "gradients from the first 1024 rows only",
+        ("covered = sigma <= LN_255\n    u1 = u1[covered]", "covered = (sigma <= LN_255) & (np.arange(height)[:, None] < 1024)\n    u1 = u1[covered]"),
     ),
     bug(
         AREA, "weight-gradient-missing-channel", "dL/dw from the last channel alone",

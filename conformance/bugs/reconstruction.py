@@ -60,6 +60,11 @@ MUTANTS: tuple[Mutant, ...] = (
     bug(AREA, "difference-fused", "position differences by one fused operation",
         ("mu = mu + half_values(positions) * half_size(width, height)",
          "mu = (mu + half_values(positions).astype(np.float64) * half_size(width, height)).astype(np.float32)")),
+    bug(AREA, "difference-of-rows-fused", "position differences in y by one fused operation",
+        ("mu = mu + half_values(positions) * half_size(width, height)",
+         "rows = mu[:, 1] + half_values(positions)[:, 1].astype(np.float64) * half_size(width, height)[1]\n"
+         "            mu = mu + half_values(positions) * half_size(width, height)\n"
+         "            mu[:, 1] = rows.astype(np.float32)")),
     bug(AREA, "difference-of-codes", "the offset of differences left out",
         ("L = L + dequantized(cholesky, scale, offset)", "L = L + dequantized(cholesky, scale, 0 * offset)")),
     bug(AREA, "difference-reassociated", "(ref + q s) + beta in place of ref + (q s + beta)",
@@ -127,6 +132,16 @@ MUTANTS: tuple[Mutant, ...] = (
         ("    return np.where(drawn[:, None], sides, 0).astype(np.int64)", "    return sides.astype(np.int64)")),
     bug(AREA, "work-three-sigma", "boxes of three deviations in the rendering work",
         ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, 3.0).T")),
+    bug(AREA, "work-in-32-bits", "rendering work summed in 32 bits",
+        ('np.array(np.sum((right - left) * (bottom - top)), np.int64)',
+         'np.array(np.sum((right - left) * (bottom - top)) % 2**32, np.int64)')),
+    bug(AREA, "boxes-in-32-bits", "edges of boxes converted to 32-bit integers before they are clamped",
+        ("left = np.clip(np.floor(x - e_x), 0, width)",
+         "left = np.clip((np.floor(x - e_x) + 2.0**31) % 2.0**32 - 2.0**31, 0, width)"),
+        ("top = np.clip(np.floor(y - e_y), 0, height)",
+         "top = np.clip((np.floor(y - e_y) + 2.0**31) % 2.0**32 - 2.0**31, 0, height)")),
+    bug(AREA, "box-height-in-binary32", "the e_y of boxes in binary32",
+        ("e_y = radius * (abs(l21) + l22)", "e_y = (np.float32(radius) * (abs(l21) + l22).astype(np.float32)).astype(np.float64)")),
     bug(AREA, "work-without-margin", "boxes of rho in the rendering work, outside of which rounding covers pixels",
         ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, SUPPORT_RADIUS).T")),
 )  # fmt: skip

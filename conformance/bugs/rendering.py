@@ -33,11 +33,27 @@ BOUNDED: tuple[Mutant, ...] = (
          "side = np.ceil(3 * np.sqrt(max(l11 * l11, l21 * l21 + l22 * l22)))\n"
          "        near = (abs(d_x) <= side) & (abs(d_y) <= side)\n"
          "        g = np.where((sigma <= LN_255) & near, np.exp(-sigma), 0.0)")),
+    bug(AREA, "support-by-tiles",
+        "the 16x16 tiles that a square of ceil(3 sigma) touches as the support, cut to the weight of 1/255",
+        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)",
+         "half = (l11 * l11 + l21 * l21 + l22 * l22) / 2\n"
+         "        side = np.ceil(3 * np.sqrt(half + np.sqrt(max(0.1, half * half - (l11 * l22) ** 2))))\n"
+         "        columns, rows = np.arange(left, right) // 16, np.arange(top, bottom)[:, None] // 16\n"
+         "        near = (columns >= (x - 0.5 - side) // 16) & (columns <= (x - 0.5 + side) // 16)\n"
+         "        near = near & (rows >= (y - 0.5 - side) // 16) & (rows <= (y - 0.5 + side) // 16)\n"
+         "        g = np.where((sigma <= LN_255) & near, np.exp(-sigma), 0.0)")),
     bug(AREA, "support-box-alone", "the bounding box of the ellipse as the support",
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.exp(-sigma)")),
     bug(AREA, "first-256-splats", "the first 256 splats of a pixel only",
         ("for splat, (left, right, top, bottom) in zip(parameters.astype(np.float64), reach):",
          "for splat, (left, right, top, bottom) in zip(parameters.astype(np.float64)[:256], reach):")),
+    bug(AREA, "first-256-of-a-tile", "the first 256 splats of a tile of 16x16 pixels only",
+        ("    C = np.zeros((height, width, 3))\n    reach =",
+         "    C = np.zeros((height, width, 3))\n    filled = np.zeros((height // 16 + 1, width // 16 + 1), np.int64)\n    reach ="),
+        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)",
+         "room = filled[np.arange(top, bottom)[:, None] // 16, np.arange(left, right) // 16] < 256\n"
+         "        filled[top // 16 : -(-bottom // 16), left // 16 : -(-right // 16)] += 1\n"
+         "        g = np.where((sigma <= LN_255) & room, np.exp(-sigma), 0.0)")),
     bug(AREA, "tiles-by-centre", "splats drawn in the 16x16 tile of their centre and its neighbours only",
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)",
          "tiles = (abs(np.arange(left, right) // 16 - x // 16) <= 1) & (abs(np.arange(top, bottom)[:, None] // 16 - y // 16) <= 1)\n"
@@ -63,20 +79,21 @@ BOUNDED: tuple[Mutant, ...] = (
         ("u1 = d_x / l11\n        u2 = (d_y - l21 * u1) / l22", "u1 = d_x * l11 + l21 * d_y\n        u2 = d_y * l22")),
     bug(AREA, "determinant-by-cancellation", "the covariance inverted by a determinant a c - b b in binary32",
         ("        sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)\n",
-         "        a, b, c = np.float32(l11 * l11), np.float32(l11 * l21), np.float32(l21 * l21 + l22 * l22)\n"
+         "        f_x, f_y, f_11, f_21, f_22 = (np.float32(value) for value in (d_x, d_y, l11, l21, l22))\n"
+         "        a, b, c = f_11 * f_11, f_11 * f_21, f_21 * f_21 + f_22 * f_22\n"
          "        determinant = a * c - b * b\n"
-         "        if not determinant > 0:\n            continue\n"
-         "        sigma = (c * d_x * d_x - 2 * b * d_x * d_y + a * d_y * d_y) / (2 * determinant)\n"
-         "        sigma = np.where(sigma < 0, np.inf, sigma)\n")),
+         "        a, b, c = a / determinant, b / determinant, c / determinant\n"
+         "        sigma = np.float32(0.5) * (c * f_x * f_x + a * f_y * f_y) - b * f_x * f_y\n"
+         "        sigma = np.where((sigma < 0) | (determinant == 0), np.float32(np.inf), sigma)\n")),
     bug(AREA, "shear-with-the-centre", "(j + 1/2) - (y + l21 u1) in binary32, which loses what d_y keeps",
-        ("zip(parameters.astype(np.float64), reach):\n        x, y, l11, l21, l22 = splat[:5]\n", "zip(parameters, reach):\n        x, y, l11, l21, l22 = splat[:5]\n"),
+        ("zip(parameters.astype(np.float64), reach):\n", "zip(parameters, reach):\n"),
         ("d_x = np.arange(left, right) + 0.5 - x", "d_x = (np.arange(left, right) + 0.5).astype(np.float32) - x"),
         ("u2 = (d_y - l21 * u1) / l22\n        sigma", "u2 = ((np.arange(top, bottom)[:, None] + 0.5).astype(np.float32) - (y + l21 * u1)) / l22\n        sigma")),
     bug(AREA, "nan-covers", "pixels covered where sigma is not a number",
         ("    reach = boxes(parameters, width, height, SUPPORT_RADIUS)\n",
          "    drawn = (parameters[:, 2] >= SMALLEST_NORMAL) & (parameters[:, 4] >= SMALLEST_NORMAL)\n"
          "    reach = np.where(drawn[:, None], [0, width, 0, height], 0)\n"),
-        ("zip(parameters.astype(np.float64), reach):\n        x, y, l11, l21, l22 = splat[:5]\n", "zip(parameters, reach):\n        x, y, l11, l21, l22 = splat[:5]\n"),
+        ("zip(parameters.astype(np.float64), reach):\n", "zip(parameters, reach):\n"),
         ("d_x = np.arange(left, right) + 0.5 - x", "d_x = (np.arange(left, right) + 0.5).astype(np.float32) - x"),
         ("d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x", "d_y = (np.arange(top, bottom)[:, None] + 0.5).astype(np.float32) - y\n        u1 = d_x"),
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.where(~(sigma > np.float32(LN_255)), np.exp(-sigma), 0.0)")),
@@ -146,6 +163,52 @@ BOUNDED: tuple[Mutant, ...] = (
         ("    clamped = np.clip(sum.astype(np.float64), 0.0, 1.0)\n    peak", "    clamped = np.clip(sum.astype(np.float64), 0.0, 1.0) ** (1 / 2.2)\n    peak")),
 )  # fmt: skip
 
+ROW_OF = "d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x"
+BOUNDED_SPLATS = "for splat, (left, right, top, bottom) in zip(parameters.astype(np.float64), reach):"
+STRICT_SPLATS = "        for splat, (left, right, top, bottom) in zip(parameters, reach):\n            if left"
+COVERED = "            covered = m <= SUPPORT_SQUARED\n"
+TILES = "np.arange(top, bottom)[:, None] // 16 * (-(-width // 16)) + np.arange(left, right) // 16"
+
+LARGE: tuple[Mutant, ...] = (
+    bug(AREA, "columns-modulo-2048", "blocks of 2048 columns that all begin at column 0",
+        ("d_x = np.arange(left, right) + 0.5 - x", "d_x = np.arange(left, right) % 2048 + 0.5 - x")),
+    bug(AREA, "rows-modulo-2048", "blocks of 2048 rows that all begin at row 0",
+        (ROW_OF, ROW_OF.replace("(top, bottom)[:, None]", "(top, bottom)[:, None] % 2048"))),
+    bug(AREA, "columns-512", "columns beyond the first 512 left out",
+        ('        return {"sum": C.astype(np.float32)}', '        C[:, 512:] = 0\n        return {"sum": C.astype(np.float32)}')),
+    bug(AREA, "tiles-256", "tiles of 16x16 beyond the first 256 left out",
+        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", f"g = np.where((sigma <= LN_255) & ({TILES} < 256), np.exp(-sigma), 0.0)")),
+    *(
+        bug(AREA, f"first-{most}-splats", f"the first {most} splats only",
+            (BOUNDED_SPLATS, BOUNDED_SPLATS.replace("float64)", f"float64)[:{most}]")))
+        for most in (1024, 8192)
+    ),
+    bug(AREA, "support-20-steps-above", "an edge 20 units in the last place beyond ln 255",
+        ("LN_255 = 5.541263545158426", "LN_255 = 5.541263545158426 + 20 * 2.0**-21")),
+    bug(AREA, "degenerate-infinite", "splats drawn whose l11 or l22 is infinite",
+        ("    drawn = (l11 >= SMALLEST_NORMAL) & (l22 >= SMALLEST_NORMAL) & np.isfinite(l11) & np.isfinite(l22)\n",
+         "    drawn = (l11 >= SMALLEST_NORMAL) & (l22 >= SMALLEST_NORMAL)\n")),
+    bug(AREA, "work-radius-binary32", "boxes whose radius is rounded to binary32",
+        ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, float(np.float32(REACH))).T")),
+    bug(AREA, "work-sum-binary32", "boxes whose |l21| + l22 is rounded to binary32",
+        ("e_y = radius * (abs(l21) + l22)", "e_y = radius * (abs(l21) + l22).astype(np.float32).astype(np.float64)")),
+    bug(DETERMINISTIC, "strict-columns-modulo-2048", "blocks of 2048 columns that all begin at column 0",
+        ("columns = np.arange(left, right, dtype=np.float32)", "columns = (np.arange(left, right) % 2048).astype(np.float32)")),
+    bug(DETERMINISTIC, "strict-rows-modulo-2048", "blocks of 2048 rows that all begin at row 0",
+        ("rows = np.arange(top, bottom, dtype=np.float32)", "rows = (np.arange(top, bottom) % 2048).astype(np.float32)")),
+    bug(DETERMINISTIC, "strict-tiles-256", "tiles of 16x16 beyond the first 256 left out",
+        (COVERED, f"            covered = (m <= SUPPORT_SQUARED) & ({TILES} < 256)\n")),
+    *(
+        bug(DETERMINISTIC, f"strict-first-{most}-splats", f"the first {most} splats only",
+            (STRICT_SPLATS, STRICT_SPLATS.replace("(parameters,", f"(parameters[:{most}],")))
+        for most in (1024, 8192)
+    ),
+    bug(DETERMINISTIC, "strict-tile-open", "splats left out of tiles of 16x16 where m is at least K at the nearest pixel",
+        (COVERED,
+         f"            covered = m <= SUPPORT_SQUARED\n            tiles = {TILES}\n"
+         "            inside = np.unique(tiles[m < SUPPORT_SQUARED])\n            covered = covered & np.isin(tiles, inside)\n")),
+)  # fmt: skip
+
 STRICT: tuple[Mutant, ...] = (
     bug(DETERMINISTIC, "strict-division", "divisions in place of products with a rounded reciprocal",
         ("    u1 = ((columns + HALF) - x) * r1\n", "    u1 = ((columns + HALF) - x) / l11\n")),
@@ -204,6 +267,9 @@ STRICT: tuple[Mutant, ...] = (
         ("reach = boxes(parameters, width, height, REACH)", "reach = boxes(parameters, width, height, SUPPORT_RADIUS)")),
     bug(DETERMINISTIC, "strict-nan-covers", "pixels covered where m is not a number",
         ("            covered = m <= SUPPORT_SQUARED\n", "            covered = ~(m > SUPPORT_SQUARED)\n")),
+    bug(DETERMINISTIC, "strict-infinite-shear-drawn", "pixels covered where an infinite l21 leaves no number",
+        ("        drawn &= np.isfinite(x + y + l21)  # section 9.4\n", ""),
+        ("            covered = m <= SUPPORT_SQUARED\n", "            covered = ~(m > SUPPORT_SQUARED)\n")),
     bug(DETERMINISTIC, "strict-coefficient", "a polynomial coefficient of another fit",
         ('K3 = np.float32(float.fromhex("-0x1.547a8p-15"))', 'K3 = np.float32(float.fromhex("-0x1.547a82p-15"))')),
     bug(DETERMINISTIC, "strict-reversed", "splats added in reverse order",
@@ -242,6 +308,10 @@ STRICT: tuple[Mutant, ...] = (
         ("factors = np.array([a, e, a, e, e, 1, 1, 1], np.float32)", "factors = np.array([a, e, a, a, a, 1, 1, 1], np.float32)")),
     bug(DETERMINISTIC, "scale-l21-by-width", "l21 scaled by the width's factor",
         ("factors = np.array([a, e, a, e, e, 1, 1, 1], np.float32)", "factors = np.array([a, e, a, a, e, 1, 1, 1], np.float32)")),
+    bug(DETERMINISTIC, "scale-saturates", "scaled parameters held at the largest binary32 number",
+        ('        return {"parameters": parameters * factors}  # (9-8)',
+         '        largest = np.finfo(np.float32).max\n'
+         '        return {"parameters": np.clip(parameters * factors, -largest, largest)}')),
     bug(DETERMINISTIC, "scale-half-pixel", "positions scaled about the first pixel's centre",
         ('        return {"parameters": parameters * factors}  # (9-8)',
          '        shift = np.array([0.5, 0.5, 0, 0, 0, 0, 0, 0], np.float32)\n'
@@ -252,4 +322,4 @@ STRICT: tuple[Mutant, ...] = (
         ('        return {"parameters": parameters * factors}  # (9-8)', '        return {"parameters": (parameters * factors).astype(np.float32)}')),
 )  # fmt: skip
 
-MUTANTS: tuple[Mutant, ...] = (*BOUNDED, *STRICT)
+MUTANTS: tuple[Mutant, ...] = (*BOUNDED, *STRICT, *LARGE)

@@ -27,6 +27,8 @@ FLAGS: Final[dict[str, tuple[str, str]]] = {
              "colours or shapes of later frames are wrong"),
     "lanes": ("lanes of the entropy coder do not share one list of words in the order of symbols",
                    "planes are garbage"),
+    "large-frame": ("the place of a tile or block in a frame is lost beyond some number of them",
+                    "a large frame is right at its left or top only"),
     "limit": ("a limit of the level is not checked, or one off", "memory or time beyond what was promised"),
     "many": ("a fixed capacity per tile or pixel", "splats beyond it are missing"),
     "matrix": ("another colour matrix than that of the header", "tinted pictures"),

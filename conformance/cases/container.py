@@ -157,7 +157,7 @@ def equal_splats(count: int, factor: float = 1.0, color: float = 2.0**-14) -> Sp
     return SplatBlock(zeros[:, :2], zeros, zeros[:, :1], quantizer, (np.full((1, 3), color, np.float16),))
 
 
-@on("core", "decode_stream_deterministic", flags=["limit", "many"], rules=["R-5-2"])
+@on("core", "decode_stream", "decode_stream_deterministic", flags=["limit", "many"], rules=["R-5-2"])
 def as_many_splats_as_allowed() -> Inputs:
     """An I-frame of 2^14 degenerate splats, then one goes and a visible one comes: the most that level 1 allows."""
     most = LEVELS[1].splats

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
 from conformance.cases.rendering import SIZES
@@ -71,13 +72,19 @@ def _m(dx: np.float32, dy: np.float32) -> np.float32:
     return np.float32(dx * dx + dy * dy)
 
 
-def _with_m(rng: np.random.Generator, m: np.float32) -> Iterator[tuple[float, float]]:
-    """Places (x, y) of round splats with L = 1 whose m at the centre (3.5, 3.5) is the given number."""
-    center = np.float32(3.5)
+def _with_m(
+    rng: np.random.Generator, m: np.float32, pixel: tuple[int, int] = (3, 3), before: tuple[int, int] = (1, 1)
+) -> Iterator[tuple[float, float]]:
+    """Places (x, y) of round splats with L = 1 whose m at a pixel's centre is the given number.
+
+    `before` is 1 for splats to the left of the pixel, or above it, and -1 for those to the right, or below it.
+    """
+    i, j = (np.float32(number + 0.5) for number in pixel)
+    across, down = (np.float32(side) for side in before)
     while True:
-        x = center - np.float32(rng.uniform(0.5, 3.2))
-        y = center - np.float32(np.sqrt(np.float64(m) - np.float64(center - x) ** 2))
-        if _m(center - x, center - y) == m:
+        x = i - across * np.float32(rng.uniform(0.5, 3.2))
+        y = j - down * np.float32(np.sqrt(np.float64(m) - np.float64(i - x) ** 2))
+        if _m(i - x, j - y) == m:
             yield float(x), float(y)
 
 
@@ -95,6 +102,42 @@ def the_edge(value: int, rng: np.random.Generator) -> Inputs:
     rows = [splat(*next(places), 1.0, 0.0, 1.0, (1, 0, 0)) for _ in range(8)]
     expected = yield {"parameters": splats(*rows), "width": 4, "height": 4}
     assert (expected["sum"].value[3, 3, 0] > 8 / 256) == (value <= 0)
+
+
+@case("core", "render_sum_deterministic", flags=["overflow"], equations=["9-8"], rules=["R-9.4-1"])
+def scaled_beyond_binary32() -> Inputs:
+    """What (9-8) may leave: an infinite x, y or l21, which makes u1 or u2 infinite or NaN, covers nothing."""
+    infinite = [(np.inf, 4, 2, 1, 2), (-np.inf, 4, 2, 0, 0.5), (6, np.inf, 2, 1, 2), (6, -np.inf, 2, 0, 0.5),
+                (6.5, 4.5, 2, np.inf, 2), (6.5, 4.5, 2, -np.inf, 0.5), (6.5, np.inf, 2, np.inf, 2)]  # fmt: skip
+    alone = splat(6.5, 4.5, 2, 1, 2)
+    rows = [alone, *(splat(*row) for row in infinite)]
+    expected = yield {"parameters": splats(*rows), "width": 12, "height": 9}
+    assert np.array_equal(expected["sum"].value, render_sum_deterministic(alone, 12, 9)["sum"])
+
+
+@case("core", "render_sum_deterministic", flags=["support", "tile-edge"])
+def the_edge_in_corners_of_tiles(rng: np.random.Generator) -> Inputs:
+    """Four splats, each with m exactly K at the corner of a 16x16 tile, the only pixel of it that the splat covers.
+
+    A tile's list that asks for less than K at the nearest pixel loses them.
+    """
+    corners = {(16, 16): (1, 1), (15, 16): (-1, 1), (16, 15): (1, -1), (15, 15): (-1, -1)}
+    rows = [
+        splat(*next(_with_m(rng, K, pixel, before)), 1.0, 0.0, 1.0, np.eye(4, 3)[k] + (k == 3))
+        for k, (pixel, before) in enumerate(corners.items())
+    ]
+    expected = yield {"parameters": splats(*rows), "width": 18, "height": 18}
+    for pixel, row in zip(corners, rows, strict=True):
+        alone = render_sum_deterministic(row, 18, 18)["sum"]
+        assert np.argwhere(alone.any(axis=2) & _in_tile_of(pixel)).tolist() == [[pixel[1], pixel[0]]]
+    assert expected["sum"].value[15:17, 15:17].any(axis=2).all()
+
+
+def _in_tile_of(pixel: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which of 18x18 pixels are in the tile of 16x16 pixels that a pixel is in: (18, 18) bool."""
+    tile = np.arange(18) // 16
+    inside: NDArray[np.bool_] = (tile == pixel[0] // 16) & (tile[:, None] == pixel[1] // 16)
+    return inside
 
 
 BESIDE_THE_BOX = {

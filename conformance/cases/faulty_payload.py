@@ -10,6 +10,7 @@ import numpy as np
 from conformance.cases.building import quantizer_of
 from conformance.cases.faults import Broken, colored, flat, overview, rich, room_behind, three, with_an_empty_frame
 from gsvc_ref.bitstream import LEVELS
+from gsvc_ref.bitstream.golomb import golomb_bits
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
 
@@ -175,6 +176,12 @@ def _tables() -> Iterator[Broken]:
         "sum_too_small": ("the frequencies add up to one less", (Lie("frequency", first_plus(-1)),)),
         "last_zero": ("the last frequency is 0", (Lie("frequency", swapped_ends),)),
         "first_zero": ("the first frequency is 0", (Lie("frequency", lambda f: swapped_ends(f[::-1])[::-1]),)),
+        "sum_beyond_16_bits": ("the frequencies add up to 2^16 more", (Lie("frequency", both_plus(2**15)),)),
+        "frequency_beyond_16_bits": ("a frequency is 2^16 more", (Lie("frequency", first_plus(2**16)),)),
+        "sum_beyond_32_bits": (
+            "the frequencies add up to 2^32 more",
+            (Lie("golomb_order", 15), Lie("frequency", lambda f: in_order_15(both_plus(2**31)(f)))),
+        ),
     }
     yield from _lies("R-6.6-4", "invalid", "ends are in order and not 0, and all add up to 2^table_bits", tables, rich)
     states = {
@@ -195,6 +202,16 @@ def _tables() -> Iterator[Broken]:
 def first_plus(amount: int) -> Callable[[Any], Any]:
     """A lie about the first of a run."""
     return lambda truth: [int(truth[0]) + amount, *truth[1:].tolist()]
+
+
+def both_plus(amount: int) -> Callable[[Any], Any]:
+    """A lie about the first two of a run."""
+    return lambda truth: [int(truth[0]) + amount, int(truth[1]) + amount, *truth[2:].tolist()]
+
+
+def in_order_15(values: list[int]) -> str:
+    """The bits of exponential Golomb codes of order 15, which reach 2^31 with 16 zero bits."""
+    return "".join(map(str, golomb_bits(np.array(values), 15)))
 
 
 def swapped_ends(truth: Any) -> Any:

@@ -3,6 +3,8 @@
 import numpy as np
 
 from conformance.case import FULL, Inputs, case
+from conformance.cases.building import on, predicted, result, stream_of
+from conformance.cases.container import equal_splats
 from gsvc_ref.bitstream import SequenceHeader, level_for
 from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
@@ -47,6 +49,16 @@ def thousands_of_frames(rng: np.random.Generator) -> Inputs:
     """Ten thousand frames with 20 splats each: predictions of predictions, exact to the last one."""
     expected = yield {"stream": sequence(rng, 64, 48, 20, 10_000)}
     assert len(expected["counts"].value) == 10_000
+
+
+@on(FULL, "decode_stream", "decode_stream_deterministic", flags=["limit", "many"])
+def more_than_65536_splats() -> Inputs:
+    """An I-frame of 65,550 degenerate splats; then a visible one comes, whose index does not fit into 16 bits."""
+    count = 65_550
+    frames = [FrameCodes.intra_frame(equal_splats(count, 0)),
+              predicted([1] * count, SplatBlock(), equal_splats(1, color=1))]  # fmt: skip
+    expected = yield {"stream": stream_of(frames, width=5, height=3, level=3)}
+    assert result(expected, "frames").max(axis=(1, 2, 3)).tolist() == [0, 255]
 
 
 def crowd(rng: np.random.Generator, width: int, height: int, count: int) -> F4:

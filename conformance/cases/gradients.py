@@ -6,7 +6,15 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.rendering import SIZES
 from conformance.cases.splat_sets import population, splat, splats
-from conformance.cases.unusual_splats import DEGENERATE, HOW_LARGE, LARGE, NEEDLES, SLOPES, WHAT_IS_EXTREME
+from conformance.cases.unusual_splats import (
+    DEGENERATE,
+    HOW_LARGE,
+    INFINITE,
+    LARGE,
+    NEEDLES,
+    SLOPES,
+    WHAT_IS_EXTREME,
+)
 
 F4 = NDArray[np.float32]
 ALL_GROUPS = ((0, 2), (2, 5), (5, 8))
@@ -247,6 +255,8 @@ EXTREME = {
     "further_than_any_integer": (1e38, -3e38, 5.0, 0.0, 5.0),
     "larger_than_any_integer": (10.0, 7.0, 1e30, 0.0, 1e32),
     "largest_factors": (10.0, 7.0, 3e38, 0.0, 3e38),
+    "smallest_factors_on_a_centre": (5.5, 4.5, 2.0**-126, 0.0, 2.0**-126),
+    "smallest_factors_off_the_centres": (5.25, 4.75, 2.0**-126, 0.0, 2.0**-126),
     "a_vertical_line": (5.5, 4.0, 1e-20, 5.0, 3.0),
     "a_horizontal_line": (5.0, 4.5, 4.0, 0.0, 1e-30),
     "minus_zero": (-0.0, -0.0, 3.0, -0.0, 3.0),
@@ -259,3 +269,11 @@ def extreme(value: tuple[float, float, float, float, float], rng: np.random.Gene
     expected = yield {"parameters": splat(*value), "residual": noise(rng, 11, 9)}
     largest = abs(expected["gradients"].value) + expected["gradients"].bound
     assert np.all(largest < np.finfo(np.float32).max)
+
+
+@case("stress", "render_gradients", flags=["degenerate", "overflow"])
+def infinite_factors() -> Inputs:
+    """Splats whose l11 or l22 is infinite, or both, are degenerate: their gradients are zero, not NaN."""
+    expected = yield {"parameters": splats(*INFINITE, splat(4.3, 2.2, 1.5, 0.5, 1.25)), "residual": slope(9, 5)}
+    assert expected["gradients"].value.any(axis=1).tolist() == [False] * 3 + [True]
+    assert not expected["gradients"].bound[:3].any()

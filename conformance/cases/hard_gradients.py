@@ -87,3 +87,24 @@ def hard_products(value: float, rng: np.random.Generator) -> Inputs:
     ]
     expected = yield {"parameters": splats(*rows), "residual": noise(rng, WIDTH, HEIGHT) * np.float32(value)}
     assert 1e-3 < abs(expected["gradients"].value[:, :5]).max() < 1e3
+
+
+@case("stress", "render_gradients", flags=["hard", "nan", "overflow"])
+def hard_shear_that_overflows(rng: np.random.Generator) -> Inputs:
+    """Factors near the largest number: l21 times u1 overflows binary32 at pixels that are far outside of the splat."""
+    parameters = splats(splat(6.2, 5.1, 5.0, 2e38, 1e38, (0.5, 0.3, -0.2)))
+    expected = yield {"parameters": parameters, "residual": noise(rng, 13, 11)}
+    assert expected["gradients"].value.any()
+
+
+@case("stress", "render_gradients", flags=["hard", "nan", "needle"])
+def hard_far_thinner_than_a_pixel(rng: np.random.Generator) -> Inputs:
+    """Splats far thinner than a pixel, each on the centre of one: only colours have gradients.
+
+    l21 / l22 and the factors l21 / (l11 l22) of (13-12) are in the range of binary32; 1 / (l11 l22) is not.
+    """
+    factors = [(1e-30, 0, 1e-30), (1e-30, 1e-30, 1e-30), (1e-30, 1e-25, 1e-12)]
+    rows = [splat(4 * n + 0.5, 1.5, *factor) for n, factor in enumerate(factors)]
+    expected = yield {"parameters": splats(*rows), "residual": noise(rng, 11, 3)}
+    assert not expected["gradients"].value[:, :5].any()
+    assert expected["gradients"].value[:, 5:].all()

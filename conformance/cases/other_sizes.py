@@ -50,6 +50,21 @@ def zeros_and_subnormal_numbers() -> Inputs:
     assert 0 < scaled[0, 2] < 2.0**-126
 
 
+@case("core", "scale_parameters", flags=["overflow"])
+def beyond_binary32() -> Inputs:
+    """Four times as wide and twice as high, of numbers of 3e38 each one is infinite; the colours stay what they are."""
+    large = splat(3e38, -3e38, 3e38, -3e38, 3e38)
+    each = np.repeat(splat(9, 4, 2, 1, 2, (3e38, -3e38, 1)), 5, axis=0)
+    np.fill_diagonal(each, large[0])
+    expected = yield {
+        "parameters": splats(large, each), "width": 12, "height": 9, "new_width": 48, "new_height": 18,
+    }  # fmt: skip
+    scaled = expected["parameters"].value
+    assert np.isinf(scaled[0, :5]).all()
+    assert np.array_equal(np.isinf(scaled[1:]), np.eye(5, 8))
+    assert np.array_equal(np.signbit(scaled[0, :5]), [False, True, False, True, False])
+
+
 @case("uncommon", "scale_parameters", flags=["empty"])
 def nothing_to_scale() -> Inputs:
     """No splats."""

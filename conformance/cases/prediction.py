@@ -6,6 +6,7 @@ import numpy as np
 
 from conformance.case import Inputs
 from conformance.cases.building import (
+    BOOKS,
     FINE_BOOKS,
     Array,
     frames_of,
@@ -18,8 +19,11 @@ from conformance.cases.building import (
     same_bits,
     stream_of,
 )
+from gsvc_ref.bitstream.frequencies import normalized_frequencies
+from gsvc_ref.bitstream.rans import encode
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
+QUANTIZER_12: Final = quantizer_of([2.0**-9, 2.0**-8, 2.0**-9], [0.5, -8, 0.5])
 STREAM: Final = ("read_stream", "reconstruct_stream")
 SURVIVORS: Final = {
     "all": [1] * 9,
@@ -75,6 +79,18 @@ def without(value: str) -> Inputs:
     before = first[[0, 1, 3, 4]]
     for name, columns in (("positions", slice(0, 2)), ("cholesky", slice(2, 5)), ("colors", slice(5, 8))):
         assert same_bits(before[:, columns], second[:, columns]) == (name in value)
+
+
+@on("core", "reconstruct_stream", flags=["lanes"])
+def lanes_64_and_words(rng: np.random.Generator) -> Inputs:
+    """64 lanes that take words: Cholesky codes of 12 bits that are alike take less than as many bits."""
+    block = intra_block(400)
+    codes = np.clip(np.rint(rng.normal(2000, 4, (400, 3))), 0, 4095).astype(np.uint16)
+    frequencies = normalized_frequencies(np.bincount(codes[:, 0], minlength=4096), 12)
+    assert len(encode(codes[:, 0], frequencies, 0, 12, 64)[1]) > 32
+    frames = [FrameCodes.intra_frame(SplatBlock(block.positions, codes, block.colors, QUANTIZER_12, BOOKS))]
+    expected = yield {"stream": stream_of(frames, cholesky_bits=12, lane_count=64)}
+    assert np.array_equal(np.rint((frames_of(expected)[0][:, 2] - 0.5) / 2.0**-9), codes[:, 0])
 
 
 def steps(count: int) -> list[SplatBlock]:

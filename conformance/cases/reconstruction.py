@@ -194,6 +194,20 @@ def inter_rounds_each_time(rng: np.random.Generator) -> Inputs:
     assert (found[:, 5:] != (before[:, 5:] + first) + second).any()
 
 
+@case("core", "reconstruct_inter", flags=["fused"])
+def inter_rounds_rows_each_time(rng: np.random.Generator) -> Inputs:
+    """Numbers for which ref + h H/2, rounded once, differs, and ref + h W/2 cannot (R-3.3-1)."""
+    positions = codes(20, rng)["positions"]
+    before = reference(20, rng)
+    expected = yield {"width": 37, "height": 60001, "reference": before, "survivors": np.ones(20, np.uint8),
+                      **NOTHING, "positions": positions}  # fmt: skip
+    found = result(expected, "parameters")
+    h = positions.view(np.float16).astype(np.float64)
+    once = (before[:, :2] + h * (18.5, 30000.5)).astype(F4)
+    assert np.array_equal(found[:, 0], once[:, 0])
+    assert (found[:, 1] != once[:, 1]).any()
+
+
 @case("core", "reconstruct_inter", flags=["signed-zero"])
 def inter_signed_zeros() -> Inputs:
     """-0 + -0 is -0, -0 + +0 and 1 - 1 are +0."""

@@ -88,6 +88,25 @@ def the_edge_within_rounding() -> Inputs:
     assert np.argwhere(wide).tolist() == [[3, 6], [3, 14]]
 
 
+@case("core", "render_sum", flags=["support"])
+def just_beyond_the_edge(rng: np.random.Generator) -> Inputs:
+    """36 splats, each with a pixel so little beyond sigma = ln 255 that it only just must not be covered.
+
+    A constant that is 20 units in the last place too high, by far less than any formula is wrong, covers some of them.
+    """
+    rows: list[NDArray[np.float32]] = []
+    while len(rows) < 36:
+        i, j = len(rows) % 2 * 6 + 2, len(rows) % 9  # right or left of a pixel of that column and row
+        l11 = np.float32(rng.uniform(1.0, 3.0))
+        d = float(np.float32(np.sqrt(2 * np.log(255) + 1.8e-5) * l11)) * (1 if i == 2 else -1)
+        one = splat(i + 0.5 + d, j + 0.5, float(l11), 0.0, 0.125, (1, 1, 1))
+        beyond = ((i + 0.5 - np.float64(one[0, 0])) / np.float64(l11)) ** 2 / 2 - np.log(255)
+        if beyond > 0 and 1 < edge_margins(one, 11, 9)[0] < 1.05:
+            rows.append(one)
+    expected = yield {"parameters": splats(*rows), "width": 11, "height": 9}
+    assert expected["sum"].bound.max() < 1 / 512
+
+
 @case("core", "render_sum", flags=["exponential"])
 def weights_from_one_to_the_edge() -> Inputs:
     """A long row of pixels with weights from 1 down to 1/255: the exponential over all of its range."""

@@ -76,6 +76,13 @@ def loss_of_the_last_pixel() -> Inputs:
     assert np.isclose(expected["loss"].value, 0.0625 / 153, rtol=1e-12)
 
 
+@case("core", "loss", flags=["straight-through", "clamp", "cancellation"])
+def loss_of_bright_sums() -> Inputs:
+    """Sums of a hundred million: what a clamp takes from them is not all there when it is added again."""
+    expected = yield {"picture": f4([[1e8, 0.5, -1e8], [3e7, 1, 0]]), "target": f4([[0.25, 0.5, 0.75], [0.5, 0.5, 0]])}
+    assert np.allclose(expected["residual"].value.ravel(), [0.75, 0, -0.75, 0.5, 0.5, 0], rtol=1e-6)
+
+
 @case("uncommon", "loss", flags=["empty"])
 def loss_of_equal_pictures(rng: np.random.Generator) -> Inputs:
     """A picture that equals its target: no loss, and no residual."""

@@ -164,3 +164,17 @@ def colours_of_another_order(value: float) -> Inputs:
     color = (value, -value, value / 3)
     expected = yield {"parameters": splat(5.2, 4.4, 1.5, 0.6, 1.25, color), "width": 11, "height": 9}
     assert expected["sum"].bound.max() < 1e-5 * value + 1e-36
+
+
+INFINITE = tuple(splat(4.5, 2.5, *factors) for factors in ((np.inf, 0, 1.5), (1.5, 0, np.inf), (np.inf, 1, np.inf)))
+"""Splats with an infinite l11, l22, or both, as (9-8) may make them."""
+
+
+@case("stress", "render_sum", flags=["degenerate", "overflow"])
+@case("stress", "render_sum_deterministic", flags=["degenerate", "overflow"])
+def infinite_factors() -> Inputs:
+    """Splats whose l11 or l22 is infinite, or both, are degenerate, though u would be zero; one beside is drawn."""
+    ordinary = splat(4.3, 2.2, 1.5, 0.5, 1.25)
+    expected = yield {"parameters": splats(*INFINITE, ordinary), "width": 9, "height": 5}
+    assert np.isfinite(expected["sum"].value).all()
+    assert 0 < expected["sum"].value[2, 4, 0] < COLOR[0]

@@ -41,6 +41,14 @@ def box(value: tuple[Any, int]) -> Inputs:
     assert result(expected, "work") == value[1]
 
 
+@case("core", "rendering_work", flags=["limit", "clamp"], each={"beyond": 3e9, "below": -3e9})
+def box_31_bits(value: float) -> Inputs:
+    """Splats so far {key} the frame that the edges of their boxes fit no signed 32-bit integer: not a pixel."""
+    parameters = splats((value, 8, 1e3, 0, 1e3), (12, value, 1e3, 0, 1e3))
+    expected = yield {"parameters": parameters, "width": 24, "height": 17}
+    assert result(expected, "work") == 0
+
+
 SMALLEST: Final = 2.0**-126
 NO_BOX: Final = {
     "l11_zero": (0, 0, 1),
@@ -86,6 +94,17 @@ def sums_in_binary64() -> Inputs:
     assert result(expected, "work") == (4 if reach < 2 else 6) * 8
 
 
+@case("core", "rendering_work", flags=["limit"])
+def sums_of_rows_in_binary64() -> Inputs:
+    """The edge y - e_y is a hair below an integer, which e_y in binary32 does not see: a row more."""
+    parameters = splats((8, 2048.75, 1, 36.132515, 127.20147))
+    _, _, _, l21, l22, *_ = parameters[0].tolist()
+    narrow = float(np.float32(RADIUS) * np.float32(l21 + l22))
+    assert np.floor(2048.75 - RADIUS * (l21 + l22)) == np.floor(2048.75 - narrow) - 1
+    expected = yield {"parameters": parameters, "width": 16, "height": 4096}
+    assert result(expected, "work") == 8 * 1089
+
+
 @case("core", "rendering_work", flags=["many"])
 def many_boxes(rng: np.random.Generator) -> Inputs:
     """A hundred splats of all sizes, on the frame and around it."""
@@ -101,6 +120,21 @@ def beyond_32_bits() -> Inputs:
     """Nine splats that cover 2^29 pixels: the work exceeds 32 bits."""
     expected = yield {"parameters": splats(*[(0, 0, 3e38, -3e38, 3e38)] * 9), "width": 32768, "height": 16384}
     assert result(expected, "work") == 9 << 29
+
+
+ROUNDED_ONCE: Final = {
+    "of_the_radius": (("0x1.9bc3aep+5", "0x1.cea5f6p+11", "0x1.c8e2b6p+11"), 24541),
+    "of_the_sum": (("0x1.1152d4p+8", "0x1.c9437ep+11", "0x1.396f7p+11"), 20799),
+}
+
+
+@case("stress", "rendering_work", flags=["limit"], each=ROUNDED_ONCE,
+      said={"of_the_radius": "with rho' in binary32", "of_the_sum": "with |l21| + l22 in binary32"})  # fmt: skip
+def binary64_far_down(value: tuple[tuple[str, str, str], int]) -> Inputs:
+    """The lower edge of a box, tens of thousands of rows down, ends just before the next row; {key} it reaches it."""
+    y, l21, l22 = (float.fromhex(number) for number in value[0])
+    expected = yield {"parameters": splats((0.5, y, 0.125, l21, l22)), "width": 1, "height": 32768}
+    assert result(expected, "work") == value[1]
 
 
 @case("stress", "rendering_work", flags=["limit"])
