@@ -38,7 +38,7 @@ MODULES: Final = (
     "bitstream", "faulty", "reconstruction", "rendering", "frames", "deterministic", "other_sizes", "gradients",
     "training", "adan", "quantization", "rvq", "codebooks", "selection", "key_frames", "color", "metrics",
     "hard_splats", "hard_gradients", "hard_losses", "hard_frames", "hard_training", "hard_quantizers",
-    "hard_selection", "full",
+    "hard_selection", "large_frames", "full",
 )  # fmt: skip
 """Where cases are, in conformance.cases."""
 

@@ -2,7 +2,9 @@
 
 A bug *explains* a failure if it fails the same vector and gives nearly all of the elements that are wrong. Small
 numbers agree by chance, so bugs are ranked by how well they fit the whole stage: a bug that would fail vectors that
-the implementation passes, or fail others in another way, fits badly.
+the implementation passes, or fail others in another way, fits badly. Where a failure is only a refusal or a few wrong
+elements, bugs that have nothing in common agree: then a bug is named only if it fails just the vectors that failed,
+and where more than `MOST` are left they are called what they are, bugs that cannot be told apart.
 """
 
 from collections import Counter
@@ -29,6 +31,18 @@ NEARNESS: Final = 0.25
 
 LEAST_FIT: Final = 0.2
 """Bugs that fit the stage worse are not named."""
+
+FEW: Final = 4
+"""So few wrong elements tell little."""
+
+MOST: Final = 2
+"""So many causes are told."""
+
+MOST_ALIKE: Final = 4
+"""So many bugs that cannot be told apart are named."""
+
+LEAST_FIT_OF_FEW: Final = 0.9
+"""The same of bugs that explain only failures that tell little."""
 
 PAIRED: Final = 3
 """Failures that no bug explains for which pairs of bugs are tried."""
@@ -70,7 +84,15 @@ def diagnose(failures: Sequence[Failure], passed: Iterable[Vector] = ()) -> dict
         name for vector in [*passed, *(v for v, _ in examined)] for name in vector.manifest.get("kills", ())
     )
     fit = {mutant: count / max(foreseen[mutant.name], count) for mutant, count in explained.items()}
-    causes = laid_out | {name: _best(mutants, fit, explained) for name, mutants in named.items()}
+    plain = {mutant for vector, outputs in examined if not _tells_little(vector, outputs)
+             for mutant in named.get(vector.id, ())}  # fmt: skip
+    likely = {mutant for mutant in fit if fit[mutant] >= (LEAST_FIT if mutant in plain else LEAST_FIT_OF_FEW)}
+    ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
+    causes = dict(laid_out)
+    for name, mutants in named.items():
+        these = [mutant for mutant in ranked if mutant in mutants]
+        sure = [mutant for mutant in these if mutant in plain]
+        causes[name] = _best(sure, fit)[:MOST] if sure else _alike(_best(these, fit))
     for vector, outputs in examined:
         causes[vector.id] = causes[vector.id] or _not_numbers(vector, outputs) or _imprecision(vector, outputs)
     return causes
@@ -124,18 +146,40 @@ def _imprecision(vector: Vector, outputs: Values) -> list[str]:
     return ["errors of arithmetic with few bits (half precision, a fast exp or division), not of a wrong formula"]
 
 
-def _best(mutants: Iterable[Mutant], fit: dict[Mutant, float], explained: Counter[Mutant]) -> list[str]:
-    fitting = [mutant for mutant in mutants if fit[mutant] >= LEAST_FIT]
-    if not fitting:
-        return []
-    ranked = sorted(fitting, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
-    as_good = [mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]]
-    return list(dict.fromkeys(as_good))[:2]
+def _tells_little(vector: Vector, outputs: Values) -> bool:
+    """Whether all that is wrong is a refusal, with what came before it, or a few elements."""
+    wrong = _wrong_outputs(vector, outputs)
+    refused = any(isinstance(vector.expected[name], Refusal) and outputs.get(name) for name in wrong)
+    found = 0
+    for name in wrong:
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
+            whole = mine.shape == expectation.value.shape
+            found += _count(expectation, mine) if whole else 0 if refused else mine.size
+    return found < FEW
+
+
+def _best(ranked: Sequence[Mutant], fit: dict[Mutant, float]) -> list[str]:
+    """The sentences of the bugs that fit about as well as the first."""
+    return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
+
+
+def _alike(sentences: list[str]) -> list[str]:
+    """What is said of bugs that a failure does not tell apart."""
+    if len(sentences) <= MOST:
+        return sentences
+    others = "; and others" if len(sentences) > MOST_ALIKE else ""
+    return [f"one of {len(sentences)} bugs not told apart here: {'; '.join(sentences[:MOST_ALIKE])}{others}"]
 
 
 def _explanations(vector: Vector, outputs: Values) -> list[Mutant]:
-    """The bugs that explain one failure."""
-    return [mutant for mutant in bugs_for(vector) if _share(vector, outputs, mutant) >= EXPLAINED]
+    """The bugs that explain one failure; where none refuses at the same bit, those that name the same rule."""
+    texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
+    for told in (outputs, {**outputs, **texts}):
+        found = [mutant for mutant in bugs_for(vector) if _share(vector, told, mutant) >= EXPLAINED]
+        if found or not texts:
+            return found
+    return []
 
 
 def bugs_for(vector: Vector) -> list[Mutant]:
@@ -191,7 +235,7 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
     if isinstance(expectation, Refusal):
         if not isinstance(mine, str) or not isinstance(theirs, str):
             return 0.0
-        told = mine.split()[:2]  # the kind, and the rule if it is told
+        told = mine.split()  # the kind, and the rule and the bit if they are told
         return float(told == theirs.split()[: len(told)] and bool(told) == bool(theirs))
     if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
         return 0.0
@@ -201,10 +245,10 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
         return float(np.array_equal(mine, theirs))
     wrong = _wrong(expectation, mine)
     same = (mine == theirs) | ((mine != mine) & (theirs != theirs))
-    if not isinstance(expectation, Decision):
+    if not isinstance(expectation, Decision) and not (isinstance(expectation, Exact) and mine.dtype.kind != "f"):
         with np.errstate(invalid="ignore", over="ignore"):
             a, b, c = (array.astype(np.float64) for array in (mine, theirs, expectation.value))
-            same |= abs(a - b) <= NEARNESS * abs(a - c)
+            same |= abs(a - b) <= NEARNESS * np.minimum(abs(a - c), np.maximum(abs(a), abs(b)))
     return float(np.mean(same[wrong]))
 
 

@@ -1,7 +1,6 @@
 """What an output must be, and the judgement of an actual one: the comparators of the conformance kit.
 
-- `Exact`: the same numbers, type and shape; -0 and +0 are different where the output is of floating point, unless
-  `signed_zeros` is off.
+- `Exact`: the same numbers, type and shape; -0 and +0 are different where the output is of floating point.
 - `Decision`: the same numbers, or the recorded alternative where the decision lies within its own rounding error.
 - `Bounded`: within the bound of that very element, and finite unless the expected number is infinite; optionally the
   sums over groups of columns, too.
@@ -104,10 +103,9 @@ def _bits(array: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The same bits. With `signed_zeros` off, -0 equals +0."""
+    """The same bits."""
 
     value: Array
-    signed_zeros: bool = True
     check: ClassVar[CheckClass] = "exact"
 
     def judge(self, actual: object) -> Judgement:
@@ -117,8 +115,6 @@ class Exact:
             return failure or Judgement(False)
         expected, given = (np.ascontiguousarray(a).reshape(a.shape) for a in (self.value, actual))
         wrong = _bits(expected) != _bits(given)
-        if not self.signed_zeros:
-            wrong &= ~((expected == 0) & (given == 0))
         return _differing(expected, given, wrong) if wrong.any() else Judgement(True)
 
     def parts(self) -> dict[str, Array]:

@@ -1,10 +1,13 @@
-"""What the suite can judge: functions of a Python module; a command is in `process`."""
+"""What the suite can judge: functions of a Python module; a command is in `process`.
+
+A module may have a function ``environment() -> dict[str, str]`` that tells what it runs on; reports show it.
+"""
 
 import importlib
 import inspect
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
@@ -14,6 +17,8 @@ from conformance.spelling import meant
 from conformance.stage import DTYPES, Port, Stage, Values, stages
 from gsvc_ref.errors import UsageError
 
+EXTRA_OF: Final = {"pyopencl": "adapters", "wgpu": "adapters", "playwright": "adapters", "torch": "peers"}
+"""Which extra of pyproject.toml installs what an adapter imports."""
 MOST_NEAR: Final = 4
 """So many names that are nearly those of stages are told."""
 
@@ -44,6 +49,11 @@ class Failure:
     log: str = ""
 
 
+FLUSHES: Final = (
+    "it leaves the processor flushing subnormal numbers to zero, so that the kit's own arithmetic does it too; "
+    "switch that off when the function returns, or connect by --impl"
+)
+
 Answer = Values | Unsupported | Failure
 
 
@@ -60,6 +70,11 @@ class Implementation(Protocol):
         """Whether refusals are judged to the bit."""
         ...
 
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """What it runs on, as far as it tells: device, driver, versions."""
+        ...
+
     def run(self, stage: Stage, inputs: Values) -> Answer:
         """The outputs of a stage for some inputs, which it may change."""
 
@@ -74,11 +89,14 @@ class ModuleImplementation:
     ----------
     functions
         By name of the stage; others are ignored.
+    environment
+        What it runs on.
     """
 
     name: str
     functions: Mapping[str, Any]
     in_full: bool = False
+    environment: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, stage: Stage, inputs: Values) -> Answer:
         """Call the function."""
@@ -90,7 +108,7 @@ class ModuleImplementation:
         try:
             with np.errstate(all="ignore"):
                 given = function(**inputs)
-            return _collect(stage, given)
+            return Failure("error", FLUSHES) if _flushes() else _collect(stage, given)
         except NotImplementedError as error:
             return Unsupported(str(error) or f"{stage.name} raises NotImplementedError")
         except (Exception, SystemExit) as error:
@@ -103,24 +121,77 @@ def load_module(name: str) -> ModuleImplementation:
     Raises
     ------
     UsageError
-        It cannot be imported, or has no function of a stage.
+        It cannot be imported, has no function of a stage, or its `environment` fails.
     """
     if name.endswith(".py"):
         raise UsageError(
-            f"--module takes the name of a module: {name.removesuffix('.py').replace('/', '.')}, not {name}"
+            f"--module takes the name of a module: {'.'.join(Path(name).with_suffix('').parts)}, not {name}"
         )
     try:
         module = importlib.import_module(name)
     except Exception as error:
-        lost = isinstance(error, ModuleNotFoundError) and error.name == name
-        where = "; it must be in the current folder, installed, or in a folder of PYTHONPATH" if lost else ""
-        raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{where}") from None
+        advice = _import_advice(name, error)
+        raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{advice}") from None
     functions = {key: value for key, value in vars(module).items() if callable(value) and not key.startswith("_")}
     if functions.keys().isdisjoint(stages()):
         near = [f"{key} for {meant(key, stages())[0]}" for key in functions if meant(key, stages())]
         hint = f"; is it {', '.join(near[:MOST_NEAR])}?" if near else "; see python -m conformance list"
         raise UsageError(f"no function of the module {name} is named as a stage{hint}")
-    return ModuleImplementation(name, functions)
+    return ModuleImplementation(name, functions, environment=_environment_of(name, functions.get("environment")))
+
+
+def _import_advice(name: str, error: Exception) -> str:
+    """What to do about a module that cannot be imported; empty if nothing is known."""
+    if not isinstance(error, ModuleNotFoundError):
+        return ""
+    if Path(name).is_file():
+        return f"; {name} is no module; a program is judged with --impl"
+    if error.name == name:
+        return "; it must be in the current folder, installed, or in a folder of PYTHONPATH"
+    if not name.startswith("conformance.adapters."):
+        return ""
+    if extra := EXTRA_OF.get((error.name or "").partition(".")[0]):
+        return f"; pip install '.[{extra}]'"
+    return f"; {name.replace('.', '/')}/__init__.py says where it is"
+
+
+def _environment_of(name: str, function: Callable[[], object] | None) -> dict[str, str]:
+    """What the function `environment` of a module tells, if it has one.
+
+    Raises
+    ------
+    UsageError
+        It fails, as where there is no device, or returns something else than texts by name.
+    """
+    if function is None:
+        return {}
+    try:
+        told = function()
+    except (Exception, SystemExit) as error:
+        raise UsageError(f"{name}.environment() fails: {_last_line(error)}") from None
+    if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
+        raise UsageError(f"{name}.environment() must return a dict of texts by name, not {told!r}")
+    return checked_environment(told, f"{name}.environment()")
+
+
+def checked_environment(told: Mapping[str, str], source: str) -> dict[str, str]:
+    """Names and values for a report, each on one line.
+
+    Raises
+    ------
+    UsageError
+        A name or value is empty.
+    """
+    lines = {" ".join(key.split()): " ".join(value.split()) for key, value in told.items()}
+    for key, value in lines.items():
+        if not key or not value:
+            raise UsageError(f"{source} has {key!r}: {value!r}; neither may be empty")
+    return lines
+
+
+def _flushes() -> bool:
+    """Whether the processor takes subnormal numbers for zero; a library can switch that on for the whole thread."""
+    return bool(np.array([2.0**-149], np.float32)[0] * np.float32(1) == 0)
 
 
 def _misfit(function: Callable[..., Any], stage: Stage) -> str:

@@ -13,8 +13,10 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any, Final
 
 import numpy as np
@@ -49,6 +51,7 @@ class ProcessImplementation:
     """
 
     in_full: Final = False
+    environment: Final[Mapping[str, str]] = MappingProxyType({})
 
     def __init__(self, command: str, timeout: float) -> None:
         try:
@@ -96,6 +99,8 @@ def _why_no_program(path: Path) -> str:
     if path.is_dir():
         return f"{path} is a folder, not a program"
     if path.is_file():
+        if os.access(path, os.X_OK):
+            return f"{path} is in the current folder, which is not searched: say ./{path}"
         return f"{path} cannot be executed: chmod +x makes it a program, or put its interpreter before it"
     return f"there is no program {str(path)!r}; give its path, such as ./decoder"
 

@@ -134,7 +134,7 @@ class Report:
     Attributes
     ----------
     environment
-        What was run on what: name and value.
+        What was judged by what, where and when: name and value.
     command
         The command that ran it; with ``--case ID`` behind it, it runs one vector again.
     selection
@@ -143,6 +143,8 @@ class Report:
         Sentences that a reader must know.
     results
         In the order of the vectors.
+    runs_on
+        What the implementation tells of its own environment, such as device and driver.
     """
 
     environment: Mapping[str, str]
@@ -150,6 +152,7 @@ class Report:
     selection: str
     notes: Sequence[str]
     results: Sequence[Result] = field(default=())
+    runs_on: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def faults(self) -> list[Result]:

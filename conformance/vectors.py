@@ -189,7 +189,7 @@ def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -
         entry[part or "expected"] = _store(f"{name}.{part or 'expected'}", array, files)
     if isinstance(expectation, Bounded):
         entry |= {"dtype": expectation.dtype, "groups": [list(g) for g in expectation.groups], "model": ERROR_MODEL}
-    for number in ("margin", "guard", "signed_zeros"):
+    for number in ("margin", "guard"):
         if getattr(expectation, number, None) is not None:
             entry[number] = getattr(expectation, number)
     return entry
@@ -212,5 +212,5 @@ def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Expectati
             fields[part] = _load(files, entry[part])
     if kind is Bounded:
         fields |= {"dtype": entry["dtype"], "groups": tuple((first, end) for first, end in entry["groups"])}
-    fields |= {number: entry[number] for number in ("margin", "guard", "signed_zeros") if number in entry}
+    fields |= {number: entry[number] for number in ("margin", "guard") if number in entry}
     return kind(**fields)

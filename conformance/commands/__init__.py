@@ -81,3 +81,18 @@ def check_writable(path: Path | None) -> None:
     """
     if path is not None and (path.is_dir() or not path.parent.is_dir()):
         raise UsageError(f"{path} cannot be written: give a file name in a folder that exists")
+
+
+def put_between(path: Path, begin: str, end: str, text: str) -> None:
+    """Put a text between two markers of a file.
+
+    Raises
+    ------
+    UsageError
+        It does not hold the markers, each once and in order.
+    """
+    content = path.read_text(encoding="utf-8")
+    if content.count(begin) != 1 or content.count(end) != 1 or content.index(begin) > content.index(end):
+        raise UsageError(f"{path} needs the line {begin!r} once, and after it the line {end!r} once")
+    before, rest = content.split(begin)
+    path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}", encoding="utf-8")

@@ -15,13 +15,13 @@ import numpy as np
 
 import gsvc_ref
 from conformance.commands import add_selection, add_vectors, check_writable, count, selection
-from conformance.implementations import Implementation
+from conformance.implementations import Implementation, checked_environment
 from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
 from conformance.selection import Selection, VectorFolder, matches
-from conformance.stage import Values
+from conformance.stage import DTYPES, Values
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural
@@ -69,6 +69,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
 
     for path in (arguments.json, arguments.junit, arguments.html):
         check_writable(path)
+    runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     folder = VectorFolder(arguments.vectors)
     chosen, waivers, book = selection(arguments), read_waivers(arguments.waivers), PictureBook()
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
@@ -96,7 +97,8 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
         results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
     notes += _waiver_notes(results, waivers, folder.names)
     again = shlex.join([*command, *_vectors_words(arguments)])
-    report = Report(environment(implementation.name, arguments.vectors), again, str(chosen), notes, results)
+    around = environment(implementation.name, arguments.vectors)
+    report = Report(around, again, str(chosen), notes, results, runs_on)
     print("\n".join(describe(report, arguments.show)))
     for line in write_files(arguments, report, book.pictures()):
         print(line)
@@ -123,7 +125,7 @@ class Causes:
         name = judged.vector.stage.name
         if judged.result.outcome == "pass":
             self._passed[name].append(judged.vector)
-        elif judged.result.outcome == "fail" and judged.outputs is not None:
+        elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
             self._failures[name].append((judged.vector, judged.outputs))
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
@@ -144,6 +146,13 @@ class Causes:
             if len(failures) > EXAMINED:
                 notes.append(f"causes were looked for in the first {EXAMINED} of {len(failures)} failures of {stage}")
         return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
+
+
+def _right_types(judged: Judged) -> bool:
+    """Whether arrays have the types that they must have; if not, that is told, and no bug is looked for behind it."""
+    given = judged.outputs or {}
+    mine = {port: given.get(port.name) for port in judged.vector.stage.outputs if port.type in DTYPES}
+    return all(array.dtype == DTYPES[port.type] for port, array in mine.items() if isinstance(array, np.ndarray))
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:
@@ -175,6 +184,18 @@ def _waiver_notes(results: Iterable[Result], waivers: Mapping[str, str], names: 
     yield from (f"there is a waiver for {name}, which is no vector" for name in waivers if name not in names)
 
 
+def read_environment(words: Iterable[str]) -> dict[str, str]:
+    """Values by name, from words such as ``device=NVIDIA H200``; of two with one name the last.
+
+    Raises
+    ------
+    UsageError
+        A word has no name or no value.
+    """
+    pairs = [word.partition("=") for word in words]
+    return checked_environment({key: value for key, _, value in pairs}, "--environment")
+
+
 def environment(name: str, vectors: Path) -> dict[str, str]:
     """What was judged by what, where and when."""
     return {
@@ -190,13 +211,13 @@ def environment(name: str, vectors: Path) -> dict[str, str]:
 
 def write_files(arguments: Namespace, report: Report, pictures: "dict[str, list[Picture]]") -> Iterator[str]:
     """Write the files that were asked for, and say where each went."""
-    from conformance.report.json import to_object
+    from conformance.report.json import to_text
     from conformance.report.junit import junit_xml
     from conformance.report.page import report_html
     from gsvc_ref.report.page import write_page
 
     if arguments.json:
-        write_page(json.dumps(to_object(report), indent=1, ensure_ascii=False, allow_nan=False) + "\n", arguments.json)
+        write_page(to_text(report), arguments.json)
         yield f"JSON: {arguments.json}"
     if arguments.junit:
         write_page(junit_xml(report), arguments.junit)

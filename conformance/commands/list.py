@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from conformance.case import Case, cases
-from conformance.commands import add_selection, add_vectors, selection
+from conformance.commands import add_selection, add_vectors, put_between, selection
 from conformance.selection import Selection, VectorFolder
 from conformance.stage import Port, Stage, stages
 from gsvc_ref.cli.text import print_json
@@ -37,7 +37,7 @@ def run(arguments: Namespace) -> int:
         if str(arguments.markdown) == "-":
             print(markdown(arguments.vectors))
         else:
-            update(arguments.markdown, markdown(arguments.vectors))
+            put_between(arguments.markdown, BEGIN, END, markdown(arguments.vectors))
     elif arguments.json or arguments.cases or chosen.flags:
         listed = [case for case in cases().values() if chosen.holds(case.id)]
         if chosen.of_manifests:
@@ -103,21 +103,6 @@ def markdown(folder: Path) -> str:
             f"| `{stage.name}`: {stage.title} | {stage.group} | {inputs} | {outputs} |".replace("u1|u2", "u1\\|u2")
         )
     return "\n".join(lines)
-
-
-def update(path: Path, table: str) -> None:
-    """Put a table between the markers of a file.
-
-    Raises
-    ------
-    UsageError
-        It does not hold the two markers, each once and in order.
-    """
-    text = path.read_text(encoding="utf-8")
-    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
-        raise UsageError(f"{path} needs the line {BEGIN!r} once, and after it the line {END!r} once")
-    before, rest = text.split(BEGIN)
-    path.write_text(f"{before}{BEGIN}\n\n{table}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
 
 
 def _stage_object(stage: Stage, checks: Mapping[tuple[str, str], set[str]]) -> dict[str, Any]:

@@ -1,13 +1,12 @@
 """``report``: the HTML page or JUnit XML again, from the JSON of a run."""
 
-import json
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from conformance.commands import add_vectors, check_writable, count
 from conformance.process import read_output
 from conformance.report.console import describe, last_line
-from conformance.report.json import from_object
+from conformance.report.json import read
 from conformance.report.pictures import PictureBook
 from conformance.results import Report
 from conformance.selection import VectorFolder
@@ -33,7 +32,7 @@ def run(arguments: Namespace) -> int:
 
     check_writable(arguments.html)
     check_writable(arguments.junit)
-    report = _read(arguments.result)
+    report = read(arguments.result)
     if arguments.html:
         pictures = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep else PictureBook()
         write_page(report_html(report, pictures.pictures()), arguments.html)
@@ -41,13 +40,6 @@ def run(arguments: Namespace) -> int:
         write_page(junit_xml(report), arguments.junit)
     print("\n".join([*describe(report, arguments.show), "", last_line(report)]))
     return report.exit_code
-
-
-def _read(path: Path) -> Report:
-    try:
-        return from_object(json.loads(path.read_text(encoding="utf-8")))
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}") from None
 
 
 def _pictures(report: Report, kept: Path, vectors: Path) -> PictureBook:

@@ -35,6 +35,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         help=f"seconds for one vector, with --impl ({TIMEOUT:g})",
     )
     parser.add_argument(
+        "--environment",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="what it runs on, for reports: device=..., driver=...; a module tells it by a function `environment`",
+    )
+    parser.add_argument(
         "--jobs", type=whole, default=1, metavar="N", help="processes at the same time, with --impl (1)"
     )
     add_judging(parser)

@@ -32,7 +32,7 @@ def describe(report: Report, most: int) -> list[str]:
     most
         How many failures to describe.
     """
-    lines = [*stage_table(report), ""]
+    lines = [*runs_on_lines(report), *stage_table(report), ""]
     faults = report.faults
     for result in faults[:most]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
@@ -42,6 +42,12 @@ def describe(report: Report, most: int) -> list[str]:
     lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
     lines += [f"note: {note}" for note in report.notes]
     return [*lines, *class_table(report)]
+
+
+def runs_on_lines(report: Report) -> list[str]:
+    """What the implementation runs on, and an empty line; nothing if it does not tell."""
+    width = max(map(len, report.runs_on), default=0)
+    return [*(f"{name.ljust(width)}  {value}" for name, value in report.runs_on.items()), *[""] * bool(report.runs_on)]
 
 
 def last_line(report: Report) -> str:

@@ -14,6 +14,10 @@ def junit_xml(report: Report) -> str:
     root = ET.Element("testsuites", name="GSVC conformance", tests=str(len(report.results)))
     for stage in report.stages():
         suite = ET.SubElement(root, "testsuite", name=stage.name, tests=str(stage.total))
+        properties = ET.SubElement(suite, "properties")  # of a suite: the format knows none of the whole
+        told = {f"implementation.{name}": value for name, value in report.runs_on.items()}
+        for name, value in {**report.environment, **told}.items():
+            ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
         tests = [_test(result, report) for result in report.results if result.stage == stage.name]
         suite.extend(tests)
         for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):

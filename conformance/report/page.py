@@ -35,6 +35,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         _causes(report),
         f"<pre>{html.escape(report.command)}</pre>",
         cards_section(_cards(report)),
+        _runs_on(report.runs_on),
         _classes(report.groups()),
         _stages(report.stages()),
         _faults(report, pictures or {}),
@@ -55,6 +56,15 @@ def _verdict(report: Report) -> str:
 def _causes(report: Report) -> str:
     items = "".join(f"<li>{html.escape(cause)}</li>" for cause in cause_lines(report))
     return f'<h2>Probable cause</h2><ul class="causes">{items}</ul>' if items else ""
+
+
+def _runs_on(told: Mapping[str, str]) -> str:
+    rows = "".join(
+        f'<tr><td class="text">{html.escape(name)}</td><td class="text long">{html.escape(value)}</td></tr>'
+        for name, value in told.items()
+    )
+    table = f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>'
+    return f"<h2>What the implementation runs on</h2>{table}" if told else ""
 
 
 def _cards(report: Report) -> list[Figure]:

@@ -101,8 +101,7 @@ def error_ratios(expectation: Exact | Decision | Bounded | Interval, actual: NDA
         beyond = np.maximum(expectation.lowest - wide, wide - expectation.highest)
         return np.where(beyond > 0, 1 + beyond, 0.0)
     if isinstance(expectation, Exact) and expectation.value.dtype.kind == "f":
-        zero = -0.0 if expectation.signed_zeros else 0.0  # the sum with 0.0 has no -0, that with -0.0 is the same
-        return _units_between(actual + zero, expectation.value + zero)
+        return _units_between(actual, expectation.value)
     wrong = actual != expectation.value
     if isinstance(expectation, Decision) and expectation.alternative is not None:
         wrong &= actual != expectation.alternative

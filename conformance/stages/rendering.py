@@ -31,9 +31,19 @@ FEWEST_SPLATS: Final = 30
 SPLATS: Final = "parameters: f4 (N, 8); width: int; height: int"
 
 
+def _has_finite_factors(parameters: F4) -> NDArray[np.bool_]:
+    """Which splats have finite l11 and l22: (N,) bool."""
+    return np.asarray(np.isfinite(parameters[:, 2]) & np.isfinite(parameters[:, 4]))
+
+
+def _finite(parameters: F4) -> Splats:
+    """The splats with finite l11 and l22: gsvc_ref takes no others, and those are degenerate (section 9.1)."""
+    return Splats.from_array(parameters[_has_finite_factors(parameters)])
+
+
 def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
     """(9-2) in binary64 and the error bound of section 9.2; colours must not leave binary32 in any partial sum."""
-    return {"sum": Bounded(*rendering.render_exact_with_bound(Splats.from_array(parameters), width, height))}
+    return {"sum": Bounded(*rendering.render_exact_with_bound(_finite(parameters), width, height))}
 
 
 @stage(
@@ -45,12 +55,12 @@ def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectati
 )
 def render_sum(parameters: F4, width: int, height: int) -> Values:
     """The sum of the splats over a frame, before the clamp, within the error bound of binary32."""
-    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height)}
+    return {"sum": rendering.render_sum(_finite(parameters), width, height)}
 
 
 def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
     """Every operation of section 9.3 by NumPy, which rounds each on its own."""
-    return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
+    return {"sum": Exact(sum_plain(_finite(parameters), width, height))}
 
 
 @stage(
@@ -59,7 +69,7 @@ def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation
 )  # fmt: skip
 def render_sum_deterministic(parameters: F4, width: int, height: int) -> Values:
     """The sum of the splats over a frame, before the clamp, with the stated operations in the stated order."""
-    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height, precision="deterministic")}
+    return {"sum": rendering.render_sum(_finite(parameters), width, height, precision="deterministic")}
 
 
 def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:
@@ -119,7 +129,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     integer keeps the order: so the frame lies between the roundings of clamp(C - b) peak (1 - eps) and
     clamp(C + b) peak (1 + eps), which is never rounded above the peak.
     """
-    C, bound = rendering.render_exact_with_bound(Splats.from_array(parameters), width, height)
+    C, bound = rendering.render_exact_with_bound(_finite(parameters), width, height)
     peak = 2**bit_depth - 1
     kind = frame_type(bit_depth)
     value = np.rint(np.clip(C, 0, 1) * peak)
@@ -148,8 +158,9 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     five times below both and more: partial sums rarely reach the sum of magnitudes.) Without these conditions, or where
     a pixel may be covered or not, cancellation or one pixel alone can legally exceed the limits.
     """
-    splats = Splats.from_array(parameters)
-    gradients, bound = rendering.exact_gradients_with_bound(splats, residual)
+    gradients, bound = np.zeros((2, *parameters.shape))
+    drawn = _has_finite_factors(parameters)
+    gradients[drawn], bound[drawn] = rendering.exact_gradients_with_bound(_finite(parameters), residual)
     height, width = residual.shape[:2]
     clear = bool(np.all(edge_margins(parameters, width, height) > 1))
     groups = tuple(
@@ -173,7 +184,9 @@ def _together(gradients: F8, bound: F8) -> bool:
 )  # fmt: skip
 def render_gradients(parameters: F4, residual: F4) -> Values:
     """The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed."""
-    return {"gradients": rendering.render_gradients(Splats.from_array(parameters), residual)}
+    gradients = np.zeros_like(parameters)
+    gradients[_has_finite_factors(parameters)] = rendering.render_gradients(_finite(parameters), residual)
+    return {"gradients": gradients}
 
 
 @stage(

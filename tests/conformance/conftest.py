@@ -5,7 +5,8 @@ import pytest
 import toy_stages
 
 USERS = (
-    "vectors", "results", "selection", "commands", "commands.list", "commands.verify", "reference", "implementations",
+    "vectors", "results", "selection", "report.comparison", "commands", "commands.list", "commands.verify", "reference",
+    "implementations",
 )  # fmt: skip
 """Modules that have `stages` by name."""
 

@@ -200,6 +200,50 @@ def test_kept_refusals(folder, toy_module, tmp_path):
     assert (home / "in/stream.gsvc").read_bytes() == b"xyz"
 
 
+def test_what_a_module_runs_on_stands_in_every_report(folder, toy_module, tmp_path, capsys):
+    name = toy_module(environment=lambda: {"device": "a  GPU\nof two lines", "driver": "1.2"})
+    files = [tmp_path / "a.json", tmp_path / "a.xml", tmp_path / "a.html"]
+    words = [
+        word for option, file in zip(("--json", "--junit", "--html"), files, strict=True) for word in (option, file)
+    ]
+    assert run(folder, "--module", name, "--environment", "driver=1.3", *map(str, words)) == 0
+    assert capsys.readouterr().out.startswith("device  a GPU of two lines\ndriver  1.3\n\n")
+    assert json.loads(files[0].read_text())["runs_on"] == {"device": "a GPU of two lines", "driver": "1.3"}
+    assert all("a GPU of two lines" in file.read_text() for file in files)
+
+
+def test_what_a_command_runs_on_is_told_by_an_option(folder, tmp_path, capsys):
+    words = ["--impl", good_program(tmp_path), "--stage", "halve", "--level", "core", "--environment"]
+    assert run(folder, *words, "device=NVIDIA=H200") == 0
+    assert capsys.readouterr().out.startswith("device  NVIDIA=H200\n\n")
+    for word, message in (
+        ("device", "'device': ''; neither may be empty"),
+        ("=H200", "'': 'H200'; neither may be empty"),
+    ):
+        assert run(folder, *words, word) == 2
+        assert message in capsys.readouterr().err
+
+
+def no_device():
+    raise RuntimeError("there is no GPU")
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (no_device, "toy_implementation.environment() fails: RuntimeError: there is no GPU (test_commands.py, line "),
+        (lambda: {"cores": 4}, "environment() must return a dict of texts by name, not {'cores': 4}"),
+        (lambda: "a GPU", "environment() must return a dict of texts by name, not 'a GPU'"),
+        (lambda: {"driver": " "}, "toy_implementation.environment() has 'driver': ''; neither may be empty"),
+    ],
+)
+def test_an_environment_that_fails_is_told_before_any_work(folder, toy_module, capsys, function, message):
+    assert run(folder, "--module", toy_module(environment=function)) == 2
+    streams = capsys.readouterr()
+    assert message in streams.err
+    assert streams.out == ""
+
+
 def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
     def even_sizes(width, height, bit_depth):
         if width % 2:
@@ -260,6 +304,15 @@ def test_a_module_without_stages(folder, monkeypatch, capsys):
     assert "is it scales for scale?" in capsys.readouterr().err
     assert run(folder, "--module", "almost.py") == 2
     assert "--module takes the name of a module: almost, not almost.py" in capsys.readouterr().err
+    assert run(folder, "--module", "./almost.py") == 2
+    assert "--module takes the name of a module: almost, not ./almost.py" in capsys.readouterr().err
+
+
+def test_a_program_as_a_module(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("decoder.c").touch()
+    assert run(folder, "--module", "decoder.c") == 2
+    assert "decoder.c is no module; a program is judged with --impl" in capsys.readouterr().err
 
 
 def test_a_missing_package_is_named_before_any_work(folder, monkeypatch, capsys):
@@ -268,6 +321,29 @@ def test_a_missing_package_is_named_before_any_work(folder, monkeypatch, capsys)
     streams = capsys.readouterr()
     assert streams.err == "conformance verify: needs jsonschema: pip install '.[conformance]'\n"
     assert streams.out == ""
+
+
+def test_a_package_that_an_adapter_misses_is_named(monkeypatch, folder, tmp_path, capsys):
+    (tmp_path / "without_wgpu.py").write_text("import wgpu.utils\n")
+    (tmp_path / "without_torch.py").write_text("import torch\n")
+    monkeypatch.setitem(sys.modules, "wgpu", None)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("conformance.adapters.__path__", [str(tmp_path)])
+    assert run(folder, "--module", "conformance.adapters.without_wgpu") == 2
+    assert capsys.readouterr().err.endswith("; pip install '.[adapters]'\n")
+    assert run(folder, "--module", "conformance.adapters.without_torch") == 2
+    assert capsys.readouterr().err.endswith("; pip install '.[peers]'\n")
+    assert run(folder, "--module", "without_wgpu") == 2
+    assert "[adapters]" not in capsys.readouterr().err
+
+
+def test_the_package_of_the_authors_comes_from_elsewhere(monkeypatch, folder, capsys):
+    pytest.importorskip("torch", reason="the adapter of the authors' rasteriser needs PyTorch")
+    monkeypatch.setitem(sys.modules, "gsplat", None)
+    monkeypatch.delitem(sys.modules, "conformance.adapters.gsplat_cuda", raising=False)
+    assert run(folder, "--module", "conformance.adapters.gsplat_cuda") == 2
+    assert capsys.readouterr().err.endswith("; conformance/adapters/gsplat_cuda/__init__.py says where it is\n")
 
 
 @pytest.mark.parametrize("package", ["numpy", "numba"])
@@ -295,6 +371,15 @@ def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, 
     assert "note: halve: no known bug gives exactly what 1 of 1 failure gave (3 tried)\n" in out
     assert main(["run", "--module", name, "--vectors", str(folder), *QUIET]) == 1
     assert "no known bug" not in capsys.readouterr().out
+
+
+def test_arrays_of_another_type_are_not_taken_for_bad_arithmetic(folder, toy_module, capsys):
+    name = toy_module(scale=lambda values, factor: {"scaled": values.astype("f8") * factor})
+    assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
+    out = capsys.readouterr().out
+    assert "output scaled has type float64; it must be float32" in out
+    assert "Probable cause" not in out
+    assert "no known bug" not in out
 
 
 def test_a_report_of_something_else(tmp_path, capsys):

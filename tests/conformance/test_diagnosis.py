@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from conformance import diagnosis
 from conformance.diagnosis import _both, diagnose
-from conformance.mutants import all_mutants, answer
+from conformance.mutants import all_mutants, answer, called, kills
 from conformance.selection import VectorFolder
 from conformance.vectors import VECTORS
 
@@ -30,14 +31,23 @@ def test_a_layout_comes_before_the_bugs():
 
 def test_one_empty_picture_among_others_may_be_a_bug():
     names = ["core/render_sum/a_determinant_that_cancels", MIDDLE, CORNERS]
-    dropping = mutant("small-splats-dropped")
+    dropping = mutant("determinant-by-cancellation")
     failures = [(v, answer(dropping, v.stage, v.inputs)) for v in FOLDER.read(names[:1])]
     shifted = mutant("pixel-centre-at-integer")
     failures += [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names[1:])]
     assert not failures[0][1]["sum"].any()
     told = diagnose(failures)
-    assert dropping.sentence in told[names[0]]
+    assert not any("nothing was written to" in sentence for sentence in told[names[0]])
     assert shifted.sentence in told[CORNERS]
+
+
+def test_what_explains_more_is_preferred_to_what_explains_a_pixel():
+    shifted = mutant("pixel-centre-at-integer")
+    names = ["core/render_sum/a_determinant_that_cancels", CORNERS]
+    failures = [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names)]
+    alone = diagnose(failures[:1], [vector_of(MIDDLE)])[names[0]]
+    assert shifted.sentence not in alone[0]
+    assert diagnose(failures)[names[0]] == [shifted.sentence]
 
 
 @pytest.mark.parametrize("pair", [("pixel-centre-at-integer", "support-without-end"), ("l21-sign", "sigma-not-halved")])
@@ -82,3 +92,47 @@ def test_not_a_number():
     broken[3, 4] = np.nan
     (sentence,) = diagnose([(vector, {"sum": broken})])[CORNERS]
     assert "infinity" in sentence
+
+
+def failures_of(bug, stage):
+    """The failures of an implementation with this bug, and the vectors of the stage that it passes."""
+    failures, passed = [], []
+    for vector in FOLDER.read([name for name in FOLDER.names if name.split("/")[1] == stage]):
+        if called(vector.stage, vector.inputs) & bug.touched() and kills(vector, bug):
+            failures.append((vector, answer(bug, vector.stage, vector.inputs)))
+        else:
+            passed.append(vector)
+    return failures, passed
+
+
+def test_refusals_that_many_bugs_share_name_none_of_them_alone():
+    bug = mutant("crc-not-inverted")
+    failures, passed = failures_of(bug, "reconstruct_stream")
+    for sentences in diagnose(failures[:3], passed).values():
+        (sentence,) = sentences
+        assert sentence.startswith("one of ")
+        assert bug.sentence in sentence
+
+
+def test_refusals_at_another_bit_are_another_bug():
+    failures, passed = failures_of(mutant("words-backwards"), "reconstruct_stream")
+    bug = mutant("words-backwards").sentence
+    told = diagnose(failures, passed)
+    assert all(bug in sentences[0] for sentences in told.values())
+    assert [bug] in [told[name] for name in told if name.endswith("rich_stream")]
+    vector, outputs = next(failure for failure in failures if failure[0].id.endswith("rich_stream"))
+    without_bit = {**outputs, "error": "malformed R-7-1"}
+    (sentence,) = diagnose([(vector, without_bit)])[vector.id]
+    assert sentence.startswith("one of ")
+
+
+def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
+    """A work of 2^29 in place of 9 2^29 is nearer to the 0 of "the sign of l21" than to the right one."""
+    bug = mutant("work-in-32-bits")
+    failures, passed = failures_of(bug, "rendering_work")
+    (told,) = diagnose(failures, passed).values()
+    assert told == [bug.sentence]
+    without = tuple(other for other in all_mutants() if other != bug)
+    monkeypatch.setattr(diagnosis, "all_mutants", lambda: without)
+    (told,) = diagnose(failures, passed).values()
+    assert told == []

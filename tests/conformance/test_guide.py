@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from conformance import diagnosis, layouts
+from conformance import diagnosis, expectations, layouts
 from conformance.__main__ import main
+from conformance.commands import judging
 from conformance.mutants import all_mutants
 
 GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
@@ -62,7 +63,9 @@ def test_links_and_names():
 
 def test_what_the_report_says_is_what_it_can_say():
     known = [mutant.sentence for mutant in all_mutants()]
-    known += [Path(module.__file__).read_text(encoding="utf-8") for module in (diagnosis, layouts)]
+    known += [
+        Path(module.__file__).read_text(encoding="utf-8") for module in (diagnosis, expectations, judging, layouts)
+    ]
     text = GUIDE.read_text(encoding="utf-8")
     tables = re.findall(r"^\| the report says \|.*\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)
     said = [part.strip() for table in tables for row in table.splitlines() for part in first_cell(row).split(";")]

@@ -194,6 +194,13 @@ def test_a_program_that_is_not_there_or_cannot_be_started(toys, tmp_path):
     assert answer.outcome == "error"
 
 
+def test_a_program_of_the_current_folder_without_its_path(tmp_path, monkeypatch):
+    (tmp_path / "judge-me").touch(0o755)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=r"say \./judge-me"):
+        ProcessImplementation("judge-me", 1)
+
+
 def test_no_shell_sees_a_command(folder, tmp_path):
     target = tmp_path / "made"
     command = f"{sys.executable} -c 'raise SystemExit(77)' ; touch {target}"

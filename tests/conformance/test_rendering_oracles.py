@@ -78,7 +78,7 @@ def weights(parameters, width, height, arithmetic):
     rows = range(len(parameters))
     for n in reversed(rows) if arithmetic.backwards else rows:
         x, y, l11, l21, l22 = parameters[n, :5].astype(np.float64)
-        if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR):
+        if not (SMALLEST_FACTOR <= l11 < np.inf and SMALLEST_FACTOR <= l22 < np.inf):
             continue
         u1 = arithmetic.divide(fl(np.arange(width) + 0.5 - x), l11)
         d_y = fl(np.arange(height) + 0.5 - y)[:, None]
@@ -127,7 +127,7 @@ def gradients(parameters, residual, total, arithmetic, moments):
         q = fl(g * arithmetic.add_product(e[:, 2], c[2], arithmetic.add_product(e[:, 1], c[1], fl(e[:, 0] * c[0]))))
         if moments:
             of_1, of_2, of_11, of_12, of_22 = (total(fl(q * m)) for m in (u1, u2, u1 * u1, u1 * u2, u2 * u2))
-            shear = fl(l21 / fl(l11 * l22))
+            shear = fl(fl(l21 / l22) / l11)  # l11 l22 may underflow
             of_l = [of_1 / l11 - shear * of_2, of_2 / l22, of_11 / l11 - shear * of_12, of_12 / l22, of_22 / l22]
         else:
             v2 = fl(u2 / l22)

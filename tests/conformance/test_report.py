@@ -17,7 +17,7 @@ from toy_stages import REFERENCE, STAGES, paint
 from conformance.expectations import Bounded, Decision, Exact, Interval
 from conformance.implementations import ModuleImplementation
 from conformance.report.console import cause_lines, describe, ends, last_line, progress_text
-from conformance.report.json import from_object, to_object
+from conformance.report.json import from_object, to_object, to_text
 from conformance.report.junit import junit_xml
 from conformance.report.page import MOST_FAULTS, report_html
 from conformance.report.pictures import NOT_FINITE, WORST_OF_STAGE, PictureBook, error_ratios, pictures_of, ramp
@@ -97,6 +97,20 @@ def test_a_selection_stands_beside_the_verdict(report):
     assert "of stage parse only" in text
 
 
+def test_what_the_implementation_tells_of_its_environment(report):
+    assert describe(report, 0)[0].startswith("stage ")
+    told = replace(report, runs_on={"device": "a GPU", "driver version": "1.2"})
+    assert describe(told, 0)[:3] == ["device          a GPU", "driver version  1.2", ""]
+    assert "a GPU" in report_html(told)
+    assert from_object(json.loads(to_text(told))) == told
+    assert from_object({name: value for name, value in to_object(report).items() if name != "runs_on"}) == report
+    for suite in ET.fromstring(junit_xml(told).encode()):
+        assert suite[0].tag == "properties"
+        properties = {entry.get("name"): entry.get("value") for entry in suite[0]}
+        mine = {"implementation.device": "a GPU", "implementation.driver version": "1.2"}
+        assert properties == {**told.environment, **mine}
+
+
 def test_progress():
     assert progress_text("scale", RESULTS) == "scale: 2 pass, 2 wrong"
     assert progress_text("paint", RESULTS) == "paint: 1 pass, 1 unsupported"
@@ -109,6 +123,20 @@ def test_json_and_back(report):
     value = json.loads(text)
     assert (value["passed"], value["stages"][2]["fail"]) == (False, 1)
     assert value["results"][2]["outputs"][0]["ratio"] == "infinite"
+
+
+def test_json_is_a_line_a_result_and_tells_nothing_twice(report):
+    text = to_text(report)
+    assert json.loads(text) == to_object(report)
+    lines = [json.loads(line.rstrip(",")) for line in text.splitlines() if line.startswith('{"id"')]
+    assert [line["id"] for line in lines] == [result.id for result in RESULTS]
+    assert lines[0] == {
+        "id": "core/scale/good", "title": "Shows good.", "class": "training", "outcome": "pass", "seconds": 0.0,
+        "outputs": [{"name": "scaled", "check": "bounded", "passed": True, "ratio": 0.5, "place": [2, 1]}],
+    }  # fmt: skip
+    single = result("single", outputs=(OutputResult("loss", "bounded", True, ratio=0.0, place=()),))
+    again = from_object(json.loads(to_text(replace(report, results=[single]))))
+    assert again.results == [single]
 
 
 @pytest.mark.parametrize(
@@ -256,7 +284,11 @@ def test_the_page_is_whole_and_needs_nothing(report, failing):
 
 def test_the_page_escapes_what_others_wrote(report):
     evil = [result("a", "fail", message=EVIL, title=EVIL, causes=(EVIL,), log=EVIL)]
-    page = Page(report_html(replace(report, results=evil, environment={EVIL: EVIL}, notes=[EVIL], command=EVIL)))
+    page = Page(
+        report_html(
+            replace(report, results=evil, environment={EVIL: EVIL}, runs_on={EVIL: EVIL}, notes=[EVIL], command=EVIL)
+        )
+    )
     assert "script" not in page.tags
     assert EVIL in page.texts
 

@@ -113,6 +113,22 @@ def test_a_function_that_does_not_tell_its_parameters_is_called(folder):
         assert outcomes(judge(folder, module(scale=function)))["core/scale/by_two"] == "pass"
 
 
+def test_a_module_that_makes_the_processor_flush_subnormal_numbers_is_in_error(folder):
+    torch = pytest.importorskip("torch", reason="PyTorch (extra peers) can switch flushing on")
+
+    def halve(**inputs):
+        torch.set_flush_denormal(True)
+        return REFERENCE["halve"](**inputs)
+
+    try:
+        report = judge(folder, module(halve=halve))
+    finally:
+        torch.set_flush_denormal(False)
+    wrong = [result for result in report.results if result.stage == "halve"]
+    assert {result.outcome for result in wrong} == {"error"}
+    assert "subnormal" in wrong[0].message
+
+
 def test_sys_exit_of_a_module_does_not_end_the_kit(folder):
     report = judge(folder, module(halve=lambda values: sys.exit(0)))
     assert outcomes(report)["core/halve/one_to_six"] == "error"

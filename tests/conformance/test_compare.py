@@ -1,0 +1,164 @@
+"""The tables of several reports."""
+
+import json
+
+import pytest
+from toy_stages import INPUTS, STAGES
+
+from conformance.__main__ import main
+from conformance.commands.compare import BEGIN, END
+from conformance.report.comparison import Entry, comparison, stage_cell
+from conformance.report.json import to_text
+from conformance.results import OutputResult, Report, Result
+
+
+def report_of(name, outcomes, runs_on=None, **environment) -> Report:
+    """A report in which the vectors of some stages have an outcome and a ratio; the others are unsupported."""
+    results = []
+    for vector in INPUTS:
+        stage = vector.split("/")[1]
+        outcome, ratio = outcomes.get(stage, ("unsupported", None))
+        outputs = () if outcome == "unsupported" else (OutputResult("x", "bounded", outcome == "pass", ratio=ratio),)
+        results.append(Result(vector, "A vector.", STAGES[stage].group, outcome, outputs=outputs))
+    around = {
+        "implementation": name,
+        "vectors": "a" * 64,
+        "spec.md": "1",
+        "platform": "Linux",
+        "date": "2026-01-31T12:00",
+    }
+    return Report({**around, **environment}, f"run --module {name}", "", [], results, runs_on or {})
+
+
+@pytest.fixture
+def entries(toys) -> list[Entry]:
+    good = report_of(
+        "pkg.good", {name: ("pass", 0.25 if name == "scale" else None) for name in STAGES}, {"device": "a|b"}
+    )
+    bad = report_of("pkg.bad", {"scale": ("fail", 7.5), "halve": ("waived", float("inf")), "parse": ("pass", None)})
+    return [Entry("good", good, {"page": "good.html"}), Entry("bad", bad)]
+
+
+SPEEDS = {
+    "form": "speeds/1",
+    "date": "2026-02-01",
+    "machine": {"cpu": "Some CPU", "cores": 2},
+    "works": {"sum": "render_sum, 19x7", "step": "adan_step"},
+    "implementations": [
+        {"implementation": "ours", "settings": {}, "environment": {}, "missing": {},
+         "seconds": {"sum": {"median": 0.5}, "step": {"median": 0.001}}},
+        {"implementation": "pkg.good", "settings": {"X": "1"}, "environment": {"device": "other"}, "missing": {},
+         "seconds": {"sum": {"median": 9.0}}},
+        {"implementation": "pkg.good", "settings": {"X": "2"}, "environment": {"device": " a|b"}, "missing": {},
+         "seconds": {"sum": {"median": 0.01234}}},
+    ],
+}  # fmt: skip
+
+
+def rows(text, first):
+    """The rows of the table whose head begins with a word."""
+    (part,) = (part for part in text.split("\n\n") if part.startswith(f"| {first} "))
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if "---" not in line]
+
+
+def test_the_tables(entries):
+    text = comparison(entries)
+    assert rows(text, "implementation") == [
+        ["implementation", "conclusion", "on", "date", "report"],
+        ["good", "passed", "device: a&#124;b<br>Linux", "2026-01-31", "[page](good.html)"],
+        ["bad", "failed", "Linux", "2026-01-31", ""],
+    ]
+    assert rows(text, "class")[1:] == [
+        ["bitstream", "passed", "passed"],
+        ["rendering", "passed", "not claimed"],
+        ["training", "passed", "failed"],
+        ["quantization", "passed", "not claimed"],
+    ]
+    assert rows(text, "stage") == [
+        ["stage", "good", "bad"],
+        ["`parse`", "3/3", "3/3"],
+        ["`paint`", "2/2", "–"],
+        ["`scale`", "3/3 (0.25)", "0/3, **3 wrong** (7.5)"],
+        ["`halve`", "1/1", "0/1, 1 waived (infinite)"],
+    ]
+    assert "**" not in text.replace("**3 wrong**", "")
+
+
+def test_a_stage_that_an_implementation_has_in_part(entries):
+    some = [Result(f"core/paint/{n}", "x", "rendering", "unsupported" if n else "pass") for n in range(3)]
+    (summary,) = Report({}, "", "", [], some).stages()
+    assert stage_cell(summary, None) == "1/3, 2 unsupported"
+    assert stage_cell(None, None) == "–"
+
+
+def test_the_ratio_of_core_vectors_stands_before_that_of_all(entries):
+    def result(vector, ratio):
+        return Result(
+            vector, "A vector.", "training", "pass", outputs=(OutputResult("x", "bounded", True, ratio=ratio),)
+        )
+
+    ratios = {"core/scale/a": 0.0, "core/scale/b": 0.125, "stress/scale/c": 0.99999}
+    report = Report({}, "", "", [], [result(vector, ratio) for vector, ratio in ratios.items()])
+    assert "| `scale` | 3/3 (0.125; 1) |" in comparison([Entry("x", report)])
+
+
+def test_what_cannot_be_compared_is_told(entries):
+    other = report_of("pkg.late", {"parse": ("pass", None)}, vectors="b" * 64)
+    partial = Report(other.environment, "", "stage parse", [], [r for r in other.results if r.stage == "parse"])
+    text = comparison([*entries, Entry("late", partial)])
+    assert "**Not the same vectors**: aaaaaaaaaaaaaaaa of good, bad; bbbbbbbbbbbbbbbb of late." in text
+    assert "**late** was judged in part: stage parse." in text
+    assert "Not the same spec.md" not in text
+
+
+def test_speeds_stand_beside_by_implementation_and_environment(entries):
+    text = comparison(entries, SPEEDS)
+    assert "Milliseconds, medians, measured on 2026-02-01 (cpu: Some CPU; cores: 2):" in text
+    assert rows(text, "work") == [
+        ["work", "good", "ours", "good (X=1)"],
+        ["render_sum, 19x7", "12.3", "500", "9e+03"],
+        ["adan_step", "–", "1", "–"],
+    ]
+
+
+def test_the_command(entries, tmp_path, capsys):
+    folder = tmp_path / "reports"
+    folder.mkdir()
+    for entry in entries:
+        (folder / f"{entry.name}.json").write_text(to_text(entry.report))
+    (folder / "good.html").write_text("a page")
+    (folder / "speeds.json").write_text(json.dumps(SPEEDS))
+    results = [str(folder / "good.json"), str(folder / "bad.json")]
+    page = folder / "README.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    words = ["compare", *results, "--speeds", str(folder / "speeds.json")]
+    for _ in range(2):
+        assert main([*words, "--markdown", str(page)]) == 0
+        assert capsys.readouterr().out == ""
+        text = page.read_text()
+        assert text.startswith(f"before\n{BEGIN}\n\n| implementation |")
+        assert text.endswith(f" |\n\n{END}\nafter\n")
+    assert "| [page](good.html), [JSON](good.json) |" in text
+    assert main(words) == 0
+    assert capsys.readouterr().out.split("|")[1:6] == text.split("|")[1:6]
+
+
+def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
+    good = tmp_path / "good.json"
+    good.write_text(to_text(entries[0].report))
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "good.json").write_text(good.read_text())
+    other = tmp_path / "other.json"
+    other.write_text('{"form": "speeds/2"}')
+    part = tmp_path / "part.json"
+    part.write_text('{"form": "speeds/1"}')
+    for words, message in (
+        ([str(other)], "other.json"),
+        ([str(good), "--speeds", str(part)], "has not the form speeds/1"),
+        ([str(good), str(tmp_path / "b" / "good.json")], "two reports are called good"),
+        ([str(good), "--speeds", str(other)], "has not the form speeds/1"),
+        ([str(good), "--speeds", str(tmp_path / "none.json")], "none.json"),
+        ([str(good), "--markdown", str(other)], "needs the line '<!-- begin: python -m conformance compare -->' once"),
+    ):
+        assert main(["compare", *words]) == 2
+        assert message in capsys.readouterr().err
