@@ -3,6 +3,7 @@
 import ast
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from conformance.implementations import load_module
@@ -32,6 +33,18 @@ def judge(vector_folder):
         return results
 
     return judged
+
+
+@pytest.fixture
+def pinpoints():
+    """White splats far thinner than a pixel, each on a centre of one: u is 0 there, and only colours have gradients.
+
+    Their factors l21 / (l11 l22) of (13-12) are in the range of binary32; some products of two of the three are not.
+    """
+    factors = [(1e-30, 0, 1e-30), (1e-30, 1e-30, 1e-30), (1e-30, 1e-25, 1e-3), (1e30, 1e25, 1e-25)]
+    places = [(4 * n + 0.5, 4.5) for n in range(len(factors))]
+    rows = [(*place, *factor, 1 / 3, 1 / 3, 1 / 3) for place, factor in zip(places, factors, strict=True)]
+    return np.array(rows, np.float32)
 
 
 @pytest.fixture(scope="session")
