@@ -1,0 +1,115 @@
+"""The little of WebGPU's API that the stages need: a device, buffers, and passes of compute shaders."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+Array = npt.NDArray[Any]
+
+Pass = tuple[str, Sequence[int], Sequence[int]]
+"""An entry point, its workgroups in x, y and z, and the numbers of the bindings that it uses."""
+
+_STORAGE: Final = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST
+
+
+NO_DEVICE: Final = (
+    "there is no WebGPU device: install the driver of the GPU for Vulkan, or mesa-vulkan-drivers (Debian, Ubuntu), "
+    "whose lavapipe takes the CPU"
+)
+
+
+@cache
+def device() -> Any:
+    """The device that all stages share; WGPUPY_WGPU_ADAPTER_NAME chooses another one than the fastest.
+
+    Raises
+    ------
+    RuntimeError
+        There is none, or not the one of that name.
+    """
+    try:
+        adapter = wgpu.gpu.request_adapter_sync(power_preference="high-performance")
+    except (RuntimeError, ValueError) as error:
+        there = ", ".join(other.info["device"] for other in wgpu.gpu.enumerate_adapters_sync())
+        raise RuntimeError(f"{error} There are: {there}" if there else NO_DEVICE) from None
+    limits = ("max-buffer-size", "max-storage-buffer-binding-size")
+    return adapter.request_device_sync(required_limits={name: adapter.limits[name] for name in limits})
+
+
+@cache
+def pipeline(shader: str, entry_point: str) -> Any:
+    """The compute pipeline of an entry point; its layout has the bindings that it uses."""
+    return device().create_compute_pipeline(
+        layout="auto", compute={"module": _module(shader), "entry_point": entry_point}
+    )
+
+
+@cache
+def _module(shader: str) -> Any:
+    return device().create_shader_module(code=shader)
+
+
+@cache
+def wgsl(name: str) -> str:
+    """The text of a shader of this folder."""
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+def storage(size: int) -> Any:
+    """A storage buffer of zeros: whole words, and never empty, since an empty one can't be bound."""
+    return device().create_buffer(size=max(4, -(-size // 4) * 4), usage=_STORAGE)
+
+
+def upload(data: Array) -> Any:
+    """A storage buffer that holds an array."""
+    buffer = storage(data.nbytes)
+    if data.nbytes > 0:
+        raw = data.tobytes()
+        device().queue.write_buffer(buffer, 0, raw + bytes(-len(raw) % 4))
+    return buffer
+
+
+def uniform(*fields: Array | np.generic) -> Any:
+    """A uniform buffer of fields, one behind the other; the caller knows the alignment."""
+    raw = b"".join(field.tobytes() for field in fields)
+    return device().create_buffer_with_data(data=raw + bytes(-len(raw) % 16), usage=wgpu.BufferUsage.UNIFORM)
+
+
+def run(shader: str, passes: Sequence[Pass], buffers: Mapping[int, Any]) -> None:
+    """Dispatch passes one after the other; each sees what the ones before have written.
+
+    Parameters
+    ----------
+    shader
+        The text of the module.
+    passes
+        In their order.
+    buffers
+        By their binding in group 0.
+    """
+    encoder = device().create_command_encoder()
+    for entry_point, workgroups, bindings in passes:
+        chosen = pipeline(shader, entry_point)
+        entries = [{"binding": binding, "resource": {"buffer": buffers[binding]}} for binding in bindings]
+        group = device().create_bind_group(layout=chosen.get_bind_group_layout(0), entries=entries)
+        compute = encoder.begin_compute_pass()
+        compute.set_pipeline(chosen)
+        compute.set_bind_group(0, group)
+        compute.dispatch_workgroups(*workgroups)
+        compute.end()
+    device().queue.submit([encoder.finish()])
+
+
+def download(buffer: Any, dtype: npt.DTypeLike, count: int) -> Array:
+    """The first `count` numbers of a storage buffer."""
+    return np.frombuffer(device().queue.read_buffer(buffer), dtype, count)
+
+
+def groups(things: int, size: int) -> int:
+    """How many groups of a size hold all things."""
+    return -(-things // size)
