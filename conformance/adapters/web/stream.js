@@ -1,0 +1,240 @@
+// Whole streams: the order of checks (spec.md section 12.2), frame by frame, and a stream that seeks.
+"use strict";
+globalThis.GSVC ??= {};
+{
+  const { Fault, Bits, LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame } = GSVC;
+  const { checkIndex, checkEnd, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
+  const MOST_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
+  const LONGEST_STEP = 30; // milliseconds for which a page may stand still
+
+  /** What a decoder carries from chunk to chunk. */
+  class State {
+    constructor(header) {
+      this.header = header;
+      this.limits = LEVELS[header.level];
+      this.nextNumber = 0;
+      this.indexLength = 0; // bytes of the chunk directly before, if it is an index
+      this.forget();
+    }
+
+    /** What an I-frame begins with: no splats, nothing kept. */
+    forget() {
+      this.parameters = new Float32Array(0);
+      this.kept = { intra: {}, inter: {} };
+    }
+
+    /** A state that goes on from here; arrays are shared, since nothing ever changes one. */
+    copy() {
+      const copy = Object.assign(Object.create(State.prototype), this);
+      copy.kept = { intra: { ...this.kept.intra }, inter: { ...this.kept.inter } };
+      return copy;
+    }
+  }
+
+  /** Reads all that precedes the first frame: the bits behind it, and the state. */
+  function readStart(stream) {
+    const { s, versionMinor } = readPrefix(stream);
+    const { type, bit, payload } = readChunk(s, LONGEST_HEADER);
+    checkKnown(type, bit);
+    if (type !== "H") throw new Fault("R-6.1-3", bit);
+    const header = readSequenceHeader(payload);
+    if (versionMinor === 0) payload.checkFilled();
+    return { s, state: new State(header) };
+  }
+
+  function checkKnown(type, bit) {
+    if (/[A-Z]/.test(type) && !"HIPRE".includes(type)) throw new Fault("R-3.2-1", bit);
+  }
+
+  function checkMayStand(type, bit, state) {
+    if (type === "H") throw new Fault("R-6.1-3", bit);
+    if (state.nextNumber === 0 && type === "E") throw new Fault("R-6.1-5", bit);
+    if (state.nextNumber === 0 && "PR".includes(type)) throw new Fault("R-6.4-2", bit);
+  }
+
+  /** Yields each complete frame, with `parameters`, to the end of the stream; throws the first Fault. */
+  function* readFrames(s, state) {
+    for (let type = "H"; type !== "E"; ) {
+      const chunk = readChunk(s, state.limits.payload);
+      const { bit, payload } = chunk;
+      type = chunk.type;
+      checkKnown(type, bit);
+      checkMayStand(type, bit, state);
+      if (type === "E") {
+        checkEnd(payload, state);
+        payload.checkFilled();
+      }
+      state.indexLength = 0;
+      if (type === "x") {
+        checkIndex(payload, bit / 8);
+        payload.checkFilled();
+        state.indexLength = (s.position() - bit) / 8;
+      }
+      if ("IPR".includes(type)) {
+        const frame = completeFrame(chunk, state);
+        frame.byteOffset = bit / 8;
+        frame.byteLength = (s.position() - bit) / 8;
+        yield frame;
+      }
+    }
+    if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
+  }
+
+  function completeFrame({ type, bit, payload }, state) {
+    const frame = readFrame(payload, type, state);
+    payload.checkFilled();
+    const { width, height } = state.header;
+    const parameters = reconstructFrame(frame, state);
+    if (!parameters.every(Number.isFinite)) throw new Fault("R-8-1", bit);
+    if (renderingWork(parameters, width, height) > state.limits.work) throw new Fault("R-5-4", bit);
+    if (frame.checksum !== null && frame.checksum !== parameterChecksum(parameters)) {
+      throw new Fault("R-6.4-3", frame.checksumBit);
+    }
+    state.parameters = frame.parameters = parameters;
+    state.nextNumber += 1;
+    return frame;
+  }
+
+  /** The parameters (N, 8) of a frame: survivors first, then new splats. */
+  function reconstructFrame(frame, { parameters: reference, header: { width, height } }) {
+    if (frame.type === "R") return reference;
+    const none = new Float32Array(0);
+    const old = frame.inter ? reconstructInter(width, height, reference, frame.survivors, frame.inter) : none;
+    const added = frame.intra ? reconstructIntra(width, height, frame.intra) : none;
+    const parameters = new Float32Array(old.length + added.length);
+    parameters.set(old);
+    parameters.set(added, old.length);
+    return parameters;
+  }
+
+  /** States to go on from, of every `step`-th frame: as many as fit into `most` bytes. */
+  class KeptStates {
+    constructor(most) {
+      this.most = most;
+      this.step = 1;
+      this.bytes = 0;
+      this.states = new Map(); // by the number of the next frame
+    }
+
+    add(state) {
+      if (state.nextNumber % this.step !== 0) return;
+      this.states.set(state.nextNumber, state.copy());
+      this.bytes += state.parameters.byteLength + 1024;
+      while (this.bytes > this.most && this.states.size > 1) this.thin(); // frame 0 stays
+    }
+
+    thin() {
+      this.step *= 2;
+      this.bytes = 0;
+      for (const [number, state] of this.states) {
+        if (number % this.step !== 0) this.states.delete(number);
+        else this.bytes += state.parameters.byteLength + 1024;
+      }
+    }
+
+    /** A state from which frame n can be reached: that of the I-frame or of the kept state that is nearest. */
+    before(n, frames) {
+      const kept = this.states.get(n - (n % this.step)).copy();
+      for (let at = n; at > kept.nextNumber; at--) {
+        if (frames[at].type === "I") kept.nextNumber = at; // it forgets all else
+      }
+      return kept;
+    }
+  }
+
+  /** What the list of frames tells of one; bits are those of the chunk, `other` being all that is not listed. */
+  function summary(frame) {
+    const { type, number, byteOffset, byteLength, bits } = frame;
+    const splatCount = frame.parameters.length / 8;
+    const newCount = frame.intra ? frame.intra.count : 0;
+    const other = Object.values(bits).reduce((left, part) => left - part, 8 * byteLength);
+    const planeBits = { ...bits, other };
+    const survivorCount = splatCount - newCount;
+    return { number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, planeBits };
+  }
+
+  /** Reads a stream to its first fault or its end; after each frame it yields how many bytes were read. */
+  function* reading(bytes, mostKept) {
+    const frames = [];
+    const states = new KeptStates(mostKept);
+    let header = null;
+    let fault = null;
+    try {
+      const { s, state } = readStart(bytes);
+      header = state.header;
+      states.add(state);
+      for (const frame of readFrames(s, state)) {
+        frames.push(summary(frame));
+        states.add(state);
+        yield s.at / 8;
+      }
+    } catch (error) {
+      if (!(error instanceof Fault)) throw error;
+      fault = { kind: error.kind, rule: error.rule, bit: error.bit, message: error.message };
+    }
+    return { header, frames, fault, frame: seeker(bytes, frames, states) };
+  }
+
+  /**
+   * Reads a stream from its first to its last byte.
+   *
+   * @param {Uint8Array} bytes
+   * @param {number} mostKept how many bytes of splats may be kept to seek from
+   * @returns {{header: ?Object, frames: Object[], fault: ?Object, frame: function(number): Object}}
+   *   header: the elements of the sequence header by name, or null if it is at fault.
+   *   frames: of each complete frame number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, and
+   *     planeBits: how many bits tell survivors, positions, cholesky, colors, codebooks, and other.
+   *   fault: null, or kind, rule, bit and message of the first fault; the frames are those before it.
+   *   frame(n): parameters (Float32Array of 8 a splat), survivors (Uint8Array, one for each splat of the frame before,
+   *     of a P-frame; else null), newCount. Do not change its arrays.
+   */
+  function openStream(bytes, mostKept = MOST_KEPT) {
+    const steps = reading(bytes, mostKept);
+    for (;;) {
+      const { done, value } = steps.next();
+      if (done) return value;
+    }
+  }
+
+  /**
+   * openStream for a page that must not freeze: every LONGEST_STEP it tells what part is read and lets it go on.
+   *
+   * A signal, an AbortSignal, may end it: the promise is rejected then.
+   */
+  async function openStreamInSteps(bytes, onProgress = () => {}, signal = null) {
+    const steps = reading(bytes, MOST_KEPT);
+    let rested = performance.now();
+    for (;;) {
+      const { done, value } = steps.next();
+      if (done) return value;
+      if (performance.now() - rested < LONGEST_STEP) continue;
+      onProgress(value / bytes.length);
+      await new Promise((resolve) => setTimeout(resolve));
+      signal?.throwIfAborted();
+      rested = performance.now();
+    }
+  }
+
+  /** frame(n) of a stream that was read once; going forwards reads each frame once. */
+  function seeker(bytes, frames, states) {
+    let current = null; // the state behind the frame that was read last
+    let last = null; // that frame
+    return (n) => {
+      if (!(n in frames)) throw new RangeError(`there is no frame ${n}`);
+      if (last === null || last.number !== n) {
+        const nearest = states.before(n, frames);
+        if (!current || current.nextNumber > n || current.nextNumber < nearest.nextNumber) current = nearest;
+        for (let at = current.nextNumber; at <= n; at++) last = completeFrame(chunkOf(bytes, frames[at]), current);
+      }
+      const survivors = last.survivors && Uint8Array.from(last.survivors);
+      return { parameters: last.parameters, survivors, newCount: last.intra ? last.intra.count : 0 };
+    };
+  }
+
+  function chunkOf(bytes, { byteOffset, byteLength }) {
+    const s = new Bits(bytes.subarray(byteOffset, byteOffset + byteLength), 8 * byteOffset, "R-6.2-4");
+    return readChunk(s, byteLength);
+  }
+
+  Object.assign(GSVC, { readStart, readFrames, openStream, openStreamInSteps });
+}
