@@ -1,0 +1,39 @@
+"""Whole streams: spec.md's parser on the host, PyTorch behind it."""
+
+from conformance.adapters import host
+from conformance.adapters.pytorch.deterministic import render_sum_deterministic, to_frame_deterministic
+from conformance.adapters.pytorch.device import Arrays
+from conformance.adapters.pytorch.reconstruction import (
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    rendering_work,
+)
+from conformance.adapters.pytorch.rendering import render_frame
+
+_STAGES = host.stream_stages(
+    {
+        "reconstruct_intra": reconstruct_intra,
+        "reconstruct_inter": reconstruct_inter,
+        "parameter_checksum": parameter_checksum,
+        "rendering_work": rendering_work,
+        "render_frame": render_frame,
+        "render_sum_deterministic": render_sum_deterministic,
+        "to_frame_deterministic": to_frame_deterministic,
+    }
+)
+
+
+def reconstruct_stream(stream: bytes) -> Arrays:
+    """Stage: the splats of all complete frames, and what is wrong with the stream."""
+    return _STAGES["reconstruct_stream"](stream)
+
+
+def decode_stream(stream: bytes) -> Arrays:
+    """Stage: the frames, in `bounded` rendering."""
+    return _STAGES["decode_stream"](stream)
+
+
+def decode_stream_deterministic(stream: bytes) -> Arrays:
+    """Stage: the frames, in `deterministic` rendering."""
+    return _STAGES["decode_stream_deterministic"](stream)
