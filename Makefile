@@ -5,7 +5,7 @@ EXTRAS ?= test
 BIN    := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments clean
+.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -54,6 +54,22 @@ bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold
 
 experiments: .venv/.ready-experiments            ## the paper's experiments, small versions (FULL=1: large; UVG=FOLDER: on UVG instead)
 	$(BIN)/python -m experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
+
+adapters: .venv/.ready-test,adapters,peers            ## judge and measure the adapters that run here; writes docs/reports/
+	-$(BIN)/python -m conformance run --reference $(call report,gsvc_ref)
+	-$(BIN)/python -m conformance run --module conformance.adapters.opencl $(call report,opencl)
+	-$(BIN)/python -m conformance run --module conformance.adapters.pytorch $(call report,pytorch)
+	-$(BIN)/python -m conformance run --module conformance.adapters.webgpu $(call report,webgpu)
+	-GSVC_WEB_RENDERER=webgl2 $(BIN)/python -m conformance run --module conformance.adapters.web $(call report,web-webgl2)
+	-GSVC_WEB_RENDERER=webgpu $(BIN)/python -m conformance run --module conformance.adapters.web $(call report,web-webgpu)
+	-$(BIN)/python -m conformance run --module conformance.adapters.gsplat_cuda $(call report,gsplat_cuda) \
+		--waivers conformance/adapters/gsplat_cuda/expected_failures.json
+	-PYTHONPATH=tests/adapters $(BIN)/python -m conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
+	$(BIN)/python -m benchmarks.adapters --json docs/reports/speeds.json
+	$(BIN)/python -m conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
+		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
+
+report = --quiet --show 3 --json docs/reports/$(1).json --html docs/reports/$(1).html
 
 clean:            ## remove what the other commands made
 	rm -rf .venv .venv-lowest demo benchmarks/cache experiments/results .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
