@@ -130,7 +130,8 @@ def pages():
     finally:
         for page in opened:
             page.close()
-    assert not [complaint for page in opened for complaint in page.complaints]
+    complaints = [complaint for page in opened for complaint in page.complaints]
+    assert not complaints, complaints
 
 
 def viewer(page, url=None):
