@@ -32,8 +32,9 @@ globalThis.GSVC ??= {};
     const parts = (entry) => values(Object.fromEntries(Object.entries(entry).filter(([, part]) => part?.file)));
     const outputs = Object.entries(manifest.outputs).map(async ([name, entry]) =>
       ({ name, entry, parts: await parts(entry) }));
-    const inputs = values(manifest.inputs); // all are waited for together: none is refused with nobody waiting for it
-    return Promise.all([inputs, Promise.all(outputs)]).then(([ins, outs]) => ({ manifest, inputs: ins, outputs: outs }));
+    // All are waited for together, so that none is refused with nobody waiting for it.
+    const [inputs, ...read] = await Promise.all([values(manifest.inputs), ...outputs]);
+    return { manifest, inputs, outputs: read };
   }
 
   /** The result of a vector: outcome (pass, fail, error or unsupported), message, and the worst ratio or null. */
