@@ -152,6 +152,31 @@ SELECTION: tuple[Mutant, ...] = (
         ("if calm >= patience:", "if calm > patience:")),
 )  # fmt: skip
 
+_MOMENTS = tuple(f'"{name}": {name}[survivors],' for name in ("m", "v", "n", "previous"))
+"""How the code of spec.md compacts what Adan knows of a splat, but for its steps."""
+
+
+def _moments(becomes: str) -> tuple[tuple[str, str], ...]:
+    """Patches of all moments, of which [survivors] becomes something else."""
+    return tuple((text, text.replace("[survivors]", becomes)) for text in _MOMENTS)
+
+
+COMPACTION: tuple[Mutant, ...] = (
+    bug(AREA, "compact-moments-in-place", "moments left in their rows when splats are removed",
+        *_moments("[: len(survivors)]")),
+    bug(AREA, "compact-moments-lost", "moments that begin anew with every removal", *_moments("[survivors] * 0")),
+    bug(AREA, "compact-moments-of-the-end", "moments of the last rows given to the survivors",
+        *_moments("[len(values) - len(survivors) :]")),
+    bug(AREA, "compact-steps-in-place", "steps left in their rows when splats are removed",
+        ('"steps": steps[survivors]', '"steps": steps[: len(survivors)]')),
+    bug(AREA, "compact-steps-lost", "steps that are counted anew after a removal",
+        ('"steps": steps[survivors]', '"steps": steps[survivors] * 0')),
+    bug(AREA, "compact-previous-in-place", "previous gradients left in their rows when splats are removed",
+        ('"previous": previous[survivors]', '"previous": previous[: len(survivors)]')),
+    bug(AREA, "compact-values-in-place", "values left in their rows when splats are removed",
+        ('"values": values[survivors]', '"values": values[: len(survivors)]')),
+)  # fmt: skip
+
 KEY_FRAMES: tuple[Mutant, ...] = (
     bug(AREA, "dks-not-strict", "exactly k deviations counted as a cut",
         ("above * above > threshold * threshold * variance", "above * above >= threshold * threshold * variance")),
@@ -192,4 +217,4 @@ KEY_FRAMES: tuple[Mutant, ...] = (
         ("first = max(1, t - window)", "first = max(0, t - window + 1)")),
 )  # fmt: skip
 
-MUTANTS: tuple[Mutant, ...] = (*LOSS, *ADAN, *SELECTION, *KEY_FRAMES)
+MUTANTS: tuple[Mutant, ...] = (*LOSS, *ADAN, *SELECTION, *COMPACTION, *KEY_FRAMES)

@@ -1,9 +1,10 @@
-"""Cases of pruning and augmentation: which splats go and come, and when."""
+"""Cases of pruning, compaction and augmentation: which splats go and come, and when."""
 
 import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.training import f4, trained_rows
+from conformance.stage import Values
 
 # --- Pruning ---------------------------------------------------------------------------------------------------------
 
@@ -147,6 +148,44 @@ def extreme_weights() -> Inputs:
     """Magnitudes from 1e-38 to 1e38, whose squares vanish or overflow."""
     expected = yield {"weights": f4(1e-37, 3e38, 2e-37, -1e38, 1.5e-37, 2e38), "removed": 2}
     assert expected["survivors"].value.tolist() == [1, 2, 3, 5]
+
+
+# --- Compaction ------------------------------------------------------------------------------------------------------
+
+
+def state_of(rng: np.random.Generator, count: int) -> Values:
+    """Splats in training and what Adan knows of them; no two numbers of a column are alike."""
+    m, v, n, previous = rng.normal(size=(4, count, 9)).astype(np.float32)
+    steps = rng.permutation(count) + 1
+    return {"values": trained_rows(rng, count), "m": m, "v": v, "n": n * n, "previous": previous, "steps": steps}
+
+
+@case("core", "compact", flags=["survivors", "mixed-ages"])
+def survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
+    """Thirteen splats of nineteen stay, each with its own moments and its own count of steps."""
+    state, stay = state_of(rng, 19), np.array([0, 2, 3, 5, 6, 8, 10, 11, 12, 15, 16, 17, 18])
+    expected = yield {"survivors": stay, **state}
+    for name, rows in state.items():
+        assert np.array_equal(expected[name].value, rows[stay])
+        assert not np.array_equal(expected[name].value, rows[: len(stay)])
+
+
+@case("uncommon", "compact", flags=["empty"], each={"none": [], "all": [0, 1, 2, 3, 4]})
+def extreme_compactions(value: list[int], rng: np.random.Generator) -> Inputs:
+    """Of five splats {key} stay."""
+    expected = yield {"survivors": np.array(value, np.int64), **state_of(rng, 5)}
+    assert len(expected["steps"].value) == len(value)
+
+
+@case("stress", "compact", flags=["signed-zero", "subnormal"])
+def odd_numbers_are_copied() -> Inputs:
+    """Minus zero, subnormal and infinite numbers, and counts of steps beyond 2^31: copied as they are."""
+    row = f4(-0.0, 1e-45, -1e-45, np.inf, 2.0**-126, -3e38, 0, 1, 2)
+    rows = np.stack([np.roll(row, shift) for shift in range(4)])
+    state: Values = {name: np.roll(rows, shift, 0) for shift, name in enumerate(("values", "m", "v", "n", "previous"))}
+    steps = np.array([2**31, 1, 2**40, 0])
+    expected = yield {"survivors": np.array([1, 2]), **state, "steps": steps}
+    assert expected["steps"].value.tolist() == [1, 2**40]
 
 
 # --- Augmentation ----------------------------------------------------------------------------------------------------

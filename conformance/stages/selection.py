@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
 from conformance.stage import Values, stage
+from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.augmentation import NEW_WEIGHT, random_splats
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.keyframes import select_key_frames as gsvc_key_frames
 from gsvc_ref.training.pruning import PruningSchedule, select_survivors
+from gsvc_ref.training.pruning import compact as gsvc_compact
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
+I8 = NDArray[np.int64]
 Expected = Mapping[str, Expectation]
 
 
@@ -90,6 +93,35 @@ def prune_oracle(weights: F4, removed: int) -> Expected:
 def prune(weights: F4, removed: int) -> Values:
     """The splats that stay when those of least weight are removed."""
     return {"survivors": select_survivors(weights, removed)}
+
+
+def compact_oracle(survivors: I8, **rows: Any) -> Expected:
+    """Row after row, in the order of the survivors."""
+    return {name: Exact(np.array([array[row] for row in survivors], array.dtype).reshape(-1, *array.shape[1:]))
+            for name, array in rows.items()}  # fmt: skip
+
+
+@stage(
+    "training",
+    inputs="survivors: i8 (n,); values: f4 (N, 9); m: f4 (N, 9); v: f4 (N, 9); n: f4 (N, 9); previous: f4 (N, 9); "
+    "steps: i8 (N,)",
+    outputs="values: f4 (n, 9); m: f4 (n, 9); v: f4 (n, 9); n: f4 (n, 9); previous: f4 (n, 9); steps: i8 (n,)",
+    rules=("R-10.7-3",),
+    oracle=compact_oracle,
+)
+def compact(survivors: I8, values: F4, m: F4, v: F4, n: F4, previous: F4, steps: I8) -> Values:
+    """What is left of the splats in training, and of the optimiser's state, after a removal."""
+    state = Adan(*values.shape)
+    state.m, state.v, state.n, state.previous, state.steps = m, v, n, previous, steps
+    left, state = gsvc_compact(values, state, survivors)
+    return {
+        "values": left,
+        "m": state.m,
+        "v": state.v,
+        "n": state.n,
+        "previous": state.previous,
+        "steps": state.steps,
+    }
 
 
 def augment_oracle(values: F4, uniforms: F4, width: int, height: int) -> Expected:

@@ -16,7 +16,7 @@ from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.augmentation import residual_splats
 from gsvc_ref.training.convergence import Convergence
-from gsvc_ref.training.pruning import PruningSchedule, select_survivors
+from gsvc_ref.training.pruning import PruningSchedule, compact, select_survivors
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Schedule
 from gsvc_ref.training.weighting import grad_rendered, rendered
 
@@ -196,8 +196,8 @@ class Population:
 
     def take(self, indices: NDArray[np.int64]) -> None:
         """Keep the splats of these indices, in this order, with their optimiser state."""
-        self.values, self.origins, self.frozen = self.values[indices], self.origins[indices], self.frozen[indices]
-        self.optimizer = self.optimizer.take(indices)
+        self.values, self.optimizer = compact(self.values, self.optimizer, indices)
+        self.origins, self.frozen = self.origins[indices], self.frozen[indices]
 
 
 def fit(

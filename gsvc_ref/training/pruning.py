@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
+from gsvc_ref.training.adan import Adan
 
 SETTLING: Final = 0.2
 """Fraction of the iterations, at the end, that a schedule leaves for the survivors to settle; ours."""
@@ -123,6 +124,25 @@ def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
         raise UsageError("a weight is NaN; training has diverged, use lower learning rates")
     largest_first = np.argsort(-magnitude, kind="stable")
     return np.sort(largest_first[: len(magnitude) - removed])
+
+
+def compact(values: F4, state: Adan, survivors: NDArray[np.int64]) -> tuple[F4, Adan]:
+    """What is left after a removal: every survivor keeps its values and all that Adan knows of it (R-10.7-3).
+
+    Parameters
+    ----------
+    values
+        (N, 9) f4, the splats in training.
+    state
+        That of their N rows.
+    survivors
+        (n,) indices of those that stay, as `select_survivors` returns them.
+
+    Returns
+    -------
+    The values (n, 9) f4 and the state of n rows, both in the order of `survivors`.
+    """
+    return values[survivors], state.take(survivors)
 
 
 def fold_weights(colors: ArrayLike, w: ArrayLike) -> F4:

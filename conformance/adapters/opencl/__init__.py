@@ -49,6 +49,7 @@ from conformance.adapters.opencl.rendering import (
 from conformance.adapters.opencl.training import (
     adan_step,
     augment,
+    compact,
     loss,
     prune,
     weighted_gradients,
@@ -59,6 +60,7 @@ __all__ = [
     "adan_step",
     "augment",
     "commitment",
+    "compact",
     "decode_stream",
     "decode_stream_deterministic",
     "environment",

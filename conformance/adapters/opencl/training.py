@@ -89,6 +89,22 @@ def prune(weights: Floats, removed: int) -> Values:
     return {"survivors": download(survivors, (count - removed,), "i8")}
 
 
+def compact(
+    survivors: Array, values: Floats, m: Floats, v: Floats, n: Floats, previous: Floats, steps: Array
+) -> Values:
+    """The rows of the survivors, in their order: R-10.7-3."""
+    count, columns = len(survivors), values.shape[1]
+    chosen = upload(survivors, "i8")
+
+    def rows_of(array: Floats) -> Array:
+        left = buffer(4 * count * columns)
+        launch("compact", count * columns, upload(array, "f4"), chosen, columns, np.uint64(count * columns), left)
+        return download(left, (count, columns), "f4")
+
+    state = {"values": values, "m": m, "v": v, "n": n, "previous": previous}
+    return {name: rows_of(array) for name, array in state.items()} | {"steps": steps[survivors]}
+
+
 def augment(values: Floats, uniforms: Floats, width: int, height: int) -> Values:
     """Random splats of small weight behind the old ones, (M, 9) f4: R-10.8-1."""
     new = buffer(36 * len(uniforms))

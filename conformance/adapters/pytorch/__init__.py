@@ -36,6 +36,7 @@ from conformance.adapters.pytorch.streams import decode_stream, decode_stream_de
 from conformance.adapters.pytorch.training import (
     adan_step,
     augment,
+    compact,
     learning_rates,
     loss,
     prune,
@@ -47,6 +48,7 @@ __all__ = [
     "adan_step",
     "augment",
     "commitment",
+    "compact",
     "converged",
     "decode_stream",
     "decode_stream_deterministic",

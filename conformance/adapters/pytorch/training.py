@@ -92,6 +92,16 @@ def prune(weights: Array, removed: int) -> Arrays:
     return {"survivors": array(order[: len(weights) - removed].sort().values, "i8")}
 
 
+def compact(survivors: Array, values: Array, m: Array, v: Array, n: Array, previous: Array, steps: Array) -> Arrays:
+    """Stage: a gather of all rows of a splat by one index."""
+    rows = tensor(survivors)
+    state = {"values": values, "m": m, "v": v, "n": n, "previous": previous}
+    return {
+        **{name: array(tensor(values)[rows], "f4") for name, values in state.items()},
+        "steps": array(tensor(steps)[rows], "i8"),
+    }
+
+
 def augment(values: Array, uniforms: Array, width: int, height: int) -> Arrays:
     """Stage: (10-26) and (10-27), behind the splats that are there."""
     a = tensor(uniforms)

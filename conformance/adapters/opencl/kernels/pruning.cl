@@ -44,6 +44,14 @@ void prune(global const uint *keys, uint count, uint removed, global long *survi
     }
 }
 
+/* R-10.7-3: one work-item for each number that is left. Not in place, since a row may be read after it was written over. */
+kernel void compact(global const float *rows, global const long *survivors, uint columns, ulong count, global float *left)
+{
+    size_t at = get_global_id(0);
+    if (at < count)
+        left[at] = rows[survivors[at / columns] * columns + at % columns];
+}
+
 /* (10-26), (10-27): one work-item for each new splat. Exact. */
 kernel void augment(global const float *uniforms, uint added, float width, float height, global float *values)
 {
