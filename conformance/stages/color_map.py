@@ -12,6 +12,8 @@ from gsvc_ref.rendering.bounds import gamma
 
 F8 = NDArray[np.float64]
 Matrix = list[list[Fraction]]
+Taps = tuple[NDArray[np.int64], F8]
+"""The samples that each result is a weighted sum of, and their weights: (taps, results) both."""
 
 LUMA_WEIGHTS: Final = {
     1: ("0.2126", "0.0722"),
@@ -55,14 +57,14 @@ class ColorMap:
             _sites(width, chroma_format in (1, 2), Fraction((0, 1, 0, 1, 0, 1)[location], 2)),
         )
 
-    def up(self) -> list[F8]:
-        """The weights (luma samples, chroma samples) f8 of linear interpolation, of rows and of columns."""
+    def up(self) -> list[Taps]:
+        """The linear interpolation of chroma samples at luma samples, of rows and of columns."""
         return [_hats(np.arange(size), sites) for size, sites in zip(self.size, self.places, strict=True)]
 
-    def down(self) -> list[F8]:
-        """The weights (chroma samples, luma samples) f8 of the mean over a chroma sample's two luma samples' length."""
+    def down(self) -> list[Taps]:
+        """The means over a chroma sample's two luma samples' length, of rows and of columns."""
         return [
-            np.eye(size) if len(sites) == size else _boxes(size, sites)
+            (np.arange(size)[None], np.ones((1, size))) if len(sites) == size else _boxes(size, sites)
             for size, sites in zip(self.size, self.places, strict=True)
         ]
 
@@ -132,17 +134,24 @@ def _sites(size: int, subsampled: bool, phase: Fraction) -> F8:
     return np.asarray(places, np.float64)
 
 
-def _hats(places: NDArray[np.int64], sites: F8) -> F8:
-    """Weights (places, sites) of linear interpolation between sites; the outermost ones go on beyond."""
-    units = np.eye(len(sites))
-    return np.stack([np.interp(places, sites, unit) for unit in units], axis=1)
+def _hats(places: NDArray[np.int64], sites: F8) -> Taps:
+    """The two sites on either side of each place, by linear interpolation; the outermost ones go on beyond."""
+    right = np.clip(np.searchsorted(sites, places, side="right"), min(1, len(sites) - 1), len(sites) - 1)
+    left = np.maximum(right - 1, 0)
+    apart = np.where(right > left, sites[right] - sites[left], 1.0)
+    of_right = np.clip((places - sites[left]) / apart, 0, 1)
+    return np.stack([left, right]), np.stack([1 - of_right, of_right])
 
 
-def _boxes(size: int, sites: F8) -> F8:
-    """Weights (sites, luma samples): what each sample covers of the two samples' length around a site, halved."""
-    weights = np.zeros((len(sites), size))
-    for k, site in enumerate(sites):
-        for place in range(-1, size + 2):
-            overlap = min(site + 1, place + 0.5) - max(site - 1, place - 0.5)
-            weights[k, min(max(place, 0), size - 1)] += max(overlap, 0) / 2
-    return weights
+def _boxes(size: int, sites: F8) -> Taps:
+    """What each sample covers of the two samples' length around a site, halved; the outermost samples go on beyond."""
+    places = np.floor(sites) + np.arange(-1, 3)[:, None]
+    overlap = np.minimum(sites + 1, places + 0.5) - np.maximum(sites - 1, places - 0.5)
+    return np.clip(places, 0, size - 1).astype(np.int64), np.maximum(overlap, 0) / 2
+
+
+def weighted(plane: F8, taps: Sequence[Taps]) -> F8:
+    """The weighted sums of a plane's rows, then of its columns; weights are multiples of 1/4, so sums are exact."""
+    (rows, of_rows), (columns, of_columns) = taps
+    half = sum(plane[row] * weight[:, None] for row, weight in zip(rows, of_rows, strict=True))
+    return np.asarray(sum(half[:, c] * weight for c, weight in zip(columns, of_columns, strict=True)))
