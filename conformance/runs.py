@@ -25,7 +25,7 @@ LEAST: Final = 1 << 15
 SAVED: Final = 64
 """A run has so many elements more than are stored for it, or they are kept as they are."""
 
-LONGEST: Final = 1 << 13
+LONGEST: Final = 1 << 12
 """The longest period that is looked for, in elements."""
 
 KEY: Final = 8

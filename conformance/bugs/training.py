@@ -210,7 +210,7 @@ KEY_FRAMES: tuple[Mutant, ...] = (
         ("if j != t and j not in keys]", "if j != t]")),
     bug(AREA, "dks-lonely-never-key", "the robust rule without a decision when no other frame is left",
         ("is_key = guarded and (len(others) == 0 or", "is_key = guarded and (len(others) > 0 and")),
-    bug(AREA, "dks-first-not-key", "a first frame that is no key frame", ("keys = [0]", "keys = []")),
+    bug(AREA, "dks-first-not-key", "a first frame that is no key frame", ("keys = {0}", "keys = set()")),
     bug(AREA, "dks-scaled-with-zero", "differences scaled from 0 to 1 with a 0 put first, as the public code does",
         ("differences = [p[t] - i[t] for t in range(frames)]",
          "differences = [Fraction(0)] + [p[t] - i[t] for t in range(1, frames)]"),

@@ -156,7 +156,7 @@ def key_frames_oracle(
     """Means and variances of rational numbers, with all frames at hand."""
     i = [Fraction(value) for value in losses_i.tolist()]
     p = [Fraction(0), *(Fraction(value) for value in losses_p.tolist())]
-    keys = [0]
+    keys = {0}
     for t in range(1, len(i)):
         near = [j for j in range(t - window, t + window + 1) if 1 <= j < len(i)]
         if robust or len(near) <= Fraction(threshold) ** 2 + 1:
@@ -165,8 +165,8 @@ def key_frames_oracle(
         else:
             candidate = True
         if candidate and (not near or _stands_out(p[t] - i[t], [p[j] - i[j] for j in near], Fraction(threshold))):
-            keys.append(t)
-    return {"key_frames": Exact(np.array(keys, np.int64))}
+            keys.add(t)
+    return {"key_frames": Exact(np.array(sorted(keys), np.int64))}
 
 
 def _stands_out(value: Fraction, values: Sequence[Fraction], threshold: Fraction) -> bool:

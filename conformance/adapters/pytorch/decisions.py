@@ -45,7 +45,7 @@ def select_key_frames(
     predicted = [Fraction(0), *(Fraction(value) for value in losses_p.tolist())]
     D = [p - i for p, i in zip(predicted, alone, strict=True)]
     squared_threshold = Fraction(threshold) ** 2
-    keys = [0]
+    keys = {0}
     for t in range(1, len(D)):
         W = range(max(1, t - window), min(len(D) - 1, t + window) + 1)
         if not robust and len(W) - 1 > squared_threshold:
@@ -55,8 +55,9 @@ def select_key_frames(
             is_key = predicted[t] > Fraction(guard_ratio) * alone[t] and (
                 not left or _stands_out(D[t], left, squared_threshold)
             )
-        keys += [t] * is_key
-    return {"key_frames": np.array(keys, np.int64)}
+        if is_key:
+            keys.add(t)
+    return {"key_frames": np.array(sorted(keys), np.int64)}
 
 
 def _stands_out(value: Fraction, values: Sequence[Fraction], squared_threshold: Fraction) -> bool:

@@ -1,0 +1,121 @@
+"""Vectors of many colours, many codewords and many users of one codeword, for residual vector quantisation."""
+
+from typing import Final
+
+import numpy as np
+
+from conformance.case import Inputs, case
+from conformance.cases import CAPACITY
+from conformance.cases.codebooks import update_inputs
+from conformance.cases.large_rows import BOOKS, EDGES, FLAGS, PERIOD, ROWS, repeated
+from conformance.cases.rvq import assigned, clear_vectors, codebooks
+from conformance.cases.training import f4
+from conformance.stage import Values
+
+FEW: Final = 41
+"""Vectors where there are many codewords."""
+
+PAIRS: Final = ((5, 37), (64, 95), (127, 128), (255, 768), (300, 999), (31, 1023))
+"""Codewords that are equal: in neighbouring warps, far apart, and in the last, partial one."""
+
+
+def large_codebooks(rng: np.random.Generator) -> Values:
+    """Eight codebooks of 1,024 codewords; in each, some are equal to later ones, in other warps and blocks."""
+    books = codebooks(rng, list(BOOKS))
+    for first in range(0, sum(BOOKS), 1024):
+        for lower, higher in PAIRS:
+            books["codebooks"][first + higher] = books["codebooks"][first + lower]
+    return books
+
+
+@case("stress", "rvq_assign", flags=FLAGS)
+def many_colours(rng: np.random.Generator) -> Inputs:
+    """70,001 colours in two stages; those at the borders of blocks lie far from all others."""
+    books = codebooks(rng, [8, 5])
+    x = repeated(clear_vectors(rng, PERIOD, books))
+    books["codebooks"][7] = 64, -64, 64
+    x[EDGES] = books["codebooks"][7] + books["codebooks"][12]
+    expected = yield {"x": x, **books}
+    assert np.all(expected["indices"].value[EDGES] == [7, 4])
+
+
+@case("stress", "rvq_assign", flags=[CAPACITY, "ties"])
+def many_codewords(rng: np.random.Generator) -> Inputs:
+    """Eight stages of 1,024 codewords, some twice in other warps: of equal ones the lower index is taken."""
+    books = large_codebooks(rng)
+    first = books["codebooks"][:1024]
+    later = clear_vectors(rng, FEW - len(PAIRS), books)
+    x = np.concatenate([[first[lower] for lower, _ in PAIRS], later]).astype(np.float32)
+    expected = yield {"x": x, **books}
+    indices = expected["indices"].value
+    assert indices[: len(PAIRS), 0].tolist() == [lower for lower, _ in PAIRS]
+    assert indices[:, 7].max() > 900
+
+
+@case("stress", "rvq_update", flags=FLAGS)
+def many_users(rng: np.random.Generator) -> Inputs:
+    """70,001 colours, nearly all of which use one codeword: more users than 16 bits count."""
+    inputs = update_inputs(rng, PERIOD, [4, 3])
+    for name in ("x", "indices"):
+        inputs[name] = repeated(inputs[name])
+    inputs["indices"][np.arange(ROWS) % PERIOD > 10, 0] = 2
+    inputs["x"][EDGES] = 4096, 8192, 4096
+    expected = yield inputs
+    users = np.count_nonzero(inputs["indices"][:, 0] == 2)
+    assert users > 66_000
+    assert np.isclose(expected["counts"].value[2], 0.8 * inputs["counts"][2] + 0.2 * users)
+
+
+@case("stress", "rvq_update", flags=[*FLAGS, "dead"])
+def draw_of_one_in_many() -> Inputs:
+    """A dead codeword is replaced by the 69,998th of 70,001 colours, the one that is met worst by far."""
+    x = np.zeros((ROWS, 3), np.float32)
+    x[:, 0] = np.resize([0.125, 0.25, 0.0], ROWS)
+    x[69_997] = 1024, 2048, -512
+    expected = yield {
+        "x": x, "indices": np.zeros((ROWS, 1), np.uint16), "codebook_sizes": np.array([2], np.int64),
+        "codebooks": f4([0, 0, 0], [64, 64, 64]), "counts": np.array([8.0, 0.25]), "sums": np.zeros((2, 3)),
+        "uniforms": np.array([0.5]), "decay": 0.5, "smoothing": 0.0, "dead_count": 0.5,
+    }  # fmt: skip
+    assert expected["codebooks"].value[1].tolist() == [1024, 2048, -512]
+
+
+@case("stress", "rvq_update", flags=[CAPACITY, "dead"])
+def many_dead_codewords(rng: np.random.Generator) -> Inputs:
+    """Eight stages of 1,024 codewords, of which 41 are used: all others are dead, and each is replaced by a draw.
+
+    The uniform numbers lie in the middle of a colour's part of the errors, those of the first stage alike.
+    """
+    books = codebooks(rng, list(BOOKS))
+    x = clear_vectors(rng, FEW, books)
+    indices = np.tile(np.arange(FEW, dtype=np.uint16)[:, None] * 24 + 3, (1, 8))
+    counts = np.full(8192, 0.25)
+    used = (indices.astype(np.int64) + 1024 * np.arange(8)).ravel()
+    counts[used] = 4.0
+    expected = yield {
+        "x": x, "indices": indices, **books, "counts": counts,
+        "sums": books["codebooks"] * counts[:, None], "uniforms": np.resize([0.13, 0.42, 0.71, 0.98], 8192 - len(used)),
+        "decay": 0.8, "smoothing": 1e-5, "dead_count": 0.5,
+    }  # fmt: skip
+    assert np.count_nonzero(expected["counts"].value == 1) == 8192 - len(used)
+
+
+@case("stress", "commitment", flags=FLAGS)
+def commitment_of_many(rng: np.random.Generator) -> Inputs:
+    """70,001 colours in two stages; 15 of them, at the borders of blocks, make nearly all of the loss."""
+    inputs = assigned(rng, PERIOD, [8, 5])
+    for name in ("x", "indices"):
+        inputs[name] = repeated(inputs[name])
+    inputs["x"][EDGES] = 300, -200, 100
+    expected = yield inputs
+    assert expected["loss"].value > 8
+
+
+@case("stress", "commitment", flags=[CAPACITY])
+def commitment_of_many_codewords(rng: np.random.Generator) -> Inputs:
+    """41 colours and eight stages of 1,024 codewords, of which the last are used as well as the first."""
+    books = codebooks(rng, list(BOOKS))
+    indices = rng.integers(0, 1024, (FEW, 8)).astype(np.uint16)
+    indices[0] = 1023
+    expected = yield {"x": clear_vectors(rng, FEW, books), "indices": indices, **books}
+    assert expected["loss"].value > 0
