@@ -121,7 +121,8 @@ class Expansion:
         radius = (_size(a) * b.radius + _size(b) * a.radius) + a.radius * b.radius
         radius = radius + 2.0**-52 * _summed(abs(last_parts)) + _summed(abs(a.parts[left[0]] * b.parts[left[1]]))
         tiny = (abs(high[0]) < SMALL) & (a.parts[0] != 0) & (b.parts[0] != 0)
-        return _collected(np.concatenate([high, low, last_parts]), SAFELY * radius + np.where(tiny, UNDERFLOW, 0.0), most)
+        radius = SAFELY * radius + np.where(tiny, UNDERFLOW, 0.0)
+        return _collected(np.concatenate([high, low, last_parts]), radius, most)
 
     def __truediv__(self, other: "Expansion") -> "Expansion":
         """A quotient digit by digit; division by 0 has an infinite radius."""
@@ -155,14 +156,14 @@ class Expansion:
         """These numbers times 2^exponent."""
         return Expansion(np.ldexp(self.parts, exponent), np.ldexp(self.radius, exponent), self.most)
 
-    def total(self) -> "Expansion":
-        """The sum along the first axis, by halves."""
-        number = self
+    def total(self, axis: int = 0) -> "Expansion":
+        """The sum along an axis, by halves."""
+        number = Expansion(np.moveaxis(self.parts, axis + 1, 1), np.moveaxis(self.radius, axis, 0), self.most)
         while (count := number.shape[0]) > 1:
             half = count // 2
             folded = number[:half] + number[half : 2 * half]
             number = joined(folded, number[2 * half :]) if count % 2 else folded
-        return number[0] if count else exact(np.zeros(self.shape[1:]), self.most)
+        return number[0] if count else exact(np.zeros(number.shape[1:]), self.most)
 
     def totals(self, keys: NDArray[np.int64], count: int) -> "Expansion":
         """The sums (count, ...) of the rows whose ascending key is 0, 1, .. count - 1, by pairs of neighbours."""
@@ -337,6 +338,16 @@ def certain(number: Expansion) -> F8:
     if not (sure | noise).all():
         raise ArithmeticError(f"a result is not certain with {number.most} components")
     return np.where(noise, 0.0, value)
+
+
+def sums_of(terms: Callable[[slice], Expansion], keys: NDArray[np.int64], count: int) -> Expansion:
+    """The sums (count, ...) of terms by their ascending keys 0, 1, .. count - 1; terms are asked for chunk by chunk."""
+    sums, own = [], []
+    for chunk in chunks(len(keys)):
+        of_chunk, ranks = np.unique(keys[chunk], return_inverse=True)
+        sums.append(terms(chunk).totals(ranks, len(of_chunk)))
+        own.append(of_chunk)
+    return joined(*sums).totals(np.concatenate(own), count)
 
 
 def chunks(count: int, size: int = 4096) -> Iterator[slice]:
