@@ -20,8 +20,11 @@ def distinct(*columns: NDArray[Any]) -> tuple[I8, I8, I8]:
     counts
         (n,), how often each occurs.
     """
-    rows = np.concatenate([np.ascontiguousarray(c).reshape(len(c), -1).view(np.uint8) for c in columns], axis=1)
-    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1]))).reshape(len(rows))
+    count = len(columns[0])
+    if not count:
+        return (np.zeros(0, np.int64),) * 3
+    rows = np.concatenate([np.ascontiguousarray(c).reshape(count, -1).view(np.uint8) for c in columns], axis=1)
+    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1]))).reshape(count)
     _, first, inverse, counts = np.unique(whole, return_index=True, return_inverse=True, return_counts=True)
     order = np.argsort(first)  # that of the bytes is another one on machines of another byte order
     rank = np.empty(len(order), np.int64)

@@ -70,7 +70,7 @@ class Expansion:
     radius
         (...) f8.
     most
-        Components that results keep; of two operands the larger number.
+        Components that results keep; of two operands the smaller number.
     """
 
     parts: F8
@@ -107,14 +107,14 @@ class Expansion:
     def __add__(self, other: "Expansion") -> "Expansion":
         a, b = _alike(self, other)
         parts = np.concatenate([np.broadcast_to(n.parts, (len(n.parts), *_shape(a, b))) for n in (a, b)])
-        return _collected(parts, a.radius + b.radius, max(a.most, b.most))
+        return _collected(parts, a.radius + b.radius, min(a.most, b.most))
 
     def __sub__(self, other: "Expansion") -> "Expansion":
         return self + -other
 
     def __mul__(self, other: "Expansion") -> "Expansion":
         a, b = _alike(self, other)
-        most = max(a.most, b.most)
+        most = min(a.most, b.most)
         whole, last, left = _pairs(len(a.parts), len(b.parts), most)
         high, low = two_product(a.parts[whole[0]], b.parts[whole[1]])
         last_parts = a.parts[last[0]] * b.parts[last[1]]
@@ -126,7 +126,7 @@ class Expansion:
 
     def __truediv__(self, other: "Expansion") -> "Expansion":
         """A quotient digit by digit; division by 0 has an infinite radius."""
-        most = max(self.most, other.most)
+        most = min(self.most, other.most)
         zero = other.near == 0
         by = Expansion(np.where(zero, 1.0, other.parts), other.radius, most)
         rest, digits = self.to(most), []
@@ -223,8 +223,8 @@ class Expansion:
         return np.asarray(abs(self.near) <= 2 * self.radius)
 
 
-def exact(values: ArrayLike, most: int = 1) -> Expansion:
-    """Numbers of binary64 as they are."""
+def exact(values: ArrayLike, most: int = PRECISIONS[-1]) -> Expansion:
+    """Numbers of binary64 as they are; `most` limits what is computed of them."""
     wide = np.asarray(values, np.float64)
     return Expansion(wide[None], np.zeros(wide.shape), most)
 
@@ -243,27 +243,27 @@ def where(condition: NDArray[np.bool_], a: Expansion, b: Expansion) -> Expansion
     a, b = _alike(a, b)
     count = max(len(a.parts), len(b.parts))
     parts = np.where(condition, _padded(a.parts, count), _padded(b.parts, count))
-    return Expansion(parts, np.where(condition, a.radius, b.radius), max(a.most, b.most))
+    return Expansion(parts, np.where(condition, a.radius, b.radius), min(a.most, b.most))
 
 
 def joined(*numbers: Expansion, axis: int = 0) -> Expansion:
     """Numbers one after the other along an axis."""
     count = max(len(number.parts) for number in numbers)
     parts = np.concatenate([_padded(number.parts, count) for number in numbers], axis=axis + 1)
-    return Expansion(parts, np.concatenate([n.radius for n in numbers], axis=axis), max(n.most for n in numbers))
+    return Expansion(parts, np.concatenate([n.radius for n in numbers], axis=axis), min(n.most for n in numbers))
 
 
 def exp(x: Expansion) -> Expansion:
     """e^x: x = n ln 2 + j / STEPS + r, a table of e^(j / STEPS), and a Taylor series of r."""
     n = np.rint(x.near / float(_ln2()))
-    r = x - rational(_ln2(), x.most + 1) * exact(n)
+    r = x.to(x.most + 1) - rational(_ln2(), x.most + 1) * exact(n, x.most + 1)
     j = np.rint(r.near * STEPS)
     r = (r - exact(j / STEPS)).to(x.most)
     terms = _terms_of_exp(x.most)
     p = rational(Fraction(1, factorial(terms)), 1)
     for k in range(terms - 1, -1, -1):
         most = x.most - min(9 * k // 53, x.most - 1)  # what is multiplied by r^k needs fewer bits, since |r| <= 2^-9
-        p = p * r.to(most) + rational(Fraction(1, factorial(k)), most)
+        p = p.to(most) * r.to(most) + rational(Fraction(1, factorial(k)), most)
     p = Expansion(p.parts, p.radius + 2.0 ** (-53 * x.most - 2), x.most)
     parts, radius = _exponentials(x.most)
     at = (j + STEPS // 2).astype(np.int64)
@@ -273,7 +273,7 @@ def exp(x: Expansion) -> Expansion:
 def log(x: Expansion) -> Expansion:
     """The natural logarithm of numbers above 0: x = 2^n m, and log m = 2 atanh((m - 1) / (m + 1)) by its series."""
     n = np.frexp(x.near * 1.5)[1] - 1  # 2/3 <= m < 4/3
-    m, one = x.scaled(-n), exact(1.0)
+    m, one = x.scaled(-n), exact(1.0, x.most)
     z = (m - one) / (m + one)  # at most 1/5
     square = z * z
     terms = x.most * 53 // 4 + 1
