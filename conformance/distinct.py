@@ -24,7 +24,8 @@ def distinct(*columns: NDArray[Any]) -> tuple[I8, I8, I8]:
     if not count:
         return (np.zeros(0, np.int64),) * 3
     rows = np.concatenate([np.ascontiguousarray(c).reshape(count, -1).view(np.uint8) for c in columns], axis=1)
-    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1]))).reshape(count)
+    kind = np.dtype(np.uint64) if rows.shape[1] == 8 else np.dtype((np.void, rows.shape[1]))
+    whole = np.ascontiguousarray(rows).view(kind).reshape(count)
     _, first, inverse, counts = np.unique(whole, return_index=True, return_inverse=True, return_counts=True)
     order = np.argsort(first)  # that of the bytes is another one on machines of another byte order
     rank = np.empty(len(order), np.int64)

@@ -156,9 +156,22 @@ class Expansion:
         """These numbers times 2^exponent."""
         return Expansion(np.ldexp(self.parts, exponent), np.ldexp(self.radius, exponent), self.most)
 
+    def moved(self, axis: int) -> "Expansion":
+        """These numbers with an axis (0, 1, ..) as the first."""
+        return Expansion(np.moveaxis(self.parts, axis + 1, 1), np.moveaxis(self.radius, axis, 0), self.most)
+
+    def reshape(self, *shape: int) -> "Expansion":
+        """These numbers in another shape."""
+        return Expansion(self.parts.reshape(len(self.parts), *shape), self.radius.reshape(*shape), self.most)
+
+    def broadcast(self, shape: tuple[int, ...]) -> "Expansion":
+        """These numbers repeated to a shape."""
+        parts = _alike(self, exact(np.zeros(shape)))[0].parts
+        return Expansion(np.broadcast_to(parts, (len(parts), *shape)), np.broadcast_to(self.radius, shape), self.most)
+
     def total(self, axis: int = 0) -> "Expansion":
         """The sum along an axis, by halves."""
-        number = Expansion(np.moveaxis(self.parts, axis + 1, 1), np.moveaxis(self.radius, axis, 0), self.most)
+        number = self.moved(axis)
         while (count := number.shape[0]) > 1:
             half = count // 2
             folded = number[:half] + number[half : 2 * half]
@@ -207,6 +220,13 @@ class Expansion:
         below = np.floor(self.near)
         side = (self - exact(below + 0.5)).sign()
         return np.where(side == 0, np.rint(below + 0.5), np.where(np.isnan(side), np.nan, below + (side > 0)))
+
+    def odd(self) -> F8:
+        """The numbers rounded to odd, so that rounding them again to fewer bits is rounding once."""
+        rest = np.zeros(self.shape)
+        for part in self.parts[::-1]:
+            rest = _odd_sum(part, rest)
+        return rest
 
     def rounded(self) -> tuple[F8, NDArray[np.bool_]]:
         """The numbers rounded once to binary64, and where that is certain."""
