@@ -52,17 +52,17 @@ def sum_with_bound(parameters: F4, width: int, height: int) -> tuple[F8, F8]:
         bound.add(splat, pixels, errors, int(counts[n]))
         found.append(_pairs(n, pixels.covered | errors.band, pixels.rows, pixels.columns))
     C = np.zeros((height * width, 3))
-    if found:
+    if any(len(some.splat) for some in found):
         pairs = _joined(found)
         places = pairs.row * width + pairs.column
         order = np.argsort(places, kind="stable")
-        C[np.unique(places)] = _sums(splats, counts, pairs[order], places[order])
+        at, ranks = np.unique(places[order], return_inverse=True)
+        C[at] = _sums(splats, counts, pairs[order], ranks)
     return C.reshape(height, width, 3), bound.bound()
 
 
-def _sums(splats: F4, counts: I8, pairs: Pairs, places: I8) -> F8:
-    """The sums (n, 3) of the n pixels that occur among `places`, which ascend."""
-    ranks = np.unique(places, return_inverse=True)[1]
+def _sums(splats: F4, counts: I8, pairs: Pairs, ranks: I8) -> F8:
+    """The sums (n, 3) of n pixels; `ranks` 0, 1, .. n - 1 of the pairs ascend."""
 
     def evaluate(most: int, pixels: I8) -> tuple[Expansion]:
         wanted = np.isin(ranks, pixels)

@@ -5,6 +5,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from conformance.stage import Values, numbered, stage
 from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
@@ -137,7 +138,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     C, bound = sum_with_bound(_drawable(parameters), width, height)
     peak = 2**bit_depth - 1
     kind = frame_type(bit_depth)
-    value = np.rint(np.clip(C, 0, 1) * peak)
+    value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
     lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
     highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
