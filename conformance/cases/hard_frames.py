@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.color import described, samples
 from conformance.cases.metrics import Frame
-from conformance.stages.metrics import metrics_oracle
+
+NEAR_ZERO = 2
+"""Of the seeds 0 to 39 the one whose MS-SSIM is closest to 0 without being 0."""
 
 
 def flat(value: int, height: int = 12, width: int = 11) -> Frame:
@@ -40,19 +42,9 @@ def hard_structure_near_zero() -> Inputs:
     The result goes with its 0.3th power or so, so that small errors become large; below 0 it counts as 0, and a power
     of it would be no number.
     """
-    best = min((_noise(seed) for seed in range(40)), key=_distance)
-    expected = yield {"a": best[0], "b": best[1], "bit_depth": 8}
-    assert expected["ms_ssim"].value < 0.2
-
-
-def _noise(seed: int) -> NDArray[Any]:
-    return np.random.default_rng(seed).integers(0, 256, (2, 21, 21, 3)).astype(np.uint8)
-
-
-def _distance(pair: NDArray[Any]) -> float:
-    """How far MS-SSIM is from 0, where it is not 0."""
-    value = float(np.asarray(metrics_oracle(pair[0], pair[1], 8)["ms_ssim"].value))
-    return value if value > 0 else np.inf
+    noise = np.random.default_rng(NEAR_ZERO).integers(0, 256, (2, 21, 21, 3)).astype(np.uint8)
+    expected = yield {"a": noise[0], "b": noise[1], "bit_depth": 8}
+    assert 0 < expected["ms_ssim"].value < 0.02
 
 
 def all_of(values: Any, bit_depth: int = 8) -> NDArray[Any]:

@@ -6,8 +6,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.expansions import certain, exact, joined
 from conformance.expectations import Bounded, Expectation
-from conformance.running_error import Computed, expected, given, rounded_once, stack
+from conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -21,9 +22,9 @@ def books_of(codebook_sizes: I8, rows: NDArray[F]) -> list[NDArray[F]]:
     return np.split(rows, np.cumsum(codebook_sizes)[:-1])
 
 
-def residual(x: F4, chosen: list[F8]) -> Computed:
+def residual(x: F4, chosen: list[F8], components: int = COMPONENTS) -> Computed:
     """The vectors minus codewords (N, 3), by running error analysis in any order of the stages."""
-    return stack(given(x), *(-given(codewords) for codewords in chosen)).total(0)
+    return stack(given(x, components), *(-given(codewords, components) for codewords in chosen)).total(0)
 
 
 def rvq_update_oracle(
@@ -61,7 +62,7 @@ def rvq_update_oracle(
     dtypes = {"counts": "<f8", "sums": "<f8", "codebooks": "<f4"}
     return {
         name: Bounded(
-            np.concatenate([part[name].value for part in parts]),
+            certain(joined(*(part[name].number for part in parts))),
             np.concatenate([part[name].error for part in parts]),
             dtype,
         )
@@ -104,11 +105,9 @@ def updated_codebooks(
     ValueError
         Whether a codeword is dead, or which vector replaces it, lies within the error: the inputs are no vector.
     """
-    a, rest = rounded_once(decay), rounded_once(1 - decay)
-    users = indices[None, :] == np.arange(len(book))[:, None]  # (B, N)
-    none = given(0.0)
-    batch = Computed(r.value[None], r.error[None]).where(users[..., None], none).total(1)
-    new_counts = a * rounded_once(counts) + rest * given(users.sum(axis=1))
+    a, rest = rounded_once(decay), rounded_once(exact(1.0, COMPONENTS) - exact(decay))
+    batch = r.totals(indices.astype(np.int64), len(book))
+    new_counts = a * rounded_once(counts) + rest * given(np.bincount(indices, minlength=len(book)))
     new_sums = a * rounded_once(sums) + rest * batch
     total = new_counts.total()
     spread = total + given(float(len(book))) * rounded_once(smoothing)
@@ -123,10 +122,15 @@ def updated_codebooks(
     dead = new_counts.value < dead_count
     squares = (error * error).total(1)
     drawn = _drawn(squares, uniforms[: np.count_nonzero(dead)]) if squares.value.any() else []
-    for b, vector in zip(np.flatnonzero(dead), drawn, strict=False):
-        for array, entry in ((moved, r[vector]), (new_sums, r[vector]), (new_counts, given(1.0))):
-            array.value[b], array.error[b] = entry.value, entry.error
-    return {"counts": new_counts, "sums": new_sums, "codebooks": _in_half(moved)}, len(drawn)
+    vectors, revived = np.zeros(len(book), np.int64), np.zeros(len(book), np.bool_)
+    of_drawn = np.flatnonzero(dead)[: len(drawn)]
+    vectors[of_drawn], revived[of_drawn] = drawn, True
+    there = ~revived
+    return {
+        "counts": new_counts.where(there, given(1.0)),
+        "sums": new_sums.where(there[:, None], r[vectors]),
+        "codebooks": _in_half(moved.where(there[:, None], r[vectors])),
+    }, len(drawn)
 
 
 def _drawn(squares: Computed, uniforms: F8) -> list[int]:
@@ -140,9 +144,9 @@ def _drawn(squares: Computed, uniforms: F8) -> list[int]:
 
 
 def _in_half(number: Computed) -> Computed:
-    """Rounded to binary16."""
+    """Rounded to binary16, once."""
     value, lowest, highest = (
         end.astype(np.float16).astype(np.float64)
-        for end in (number.value, number.value - number.error, number.value + number.error)
+        for end in (number.number.odd(), number.value - number.error, number.value + number.error)
     )
-    return Computed(value, np.maximum(highest - value, value - lowest))
+    return Computed(exact(value), np.maximum(highest - value, value - lowest))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from conformance.expectations import Decision, Expectation
 from conformance.stage import Values, stage
-from conformance.stages.color_map import ColorMap, weighted
+from conformance.stages.color_map import ColorMap
 from gsvc_ref.video import ColorDescription, VideoFormat
 from gsvc_ref.video import color as gsvc_color
 from gsvc_ref.video.format import ChromaFormat
@@ -44,7 +44,7 @@ def planes_to_frame_oracle(
     color = ColorMap(
         y.shape, chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
     )
-    terms = [y.astype(np.float64), *(weighted(plane.astype(np.float64), color.up()) for plane in (cb, cr))]
+    terms = [y.astype(np.float64), *(color.up(plane.astype(np.float64)) for plane in (cb, cr))]
     gains = [Fraction(color.peak, gain) for gain, _ in color.scales]
     matrix = [[c * gain for c, gain in zip(row, gains, strict=True)] for row in color.inverse]
     return {"frame": _stacked(color.samples(matrix, [offset for _, offset in color.scales], terms, (0, 0, 0)))}
@@ -100,7 +100,7 @@ def frame_to_planes_oracle(
         frame.shape[:2], chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
     )
     wide = [frame[..., c].astype(np.float64) for c in range(3)]
-    means = [weighted(channel, color.down()) for channel in wide]
+    means = [color.down(channel) for channel in wide]
     result = {}
     for name, row, (gain, offset), terms in zip(
         ("y", "cb", "cr"), color.forward, color.scales, (wide, means, means), strict=True

@@ -7,13 +7,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.distinct import distinct
 from conformance.expectations import Decision
 from gsvc_ref.rendering.bounds import gamma
 
 F8 = NDArray[np.float64]
 Matrix = list[list[Fraction]]
 Taps = tuple[NDArray[np.int64], F8]
-"""The samples that each result is a weighted sum of, and their weights: (taps, results) both."""
+"""Of each output sample the places and weights of the inputs, both (samples, taps)."""
 
 LUMA_WEIGHTS: Final = {
     1: ("0.2126", "0.0722"),
@@ -57,16 +58,18 @@ class ColorMap:
             _sites(width, chroma_format in (1, 2), Fraction((0, 1, 0, 1, 0, 1)[location], 2)),
         )
 
-    def up(self) -> list[Taps]:
-        """The linear interpolation of chroma samples at luma samples, of rows and of columns."""
-        return [_hats(np.arange(size), sites) for size, sites in zip(self.size, self.places, strict=True)]
+    def up(self, plane: F8) -> F8:
+        """A chroma plane (h, w) interpolated linearly at luma samples (H, W); without an error, like `down`."""
+        taps = [_hats(np.arange(size), sites) for size, sites in zip(self.size, self.places, strict=True)]
+        return _filtered(plane, taps)
 
-    def down(self) -> list[Taps]:
-        """The means over a chroma sample's two luma samples' length, of rows and of columns."""
-        return [
-            (np.arange(size)[None], np.ones((1, size))) if len(sites) == size else _boxes(size, sites)
+    def down(self, plane: F8) -> F8:
+        """The means (h, w) of a plane (H, W) over the length of two luma samples around each chroma sample's site."""
+        taps = [
+            (np.arange(size)[:, None], np.ones((size, 1))) if len(sites) == size else _boxes(size, sites)
             for size, sites in zip(self.size, self.places, strict=True)
         ]
+        return _filtered(plane, taps)
 
     def samples(self, rows: Matrix, offsets: Sequence[int], terms: Sequence[F8], into: Sequence[int]) -> list[Decision]:
         """Each row's sum of coefficient * (term - offset), plus `into`, rounded in 0..peak.
@@ -74,19 +77,22 @@ class ColorMap:
         Binary32 may be off by gamma_8 times the sum of the magnitudes of coefficient * (|term| + offset). Where all
         coefficients are multiples of 1/256 it has no error.
         """
+        shape = terms[0].shape
+        first, inverse, _ = distinct(*(term.reshape(-1) for term in terms))
+        terms = [term.reshape(-1)[first] for term in terms]
         decisions = []
         for row, zero in zip(rows, into, strict=True):
             exact = all((256 * c).denominator == 1 for c in row)
             shifted = [_rational(term) - offset for term, offset in zip(terms, offsets, strict=True)]
-            value = sum(c * term for c, term in zip(row, shifted, strict=True)) + zero  # (H, W) of Fraction
+            value = sum(c * term for c, term in zip(row, shifted, strict=True)) + zero  # (n,) of Fraction
             magnitude = sum(
                 abs(float(c)) * (term + offset) for c, term, offset in zip(row, terms, offsets, strict=True)
             )
             guard = np.zeros(terms[0].shape) if exact else gamma(COLOR_ROUNDINGS) * (magnitude + zero)
-            decisions.append(self._decision(value, guard))
+            decisions.append(self._decision(value, guard, inverse.reshape(shape)))
         return decisions
 
-    def _decision(self, value: NDArray[np.object_], guard: F8) -> Decision:
+    def _decision(self, value: NDArray[np.object_], guard: F8, places: NDArray[np.int64]) -> Decision:
         dtype = np.uint8 if self.peak == 255 else np.uint16
         fractions = _rational(guard)
         rounded, lowest, highest = (
@@ -96,9 +102,9 @@ class ColorMap:
         alternative = np.where(lowest != rounded, lowest, highest)
         clear = (alternative == rounded) & (guard > 0)
         if not clear.any():
-            return Decision(rounded, alternative)
+            return Decision(rounded[places], alternative[places])
         to_tie = np.vectorize(lambda v: float(abs(v - v.__floor__() - Fraction(1, 2))), otypes=[np.float64])(value)
-        return Decision(rounded, alternative, float(to_tie[clear].min()), float(guard.max()))
+        return Decision(rounded[places], alternative[places], float(to_tie[clear].min()), float(guard.max()))
 
 
 def _matrices(matrix: int) -> tuple[Matrix, Matrix]:
@@ -134,24 +140,24 @@ def _sites(size: int, subsampled: bool, phase: Fraction) -> F8:
     return np.asarray(places, np.float64)
 
 
+def _filtered(plane: F8, taps: Sequence[Taps]) -> F8:
+    """Weighted sums along both axes: all weights are multiples of 1/4, so that no sum is rounded."""
+    for places, weights in taps:
+        plane = np.add.accumulate([w[:, None] * plane[at] for at, w in zip(places.T, weights.T, strict=True)])[-1].T
+    return np.asarray(plane)
+
+
 def _hats(places: NDArray[np.int64], sites: F8) -> Taps:
-    """The two sites on either side of each place, by linear interpolation; the outermost ones go on beyond."""
-    right = np.clip(np.searchsorted(sites, places, side="right"), min(1, len(sites) - 1), len(sites) - 1)
-    left = np.maximum(right - 1, 0)
-    apart = np.where(right > left, sites[right] - sites[left], 1.0)
-    of_right = np.clip((places - sites[left]) / apart, 0, 1)
-    return np.stack([left, right]), np.stack([1 - of_right, of_right])
+    """Linear interpolation between sites at equal distances; the outermost ones go on beyond."""
+    last = len(sites) - 1
+    step = sites[1] - sites[0] if last else 1.0
+    at = np.clip((places - sites[0]) / step, 0, last)
+    left = np.floor(at).astype(np.int64)
+    return np.stack([left, np.minimum(left + 1, last)], axis=1), np.stack([1 - (at - left), at - left], axis=1)
 
 
 def _boxes(size: int, sites: F8) -> Taps:
-    """What each sample covers of the two samples' length around a site, halved; the outermost samples go on beyond."""
-    places = np.floor(sites) + np.arange(-1, 3)[:, None]
-    overlap = np.minimum(sites + 1, places + 0.5) - np.maximum(sites - 1, places - 0.5)
-    return np.clip(places, 0, size - 1).astype(np.int64), np.maximum(overlap, 0) / 2
-
-
-def weighted(plane: F8, taps: Sequence[Taps]) -> F8:
-    """The weighted sums of a plane's rows, then of its columns; weights are multiples of 1/4, so sums are exact."""
-    (rows, of_rows), (columns, of_columns) = taps
-    half = sum(plane[row] * weight[:, None] for row, weight in zip(rows, of_rows, strict=True))
-    return np.asarray(sum(half[:, c] * weight for c, weight in zip(columns, of_columns, strict=True)))
+    """What each luma sample covers of the two samples' length around a site, halved; those at the borders go on."""
+    places = np.floor(sites - 1.5)[:, None] + np.arange(4)
+    ends = np.minimum(sites[:, None] + 1, places + 0.5), np.maximum(sites[:, None] - 1, places - 0.5)
+    return np.clip(places, 0, size - 1).astype(np.int64), np.maximum(ends[0] - ends[1], 0) / 2

@@ -1,10 +1,12 @@
 """The stages of quantisation in training: LSQ+, residual vector quantisation, and how its codebooks move."""
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.distinct import distinct
 from conformance.expectations import Decision, Expectation
 from conformance.running_error import Computed, expected, given, rounded_once, stack
 from conformance.stage import Values, stage
@@ -18,6 +20,9 @@ I8 = NDArray[np.int64]
 U2 = NDArray[np.uint16]
 Expected = Mapping[str, Expectation]
 
+DECIDING: Final = 1
+"""Components of numbers that are only compared: their errors in binary32 are far larger than those of binary64."""
+
 
 def lsq_ratio(x: F4, scale: F4, offset: F4) -> Computed:
     """Equation (10-15): t = (x - beta) / s by running error analysis; exact where x - beta is and s a power of two."""
@@ -26,17 +31,19 @@ def lsq_ratio(x: F4, scale: F4, offset: F4) -> Computed:
 
 def lsq_quantize_oracle(x: F4, scale: F4, offset: F4, bits: int) -> Expected:
     """The two codes that the ends of the interval around t round to; they are one where t has no error."""
-    t = lsq_ratio(x, scale, offset)
+    first, inverse, _ = distinct(x)
+    t = lsq_ratio(x[first], scale, offset)
     codes, lowest, highest = (
-        np.rint(np.clip(value, 0, 2**bits - 1)).astype(np.uint16)
-        for value in (t.value, t.value - t.error, t.value + t.error)
+        np.clip(value, 0, 2**bits - 1).astype(np.uint16)
+        for value in (t.number.rint(), np.rint(t.value - t.error), np.rint(t.value + t.error))
     )
     alternative = np.where(lowest != codes, lowest, highest)
     inside = (t.value > -0.5) & (t.value < 2**bits - 0.5) & (alternative == codes) & (t.error > 0)
+    both = codes[inverse], alternative[inverse]
     if not inside.any():
-        return {"codes": Decision(codes, alternative)}
+        return {"codes": Decision(*both)}
     to_tie = abs(t.value - np.floor(t.value) - 0.5)
-    return {"codes": Decision(codes, alternative, float(to_tie[inside].min()), float(t.error[inside].max()))}
+    return {"codes": Decision(*both, float(to_tie[inside].min()), float(t.error[inside].max()))}
 
 
 @stage(
@@ -65,7 +72,7 @@ def lsq_dequantize(codes: U2, scale: F4, offset: F4) -> Values:
 
 
 def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F4) -> Expected:
-    """Running error analysis: q - t inherits the error of t; sums over splats have any order.
+    """Running error analysis: q - t inherits the error of t; sums over splats have any sane order (13-19).
 
     Raises
     ------
@@ -73,8 +80,10 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
         An error of t could change a code or a region, and with it a sum: the inputs are no vector.
     """
     largest = 2**bits - 1
+    first, inverse, times = distinct(x, grad_output)
+    x, grad_output = x[first], grad_output[first]
     t = lsq_ratio(x, scale, offset)
-    q = np.rint(np.clip(t.value, 0, largest))
+    q = np.clip(t.number.rint(), 0, largest)
     below, above = t.value < 0, t.value > largest
     inside = ~below & ~above
     to_decision = np.minimum(abs(t.value), abs(t.value - largest))
@@ -85,9 +94,9 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     grad = given(grad_output)
     by_scale = (given(q) - t).where(inside, given(np.where(above, largest, 0.0)))
     return {
-        "grad_x": expected(grad.where(inside, zero)),
-        "grad_scale": expected((grad * by_scale).where(~below, zero).total(0)),
-        "grad_offset": expected(grad.where(~inside, zero).total(0)),
+        "grad_x": expected(grad.where(inside, zero)[inverse]),
+        "grad_scale": expected((grad * by_scale).where(~below, zero).total(0, times=times)),
+        "grad_offset": expected(grad.where(~inside, zero).total(0, times=times)),
     }
 
 
@@ -113,11 +122,13 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
     ValueError
         Two distances are closer than their errors, so that what follows is open: the inputs are no vector.
     """
+    first, inverse, _ = distinct(x)
+    x = x[first]
     chosen: list[F8] = []
     columns, margin, guard = [], np.inf, 0.0
     for book in books_of(codebook_sizes, codebooks.astype(np.float64)):
-        r = residual(x, chosen)
-        e = r[:, None] - given(book)
+        r = residual(x, chosen, DECIDING)
+        e = r[:, None] - given(book, DECIDING)
         distance = (e * e).total(2)  # (N, B)
         best = distance.value.argmin(axis=1)
         of_best = distance[np.arange(len(x)), best]
@@ -129,7 +140,7 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
         margin, guard = min(margin, gaps.min(initial=np.inf)), max(guard, errors[rivals].max(initial=0.0))
         columns.append(best)
         chosen.append(book[best])
-    indices = np.stack(columns, axis=1).astype(np.uint16)
+    indices = np.stack(columns, axis=1).astype(np.uint16)[inverse]
     return {"indices": Decision(indices, None, *((margin, guard) if guard else (None, None)))}
 
 
@@ -183,21 +194,25 @@ def rvq_update(
 
 
 def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> Expected:
-    """Running error analysis of (10-21), in any order of stages and splats.
+    """Running error analysis of (10-21), in any sane order (13-19) of stages and splats.
 
     Every term is divided by 3 N before the sum, which costs 3.5 eps of its magnitude: where terms cancel that is more
     than 3.5 eps of the sum, so that dividing at the end, or in between, is covered as well.
     """
+    components = given(max(3 * len(x), 1))
+    first, inverse, times = distinct(x, indices)
+    x, indices = x[first], indices[first]
     chosen: list[F8] = []
     errors: list[Computed] = []
     for k, book in enumerate(books_of(codebook_sizes, codebooks.astype(np.float64))):
         chosen.append(book[indices[:, k]])
         errors.append(residual(x, chosen))
-    left = stack(*errors)
-    components = given(max(3 * len(x), 1))
+    left = stack(*errors)  # (M, n, 3)
+    of_all = np.broadcast_to(times[:, None], left.error.shape).reshape(-1)
+    squares = (left * left / components).flat()
     return {
-        "loss": expected((left * left / components).total(), "<f8"),
-        "grad_x": expected((rounded_once(2.0) * left / components).total(0)),
+        "loss": expected(squares.total(times=of_all), "<f8"),
+        "grad_x": expected((rounded_once(2.0) * left / components).total(0)[inverse]),
     }
 
 

@@ -5,11 +5,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from conformance.stage import Values, numbered, stage
+from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
 from gsvc_ref import rendering
-from gsvc_ref.rendering.bounds import EPS, ETA, WeightErrors, coverage_margin, gamma
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, footprint
+from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA, added
 from gsvc_ref.rendering.deterministic import sum_plain
 from gsvc_ref.rendering.pictures import frame_type
 from gsvc_ref.rendering.strip_pictures import read_strip, write_frame
@@ -36,14 +38,18 @@ def _has_finite_factors(parameters: F4) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(parameters[:, 2]) & np.isfinite(parameters[:, 4]))
 
 
-def _finite(parameters: F4) -> Splats:
+def _drawable(parameters: F4) -> F4:
     """The splats with finite l11 and l22: gsvc_ref takes no others, and those are degenerate (section 9.1)."""
-    return Splats.from_array(parameters[_has_finite_factors(parameters)])
+    return parameters[_has_finite_factors(parameters)]
+
+
+def _finite(parameters: F4) -> Splats:
+    return Splats.from_array(_drawable(parameters))
 
 
 def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
-    """(9-2) in binary64 and the error bound of section 9.2; colours must not leave binary32 in any partial sum."""
-    return {"sum": Bounded(*rendering.render_exact_with_bound(_finite(parameters), width, height))}
+    """(9-2), exact, and the error bound of section 9.2; colours must not leave binary32 in any partial sum."""
+    return {"sum": Bounded(*sum_with_bound(_drawable(parameters), width, height))}
 
 
 @stage(
@@ -129,10 +135,10 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     integer keeps the order: so the frame lies between the roundings of clamp(C - b) peak (1 - eps) and
     clamp(C + b) peak (1 + eps), which is never rounded above the peak.
     """
-    C, bound = rendering.render_exact_with_bound(_finite(parameters), width, height)
+    C, bound = sum_with_bound(_drawable(parameters), width, height)
     peak = 2**bit_depth - 1
     kind = frame_type(bit_depth)
-    value = np.rint(np.clip(C, 0, 1) * peak)
+    value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
     lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
     highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
@@ -148,7 +154,7 @@ def render_frame(parameters: F4, width: int, height: int, bit_depth: int) -> Val
 
 
 def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
-    """The derivative of (9-2) in binary64, its error bounds, and the groups that are judged together.
+    """The exact derivative of (9-2), its error bounds, and the groups that are judged together.
 
     The bound b of a gradient adds the errors of P + 30 or more roundings, P the pixels covered, as if each were eps =
     2^-23 of the sum of magnitudes and all had one sign. To nearest with signs at random, they have a root mean square
@@ -160,7 +166,7 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     """
     gradients, bound = np.zeros((2, *parameters.shape))
     drawn = _has_finite_factors(parameters)
-    gradients[drawn], bound[drawn] = rendering.exact_gradients_with_bound(_finite(parameters), residual)
+    gradients[drawn], bound[drawn] = gradients_with_bound(_drawable(parameters), residual)
     height, width = residual.shape[:2]
     clear = bool(np.all(edge_margins(parameters, width, height) > 1))
     groups = tuple(
@@ -172,9 +178,9 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
 def _together(gradients: F8, bound: F8) -> bool:
     """Whether a group of gradients is conditioned well enough for relative L2 and bias."""
     enough = np.count_nonzero(np.any(gradients != 0, axis=1)) >= FEWEST_SPLATS
-    norms = (np.linalg.norm(part.ravel(), order) for order in (1, 2) for part in (bound, gradients))
-    of_1, gradients_1, of_2, gradients_2 = (float(norm) for norm in norms)
-    return bool(enough and of_1 <= WELL_CONDITIONED * gradients_1 and of_2 <= WELL_CONDITIONED * gradients_2)
+    l1 = added(bound) <= WELL_CONDITIONED * added(abs(gradients))
+    l2 = np.sqrt(added(bound * bound)) <= WELL_CONDITIONED * np.sqrt(added(gradients * gradients))
+    return bool(enough and l1 and l2)
 
 
 @stage(
@@ -209,17 +215,7 @@ def edge_margins(parameters: F4, width: int, height: int) -> F8:
     (N,) f8: the least |sigma - ln 255| over its error (`gsvc_ref.rendering.bounds`) of any pixel of the frame.
     """
     margins = np.full(len(parameters), np.inf)
-    for n, splat in enumerate(parameters.astype(np.float64)):
-        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
-        if pixels is not None:
-            distance = abs(pixels.sigma - SUPPORT_SIGMA)
-            margins[n] = np.min(distance / sigma_error(splat, pixels))
+    for n, _, pixels, errors in error_footprints(parameters, width, height):
+        error = errors.d_sigma + EPS * SUPPORT_SIGMA + ETA
+        margins[n] = np.min(abs(pixels.sigma - SUPPORT_SIGMA) / error)
     return margins
-
-
-def sigma_error(splat: F8, pixels: Footprint) -> Any:
-    """The error of sigma - ln 255 over the footprint of a splat (8,) f8, as `bounds` derives it: (h, w) f8."""
-    errors = WeightErrors(splat, pixels)
-    d1, d2 = errors.delta_1, errors.delta_2
-    w = abs(pixels.u1) * d1 + abs(pixels.u2) * d2 + (d1**2 + d2**2) / 2
-    return w + gamma(2) * (pixels.sigma + w) + EPS * SUPPORT_SIGMA + ETA

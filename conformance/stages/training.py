@@ -5,11 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.distinct import distinct
+from conformance.expansions import Expansion, certain, exact
 from conformance.expectations import Bounded, Exact, Expectation
-from conformance.running_error import Computed, expected, given, rounded_once, stack
+from conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
 from conformance.stage import Values, stage
 from gsvc_ref.rendering import Objective
-from gsvc_ref.rendering.bounds import ETA, gamma
+from gsvc_ref.rendering.bounds import EPS, ETA
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.schedule import StepDecay
 from gsvc_ref.training.weighting import grad_rendered, rendered
@@ -24,15 +26,17 @@ DOT = 0.125
 
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
-    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W terms has any order.
+    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-19).
 
     Multiplying by a rounded 2 / (H W) has two roundings, fewer than the quotient that is allowed for.
     """
     height, width = picture.shape[:2]
     pixels = given(height * width)
-    difference = given(np.clip(picture, 0, 1)) - given(target)
-    loss = (difference * difference).total() / pixels
-    return {"loss": expected(loss, "<f8"), "residual": expected(given(2.0) * difference / pixels)}
+    first, inverse, times = distinct(picture.reshape(-1), target.reshape(-1))
+    difference = given(np.clip(picture.reshape(-1)[first], 0, 1)) - given(target.reshape(-1)[first])
+    loss = (difference * difference).total(0, times=times, rows=height, columns=width) / pixels
+    residual = given(2.0) * difference / pixels
+    return {"loss": expected(loss, "<f8"), "residual": expected(residual[inverse.reshape(picture.shape)])}
 
 
 @stage(
@@ -81,13 +85,13 @@ def weighted_parameters(values: F4) -> Values:
 
 def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
     """Running error analysis: copies are exact, w G has one rounding, G . c' three products in any order."""
+    first, inverse, _ = distinct(values, gradients)
+    values, gradients = values[first], gradients[first]
     by_product, color, w = given(gradients[:, 5:]), given(values[:, 5:8]), given(values[:, 8:])
-    of_color, of_weight = by_product * w, (by_product * color).total(1)
+    of_color, of_weight = expected(by_product * w), expected((by_product * color).total(1))
     value = np.concatenate([gradients[:, :5], of_color.value, of_weight.value[:, None]], axis=1)
-    copies = np.zeros((len(values), 5))
-    return {
-        "gradients": Bounded(value, np.concatenate([copies, of_color.error, of_weight.error[:, None]], axis=1)),
-    }
+    bound = np.concatenate([np.zeros((len(values), 5)), of_color.bound, of_weight.bound[:, None]], axis=1)
+    return {"gradients": Bounded(value[inverse], bound[inverse])}
 
 
 @stage(
@@ -104,10 +108,23 @@ def weighted_gradients(values: F4, gradients: F4) -> Values:
 
 
 def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: int) -> Expected:
-    """The rate and the factor rounded, one product per halving: gamma of 2 times their number, and 2."""
-    halvings = iterations // interval
-    value = rate * factor ** halvings.astype(np.float64)
-    return {"rates": Bounded(value, gamma(2 * halvings + 2) * value + ETA, "<f8")}
+    """The rate and the factor rounded, one product per halving: two roundings each, and two of the rate.
+
+    A rate below 2^-800 is stored as 0. A product with a factor up to 1 is never rounded above its other operand.
+    """
+    distinct_halvings, inverse = np.unique(iterations // interval, return_inverse=True)
+
+    def product(change: float) -> Expansion:
+        """The rates where every rounding changes a number by a factor of 1 + change."""
+        once = exact(1 + change, COMPONENTS)
+        each = exact(factor) * once * once
+        of_each = exact(min(each.near, 1.0)) if change > 0 else each
+        return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).power(distinct_halvings)
+
+    lowest, exactly, highest = (product(change) for change in (-EPS, 0.0, EPS))
+    value = certain(exactly)
+    bound = np.maximum(highest.near - value, value - lowest.near) + ETA
+    return {"rates": Bounded(value[inverse], bound[inverse], "<f8")}
 
 
 @stage(
@@ -147,42 +164,48 @@ def adan_oracle(
     subtractions are covered as well as one. Near n = 0 the root's error is the difference of roots, against which
     stands epsilon.
     """
-    k = steps[:, None] + 1.0
-
-    def correction(beta: float) -> F8:
-        """1 - beta^k, without the cancellation of beta near 1."""
-        with np.errstate(divide="ignore"):  # log(0) is -infinity, and so is k times it
-            return np.asarray(-np.expm1(k * np.log1p(beta - 1)))
-
+    all_steps = steps
+    first, inverse, _ = distinct(parameters, gradients, m, v, n, previous, steps)
+    parameters, gradients, m, v, n, previous, steps = (
+        rows[first] for rows in (parameters, gradients, m, v, n, previous, steps)
+    )
+    k = steps[:, None] + 1
     b1, b2, b3 = rounded_once(beta1), rounded_once(beta2), rounded_once(beta3)
-    c1, c2, c3 = rounded_once(1 - beta1), rounded_once(1 - beta2), rounded_once(1 - beta3)
+    c1, c2, c3 = (rounded_once(_correction(beta, np.ones((1, 1), np.int64))) for beta in (beta1, beta2, beta3))
     g = given(gradients) * given(units)
     d = g - given(previous)
     # A fused g - fl(g) is the rounding error of g.
-    d = Computed(np.zeros(g.value.shape), g.error).where(k == 1, d)
+    d = Computed(exact(np.zeros(g.error.shape)), g.error).where(k == 1, d)
     new_m = _average(b1, c1, given(m), g)
     new_v = _average(b2, c2, given(v), d)
     ahead = g + b2 * d
     new_n = _average(b3, c3, given(n), ahead * ahead)
-    denominator = new_n.sqrt() / rounded_once(np.sqrt(correction(beta3))) + rounded_once(epsilon)
+    denominator = new_n.sqrt() / rounded_once(_correction(beta3, k).sqrt()) + rounded_once(epsilon)
     rate = given(rates) * given(units)
-    by_m = rate * (new_m / rounded_once(correction(beta1)) / denominator)
-    by_v = rate * (b2 * (new_v / rounded_once(correction(beta2))) / denominator)
+    by_m = rate * (new_m / rounded_once(_correction(beta1, k)) / denominator)
+    by_v = rate * (b2 * (new_v / rounded_once(_correction(beta2, k))) / denominator)
     moved = stack(given(parameters), -by_m, -by_v).total(0)
     return {
-        "parameters": expected(moved),
-        "m": expected(new_m),
-        "v": expected(new_v),
-        "n": expected(new_n),
-        "previous": expected(g),
-        "steps": Exact(steps + 1),
+        "parameters": expected(moved[inverse]),
+        "m": expected(new_m[inverse]),
+        "v": expected(new_v[inverse]),
+        "n": expected(new_n[inverse]),
+        "previous": expected(g[inverse]),
+        "steps": Exact(all_steps + 1),
     }
+
+
+def _correction(beta: float, k: I8) -> Expansion:
+    """1 - beta^k for k (n, 1)."""
+    distinct_k, inverse = np.unique(k, return_inverse=True)
+    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).power(distinct_k)
+    return (exact(1.0) - powers)[inverse.reshape(k.shape)]
 
 
 def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed:
     """The moving average b old + c new with c = 1 - b, in either arrangement."""
     average, interpolated = b * old + c * new, old + c * (new - old)
-    return Computed(average.value, np.maximum(average.error, interpolated.error))
+    return Computed(average.number, np.maximum(average.error, interpolated.error))
 
 
 @stage(

@@ -3,6 +3,7 @@
 The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
 relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps; terms may be
 added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 - k eps) bounds k roundings in a row.
+In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then columns.
 
 **sigma.** With a = |dy| / l22 and b = |l21 u1| / l22, hence |u2| <= a + b:
 
@@ -28,19 +29,23 @@ legal: band = sum over those splats of |c| (g + d(g)).
 u2, u1^2, u1 u2, u2^2, whose errors d(m) follow from delta_1 and delta_2 by the product rule. With Q = g A,
 d(Q) = (d(g) + gamma_5 (g + d(g))) A + 8 eta and M = |m| + d(m), over the P pixels that are covered or in the band:
 
-    d(S_m) = sum (d(Q) M + Q d(m) + 2 eta) + gamma_(P+3) sum (Q + d(Q)) M + sum over the band of (Q + d(Q)) M.
+    d(S_m) = sum (d(Q) M + Q d(m) + 2 eta) + gamma_(D+4) sum (Q + d(Q)) M + sum over the band of (Q + d(Q)) M.
 
 The same with A = |e_k| and m = 1 gives dL/dc'. Each gradient is then one moment or the difference of two over entries
-of L: their errors, gamma_12 of their absolute sums and what underflows, divided likewise. The factor gamma_(P+3) allows
-any order of summation and makes the bound loose for large splats: aggregates (relative L2 and bias) are judged too.
+of L: their errors, gamma_12 of their absolute sums and what underflows, divided likewise. The factor gamma_(D+4) takes
+all roundings for equal and of one sign: aggregates (relative L2 and bias) are judged too.
+
+Bounds are evaluated in binary64 by IEEE operations in a stated order, so that they have the same bits on every machine.
 """
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, check_residual, footprint
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, added, check_residual, footprint
+from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
@@ -58,6 +63,24 @@ def gamma(k: ArrayLike) -> F8:
     return np.where(error < 1, error / np.maximum(1 - error, ETA), np.inf)
 
 
+def additions(terms: ArrayLike, rows: ArrayLike = 0, columns: ArrayLike = 0) -> F8:
+    """The most additions D that a term of a sum takes part in, spec.md (13-19).
+
+    Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of pixels
+    may also go by rows and then columns.
+
+    Parameters
+    ----------
+    terms
+        How many there are.
+    rows, columns
+        Of the pixels that they belong to.
+    """
+    n = np.asarray(terms, np.float64)
+    levels = np.maximum(2 * np.ceil(np.sqrt(n)), np.asarray(rows, np.float64) + columns)
+    return np.maximum(np.minimum(n - 1, levels + 64), 0)
+
+
 def coverage_margin(splat: F8) -> int:
     """How many pixels beyond the bounding box a binary32 decision may still come out as covered."""
     reach = np.sqrt(2 * SUPPORT_SIGMA) * (splat[2] + abs(splat[3]) + splat[4])
@@ -69,8 +92,8 @@ class WeightErrors:
 
     Attributes
     ----------
-    delta_1, delta_2
-        Bounds of the errors of u1 and u2.
+    delta_1, delta_2, d_sigma
+        Bounds of the errors of u1, u2 and sigma.
     g_plain, d_g
         exp(-sigma) whether covered or not, and its error.
     band
@@ -86,15 +109,46 @@ class WeightErrors:
             (gamma(6) * abs(pixels.dy) + gamma(11) * abs(l21) * u1 + abs(l21) * underflow + ETA) / l22
             + ETA * (1 + abs(pixels.dy) + abs(l21) * u1 + u1)
         )  # fmt: skip
-        w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1**2 + self.delta_2**2) / 2
-        d_sigma = w + gamma(2) * (sigma + w)
-        nearest = np.maximum(sigma - d_sigma, 0)
-        with np.errstate(under="ignore"):
-            self.g_plain = np.exp(-sigma)
-            highest, lowest = np.exp(-nearest), np.exp(-(sigma + d_sigma))
+        w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1 * self.delta_1 + self.delta_2 * self.delta_2) / 2
+        self.d_sigma = w + gamma(2) * (sigma + w)
+        nearest = np.maximum(sigma - self.d_sigma, 0)
+        self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, sigma + self.d_sigma]))
         of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
-        self.band = abs(sigma - SUPPORT_SIGMA) <= d_sigma + EPS * SUPPORT_SIGMA
+        self.band = abs(sigma - SUPPORT_SIGMA) <= self.d_sigma + EPS * SUPPORT_SIGMA
+
+
+def error_footprints(
+    parameters: NDArray[np.float32], width: int, height: int
+) -> Iterator[tuple[int, F8, Footprint, WeightErrors]]:
+    """The index, parameters (8,) f8, footprint and errors of every splat (N, 8) that can cover a pixel, or nearly so."""
+    for n, splat in enumerate(parameters.astype(np.float64)):
+        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
+        if pixels is not None:
+            yield n, splat, pixels, WeightErrors(splat, pixels)
+
+
+class SumBound:
+    """What the bound of a picture's sum consists of, splat by splat: each (H, W, 3) or (H, W, 1) f8."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._smooth, self._absolute, self._band = np.zeros((3, height, width, 3))
+        self._terms = np.zeros((height, width, 1))
+
+    def add(self, splat: F8, pixels: Footprint, errors: WeightErrors, times: int = 1) -> None:
+        """Add a splat that occurs so many times."""
+        at = (pixels.rows, pixels.columns)
+        c = abs(splat[5:]) * times
+        highest = errors.g_plain + errors.d_g
+        self._smooth[at] += (pixels.covered * errors.d_g)[..., None] * c
+        self._absolute[at] += (pixels.covered * highest)[..., None] * c
+        self._band[at] += (errors.band * highest)[..., None] * c
+        self._terms[at] += (pixels.covered | errors.band)[..., None] * float(times)
+
+    def bound(self) -> F8:
+        """(13-11): (H, W, 3) f8."""
+        roundings = gamma(self._terms + 2) * (self._absolute + self._band)
+        return self._smooth + roundings + self._band + 2 * self._terms * ETA
 
 
 def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8, F8]:
@@ -108,21 +162,11 @@ def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8
         (H, W, 3) f8: a correct renderer's sum is finite and within `bound` of C.
     """
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
-    smooth, absolute, band = np.zeros_like(C), np.zeros_like(C), np.zeros_like(C)
-    terms = np.zeros((height, width, 1))  # (H, W, 1) f8
-    for splat in splats.to_array().astype(np.float64):
-        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
-        if pixels is None:
-            continue
-        at = (pixels.rows, pixels.columns)
-        errors = WeightErrors(splat, pixels)
-        c = splat[5:]
-        C[at] += pixels.g[..., None] * c
-        smooth[at] += (pixels.covered * errors.d_g)[..., None] * abs(c)
-        absolute[at] += (pixels.covered * (pixels.g + errors.d_g))[..., None] * abs(c)
-        band[at] += (errors.band * (errors.g_plain + errors.d_g))[..., None] * abs(c)
-        terms[at] += (pixels.covered | errors.band)[..., None]
-    return C, smooth + gamma(terms + 2) * (absolute + band) + band + 2 * terms * ETA
+    bound = SumBound(width, height)
+    for _, splat, pixels, errors in error_footprints(splats.to_array(), width, height):
+        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]
+        bound.add(splat, pixels, errors)
+    return C, bound.bound()
 
 
 def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8, F8]:
@@ -149,22 +193,20 @@ def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8,
     height, width = e_all.shape[:2]
     gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT))  # (N, 8) f8
     bound = np.zeros_like(gradients)
-    for n, splat in enumerate(splats.to_array().astype(np.float64)):
-        pixels = footprint(splat, width, height, margin=coverage_margin(splat))
-        if pixels is not None:
-            e = e_all[pixels.rows, pixels.columns]  # (h, w, 3) f8
-            gradients[n] = pixels.gradient(splat, e)
-            bound[n] = _gradient_bound(splat, pixels, e)
+    for n, splat, pixels, errors in error_footprints(splats.to_array(), width, height):
+        e = e_all[pixels.rows, pixels.columns]  # (h, w, 3) f8
+        gradients[n] = pixels.gradient(splat, e)
+        bound[n] = gradient_bound(splat, pixels, errors, e)
     return gradients, bound
 
 
-def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
-    """The bounds (8,) f8 of one splat's gradients."""
+def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) -> F8:
+    """The bounds (8,) f8 of one splat's gradients, with e = dL/dC (h, w, 3) f8."""
     l11, l21, l22 = splat[2:5]
-    errors = WeightErrors(splat, pixels)
     u1, u2, d1, d2 = abs(pixels.u1), abs(pixels.u2), errors.delta_1, errors.delta_2
     either = pixels.covered | errors.band
-    order = gamma(np.count_nonzero(either) + 3)
+    rows, columns = (np.count_nonzero(either.any(axis=axis)) for axis in (1, 0))
+    order = gamma(additions(np.count_nonzero(either), rows, columns) + 4)
     d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
 
     def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:
@@ -173,9 +215,9 @@ def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
         d_Q = d_q_of_a * A + 8 * ETA
         highest = (errors.g_plain * A + d_Q) * M
         error = d_Q * M + errors.g_plain * A * d_m + order * highest + 2 * ETA
-        return float(np.sum(highest[either])), float(np.sum(error[either]) + np.sum(highest[errors.band]))
+        return added(highest[either]), added(error[either]) + added(highest[errors.band])
 
-    A = abs(e) @ abs(splat[5:])  # (h, w) f8
+    A = abs(e[..., 0] * splat[5]) + abs(e[..., 1] * splat[6]) + abs(e[..., 2] * splat[7])  # (h, w) f8
     of_u1 = moment(A, u1, d1)
     of_u2 = moment(A, u2, d2)
     of_11 = moment(A, u1 * u1, (2 * u1 + d1) * d1)
@@ -195,9 +237,8 @@ def _gradient_bound(splat: F8, pixels: Footprint, e: F8) -> F8:
 
 def _total(*parts: tuple[tuple[float, float], float]) -> float:
     """The error of a sum of moments times factors, each (absolute sum, error) and factor."""
-    return float(
-        sum(
-            (error + gamma(12) * (absolute + error)) * factor + ETA * (1 + absolute + error)
-            for (absolute, error), factor in parts
-        )
-    )
+    errors = [
+        (error + gamma(12) * (absolute + error)) * factor + ETA * (1 + absolute + error)
+        for (absolute, error), factor in parts
+    ]
+    return added(np.array(errors))

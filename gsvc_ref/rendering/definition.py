@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
@@ -64,11 +65,16 @@ class Footprint:
         since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u).
         """
         l11, l21, l22 = splat[2:5]
-        q = self.g * (e @ splat[5:])
+        q = self.g * (e[..., 0] * splat[5] + e[..., 1] * splat[6] + e[..., 2] * splat[7])
         v2 = self.u2 / l22
         v1 = (self.u1 - l21 * v2) / l11
-        of_l = [np.sum(q * v1 * self.u1), np.sum(q * v2 * self.u1), np.sum(q * v2 * self.u2)]
-        return np.array([np.sum(q * v1), np.sum(q * v2), *of_l, *np.einsum("hw,hwc->c", self.g, e)])
+        of_mu, of_l = [q * v1, q * v2], [q * v1 * self.u1, q * v2 * self.u1, q * v2 * self.u2]
+        return np.array([added(terms) for terms in (*of_mu, *of_l, *(self.g * e[..., k] for k in range(3)))])
+
+
+def added(values: F8) -> float:
+    """The sum of all values one after the other: the order of NumPy's own sums depends on the processor."""
+    return float(np.add.accumulate(values.ravel())[-1]) if values.size else 0.0
 
 
 def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footprint | None:
@@ -82,7 +88,7 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
         return None  # degenerate, or infinite, which leaves no sigma that is small enough
     radius = np.sqrt(2 * SUPPORT_SIGMA)
     columns = _box(mu_x, radius * l11, width, margin)
-    rows = _box(mu_y, radius * np.hypot(l21, l22), height, margin)
+    rows = _box(mu_y, radius * np.sqrt(l21 * l21 + l22 * l22), height, margin)
     dx = np.arange(columns.start, columns.stop)[None, :] + 0.5 - mu_x  # (1, w) f8
     dy = np.arange(rows.start, rows.stop)[:, None] + 0.5 - mu_y  # (h, 1) f8
     if dx.size == 0 or dy.size == 0:
@@ -91,8 +97,7 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     u2 = (dy - l21 * u1) / l22
     sigma = (u1 * u1 + u2 * u2) / 2
     covered = sigma <= SUPPORT_SIGMA
-    with np.errstate(under="ignore"):
-        g = np.where(covered, np.exp(-sigma), 0.0)
+    g = np.where(covered, exp_minus(sigma), 0.0)
     return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, g)
 
 

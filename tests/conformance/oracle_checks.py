@@ -1,19 +1,27 @@
 """What a variant of a stage gets wrong in the cases of that stage."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from conformance.case import LEVELS, of_stage
+from conformance.case import LEVELS, Case, of_stage
+from conformance.expectations import Expectation
+from conformance.stage import Values
+
+
+@cache
+def runs(stage: str) -> list[tuple[Case, Values, Mapping[str, Expectation]]]:
+    """Each case of a stage but the full ones, its inputs and its expectations."""
+    return [(case, *case.run()) for case in of_stage(stage) if case.level in LEVELS]
 
 
 def judged(stage: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[str, ...] = LEVELS):
     """For every case of a stage, by id: the outputs of a variant that fail."""
     found = {}
-    for case in of_stage(stage):
+    for case, inputs, expected in runs(stage):
         if case.level in levels:
-            inputs, expected = case.run()
             with np.errstate(all="ignore"):
                 outputs = variant(**inputs)
             found[case.id] = [name for name in outputs if not expected[name].judge(outputs[name]).passed]
@@ -33,3 +41,10 @@ def assert_found(stage: str, variant: Callable[..., Mapping[str, Any]]) -> None:
 def in_sequence(terms: np.ndarray) -> np.float32:
     """The binary32 sum of all terms, one after the other."""
     return np.add.accumulate(np.ravel(terms), dtype=np.float32)[-1] if np.size(terms) else np.float32(0)
+
+
+def in_blocks(terms: np.ndarray) -> np.float32:
+    """The binary32 sum of blocks of about as many terms as there are blocks, one after the other in both."""
+    size = max(int(np.ceil(np.sqrt(np.size(terms)))), 1)
+    blocks = np.pad(np.ravel(terms), (0, -np.size(terms) % size)).reshape(-1, size)
+    return in_sequence(np.add.accumulate(blocks, axis=1, dtype=np.float32)[:, -1])

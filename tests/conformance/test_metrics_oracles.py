@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from oracle_checks import assert_legal, in_sequence
+from oracle_checks import assert_legal, in_blocks, runs
 
-from conformance.case import of_stage
 from conformance.stages.color_map import ColorMap
 
 F4 = np.float32
@@ -59,8 +58,7 @@ def ms_ssim_in_binary32(a, b, bit_depth, *, by_sums, normalised, in_one_pass):
 )
 def test_ms_ssim_in_binary32_uses_an_eighth_of_its_limit(by_sums, normalised, in_one_pass):
     ratios = {}
-    for case in of_stage("metrics"):
-        inputs, expected = case.run()
+    for case, inputs, expected in runs("metrics"):
         actual = ms_ssim_in_binary32(**inputs, by_sums=by_sums, normalised=normalised, in_one_pass=in_one_pass)
         ratios[case.id] = abs(actual - expected["ms_ssim"].value) / expected["ms_ssim"].bound
     assert max(ratios.values()) < 1 / 8, ratios
@@ -69,7 +67,7 @@ def test_ms_ssim_in_binary32_uses_an_eighth_of_its_limit(by_sums, normalised, in
 def psnr_in_binary32(a, b, bit_depth, *, normalised):
     peak = F4(2**bit_depth - 1)
     x, y = (frame.astype(F4) / peak if normalised else frame.astype(F4) for frame in (a, b))
-    mse = in_sequence((x - y) ** 2) / F4(a.size)
+    mse = in_blocks((x - y) ** 2) / F4(a.size)
     if normalised:
         psnr, mse = F4(-10) * np.log10(mse), mse * peak * peak
     else:
@@ -83,13 +81,12 @@ def test_psnr_in_binary32_is_legal(normalised):
 
 
 def color_in_binary32(size, elements):
-    """The map of a format, its coefficients rounded to binary32, and the filters, which are exact."""
+    """The map of a format, and its coefficients rounded to binary32; its filters are exact."""
     color = ColorMap(size, *elements)
     gains = np.array([gain for gain, _ in color.scales], F4)
     offsets = np.array([offset for _, offset in color.scales], F4)
-    filters = [[weights.astype(F4) for weights in pair] for pair in (color.up(), color.down())]
     matrices = [np.array([[float(c) for c in row] for row in rows]) for rows in (color.forward, color.inverse)]
-    return F4(color.peak), gains, offsets, filters, matrices
+    return color, F4(color.peak), gains, offsets, matrices
 
 
 def narrowed(values, peak):
@@ -97,8 +94,8 @@ def narrowed(values, peak):
 
 
 def frame_in_binary32(y, cb, cr, *elements, normalised):
-    peak, gains, offsets, ((rows, columns), _), (_, inverse) = color_in_binary32(y.shape, elements)
-    planes = np.stack([y.astype(F4), rows @ cb.astype(F4) @ columns.T, rows @ cr.astype(F4) @ columns.T], axis=-1)
+    color, peak, gains, offsets, (_, inverse) = color_in_binary32(y.shape, elements)
+    planes = np.stack([y, color.up(cb), color.up(cr)], axis=-1).astype(F4)
     if normalised:
         frame = (planes - offsets) / gains @ inverse.T.astype(F4) * peak
     else:
@@ -108,8 +105,8 @@ def frame_in_binary32(y, cb, cr, *elements, normalised):
 
 
 def planes_in_binary32(frame, *elements, normalised):
-    peak, gains, offsets, (_, (rows, columns)), (forward, _) = color_in_binary32(frame.shape[:2], elements)
-    means = np.stack([rows @ frame[..., c].astype(F4) @ columns.T for c in range(3)], axis=-1)
+    color, peak, gains, offsets, (forward, _) = color_in_binary32(frame.shape[:2], elements)
+    means = np.stack([color.down(frame[..., c]) for c in range(3)], axis=-1).astype(F4)
     results = {}
     for i, (name, source) in enumerate(zip(("y", "cb", "cr"), (frame.astype(F4), means, means), strict=True)):
         if normalised:
@@ -130,10 +127,9 @@ EXACT_TIES = ("ties_of", "impulse", "edges", "ycgco")
 def test_colour_in_binary32_is_legal(stage, normalised):
     variant = frame_in_binary32 if stage == "planes_to_frame" else planes_in_binary32
     open_decisions = 0
-    for case in of_stage(stage):
+    for case, inputs, expected in runs(stage):
         if normalised and any(part in case.id for part in EXACT_TIES):
             continue
-        inputs, expected = case.run()
         outputs = variant(*inputs.values(), normalised=normalised)
         for name, expectation in expected.items():
             assert expectation.judge(outputs[name]).passed, f"{case.id}: {expectation.judge(outputs[name]).message}"

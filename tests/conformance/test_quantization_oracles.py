@@ -5,7 +5,7 @@ Legal variants in binary32 lie inside the bounds of every case, small bugs outsi
 
 import numpy as np
 import pytest
-from oracle_checks import assert_legal, in_sequence, judged
+from oracle_checks import assert_legal, in_blocks, judged
 
 from conformance.stages.codebooks import books_of
 from conformance.stages.quantization import commitment_oracle, lsq_gradients_oracle, rvq_assign_oracle
@@ -73,7 +73,7 @@ def lsq_gradients_in_binary32(x, scale, offset, bits, grad_output, *, backwards)
     of_offset = np.where(inside, F4(0), grad_output)
     order = slice(None, None, -1 if backwards else 1)
     sums = [
-        np.array([in_sequence(column[order]) for column in terms.T], F4) for terms in (of_scale, of_offset)
+        np.array([in_blocks(column[order]) for column in terms.T], F4) for terms in (of_scale, of_offset)
     ]  # fmt: skip
     return {"grad_x": np.where(inside, grad_output, F4(0)), "grad_scale": sums[0], "grad_offset": sums[1]}
 
@@ -120,7 +120,7 @@ def update_in_binary32(
             c[b] = a * c[b] + rest * F4(len(users))
             batch = np.add.accumulate(users, axis=0, dtype=F4)[-1] if len(users) else np.zeros(3, F4)
             s[b] = a * s[b] + rest * batch
-        total = in_sequence(c)
+        total = in_blocks(c)
         smoothed = (c + e) * (total / (total + F4(len(book)) * e)) * F4(factor)
         words[:] = np.where(smoothed[:, None] > 0, s / smoothed[:, None], words)
         reach = np.add.accumulate((left * left).sum(axis=1), dtype=F4)
@@ -154,13 +154,13 @@ def commitment_in_binary32(x, indices, codebook_sizes, codebooks, *, joined, div
         errors.append(x - so_far if joined else left)
     components = F4(max(3 * len(x), 1))
     if divided == "last":
-        loss, gradient = in_sequence(np.square(errors)) / components, np.add.reduce(errors) * (F4(2) / components)
+        loss, gradient = in_blocks(np.square(errors)) / components, np.add.reduce(errors) * (F4(2) / components)
     else:
         gradient = np.add.reduce([F4(2) * e / components for e in errors])
         if divided == "first":
-            loss = in_sequence(np.square(errors) / components)
+            loss = in_blocks(np.square(errors) / components)
         else:
-            loss = in_sequence([in_sequence(np.square(e)) / components for e in errors])
+            loss = in_blocks([in_blocks(np.square(e)) / components for e in errors])
     return {"loss": np.array(float(loss)), "grad_x": gradient.astype(F4)}
 
 

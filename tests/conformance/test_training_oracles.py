@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
-from oracle_checks import assert_found, assert_legal, in_sequence, judged
+from oracle_checks import assert_found, assert_legal, in_blocks, judged
 
 from conformance.stages.training import loss_oracle
 
@@ -34,7 +34,7 @@ def loss_in_binary32(picture, target, *, backwards=False, by_reciprocal=False):
     pixels = F4(picture.shape[0] * picture.shape[1])
     difference = np.clip(picture, F4(0), F4(1)) - target
     squares = difference * difference
-    total = in_sequence(squares[::-1] if backwards else squares)
+    total = in_blocks(squares[::-1] if backwards else squares)
     factor = F4(2) / pixels
     return {
         "loss": np.array(float(total * (F4(1) / pixels) if by_reciprocal else total / pixels)),
