@@ -1,7 +1,8 @@
 """Golden vectors on disk: `vectors/<level>/<stage>/<slug>/manifest.json` and its parts.
 
-A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Single numbers among the inputs and texts
-among the outputs stand in the manifest. `SHA256SUMS` has every file; `manifest.schema.json` says what a manifest is.
+A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Large arrays that repeat themselves are
+stored as runs (`runs`). Single numbers among the inputs and texts among the outputs stand in the manifest. `SHA256SUMS`
+has every file; `manifest.schema.json` says what a manifest is.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from conformance.case import Case
 from conformance.expectations import EXPECTATIONS, Bounded, Expectation, Refusal
+from conformance.runs import pack, unpack
 from conformance.stage import Stage, Values, stages
 
 VECTORS: Final = Path(__file__).parents[1] / "vectors"
@@ -173,7 +175,10 @@ def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
     if isinstance(value, bytes):
         return _file(f"{name}.gsvc", value, files)
     array = _little(np.asarray(value))
-    return {**_file(f"{name}.npy", npy(array), files), "dtype": array.dtype.str, "shape": list(array.shape)}
+    packed = pack(array)
+    stored = _file(f"{name}.npy", npy(packed.elements if packed else array), files)
+    form = {"dtype": array.dtype.str, "shape": list(array.shape)}
+    return {**stored, **form, **(packed.entry if packed else {})}
 
 
 def _file(name: str, data: bytes, files: dict[str, bytes]) -> dict[str, Any]:
@@ -199,7 +204,10 @@ def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
     if "value" in entry:
         return entry["value"]
     data = files[entry["file"]]
-    return data if entry["file"].endswith(".gsvc") else np.load(io.BytesIO(data), allow_pickle=False)
+    if entry["file"].endswith(".gsvc"):
+        return data
+    array = np.load(io.BytesIO(data), allow_pickle=False)
+    return unpack(array, entry) if "runs" in entry else array
 
 
 def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Expectation:

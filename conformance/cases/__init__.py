@@ -2,9 +2,14 @@
 
 from typing import Final
 
+CAPACITY: Final = "capacity"
+"""The flag of large vectors: mutants are not tried on them."""
+
 FLAGS: Final[dict[str, tuple[str, str]]] = {
     "bit-depth": ("8 bits are taken for granted", "frames of other depths are scaled or typed wrongly"),
     "cancellation": ("the determinant of the covariance is formed as a c - b b", "needles vanish or spread"),
+    "capacity": ("a kernel, list, counter or index ends at some size from 32 to 65,536",
+                 "all beyond it is missing, zero or taken again"),
     "channel-order": ("red, green and blue are exchanged", "tinted pictures"),
     "check-order": ("checks come in another order than that of section 12", "another error than the stated one"),
     "clamp": ("the sum is not clamped, or clamped before it is complete", "bright or dark pixels wrap around"),

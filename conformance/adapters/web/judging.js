@@ -18,6 +18,21 @@ globalThis.GSVC ??= {};
     return { data, shape, dtype: fields[1] };
   }
 
+  /** The array that the runs of a manifest's entry stand for (protocol.md), from the elements that its file holds. */
+  function expandRuns({ data: elements, dtype }, { runs, shape, differences = false }) {
+    const data = new TYPES[dtype](shape.reduce((product, size) => product * size, 1));
+    let at = 0;
+    for (const [count, first, length, phase] of runs) {
+      if (phase >= length || first + length > elements.length || at + count > data.length) {
+        throw new Error("runs that do not fit their file or their shape");
+      }
+      for (let i = 0; i < count; i++) data[at++] = elements[first + (phase + i) % length];
+    }
+    if (at !== data.length) throw new Error("runs that do not fit their shape");
+    if (differences) for (let i = 1; i < at; i++) data[i] += data[i - 1];
+    return { data, shape, dtype };
+  }
+
   const passed = (ratio = null) => ({ passed: true, message: "", ratio });
   const failed = (message, ratio = null) => ({ passed: false, message, ratio });
 
@@ -133,5 +148,5 @@ globalThis.GSVC ??= {};
     throw new Error(`there is no check ${entry.check}`);
   }
 
-  Object.assign(GSVC, { readNpy, judge });
+  Object.assign(GSVC, { readNpy, expandRuns, judge });
 }

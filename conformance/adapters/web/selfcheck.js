@@ -2,7 +2,7 @@
 "use strict";
 globalThis.GSVC ??= {};
 {
-  const { stages, Unsupported, readNpy, judge } = GSVC;
+  const { stages, Unsupported, readNpy, expandRuns, judge } = GSVC;
   const AHEAD = 8; // vectors that are read while one is judged
 
   const CLASSES = { // those of a decoder (13.1)
@@ -23,7 +23,8 @@ globalThis.GSVC ??= {};
     const value = async (entry) => {
       if ("value" in entry) return entry.value;
       const bytes = await file(entry.file);
-      return entry.dtype ? readNpy(bytes) : bytes;
+      if (!entry.dtype) return bytes;
+      return entry.runs ? expandRuns(readNpy(bytes), entry) : readNpy(bytes);
     };
     const values = async (entries) => {
       const pairs = Object.entries(entries).map(async ([name, entry]) => [name, await value(entry)]);
