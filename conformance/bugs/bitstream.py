@@ -4,7 +4,6 @@ from conformance.mutants import Mutant, bug
 
 AREA = "bitstream"
 ENTROPY = "entropy coding"
-ERRORS = "errors"
 
 SYNTAX: tuple[Mutant, ...] = (
     bug(AREA, "bits-least-significant-first", "bits taken from the least significant end of a byte",
@@ -189,8 +188,6 @@ COUNTERS: tuple[Mutant, ...] = (
         ('        state.index_length = 0\n        if chunk_type == "x":\n',
          '        if chunk_type == "x" and state.index_length > 0:\n            raise Fault("R-6.8-2", chunk_bit)\n'
          '        state.index_length = 0\n        if chunk_type == "x":\n')),
-    bug(ERRORS, "large-frame-count-refused", "a frame count of the header of 2^31 or more refused at once",
-        ('("frame_count", 4, 0, 2**32 - 1),', '("frame_count", 4, 0, 2**31 - 1),')),
 )  # fmt: skip
 
 MUTANTS: tuple[Mutant, ...] = (*SYNTAX, *RANS, *COUNTERS)

@@ -7,6 +7,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases import container as container  # their cases belong to this group, too
+from conformance.cases import long_streams as long_streams
 from conformance.cases import plane_encoding as plane_encoding
 from conformance.cases import planes as planes
 from conformance.cases import prediction as prediction
@@ -92,13 +93,14 @@ def header_of(value: dict[str, Any]) -> Inputs:
         assert value["height"] in result(expected, "header").tolist()
 
 
-@case("core", "read_stream", rules=["R-5-1"], each={str(level): level for level in LEVELS})
+@on("core", *STREAM, flags=["limit"], rules=["R-5-1"], each={str(level): level for level in LEVELS})
 def level(value: int) -> Inputs:
     """Level {key}, and as many pixels as it allows."""
     width = 1 << (8 + value)
     header = SequenceHeader(level=value, width=width, height=LEVELS[value].pixels // width)
     expected = yield {"stream": write_stream(header, [FrameCodes.intra_frame(None)])}
-    assert result(expected, "header")[1] == value
+    if "header" in expected:
+        assert result(expected, "header")[1] == value
 
 
 @on("core", *FRAMES, flags=["bit-depth"], each={str(depth): depth for depth in (8, 9, 10, 12, 16)})
