@@ -27,7 +27,7 @@ SYNTAX: tuple[Mutant, ...] = (
     bug(AREA, "minor-version-refused", "later minor versions refused",
         ("    version_minor = s.le(1)\n", "    version_minor = s.le(1)\n    if version_minor != 0:\n        raise Fault(\"R-6.1-2\", s.element)\n")),
     bug(AREA, "minor-version-ignored", "bytes behind the header of a later minor version refused",
-        ("if version_minor == 0:  # R-6.1-2", "if True:  # R-6.1-2")),
+        ("if version_minor == 0:  # R-6.1-6", "if True:  # R-6.1-6")),
     bug(AREA, "index-demanded", "streams without an index refused",
         ('if index_length != state.index_length:', 'if index_length != state.index_length or index_length == 0:')),
     bug(AREA, "index-length-payload", "the index length taken without the chunk's head and checksum",

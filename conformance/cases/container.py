@@ -82,7 +82,7 @@ def index(value: str) -> Inputs:
     assert result(expected, "counts").tolist() == [2] * 5
 
 
-@on("uncommon", *STREAM, flags=["index", "unknown"], rules=["R-6.8-2"])
+@on("uncommon", *STREAM, flags=["index", "unknown"], rules=["R-6.7-2", "R-6.8-2"])
 def index_that_is_not_last() -> Inputs:
     """An index in the middle is read and not used; `index_length` is 0, since none stands before the end chunk."""
     entries = entries_of(stream_of(sequence()))[:1]
@@ -93,7 +93,7 @@ def index_that_is_not_last() -> Inputs:
     assert len(result(expected, "counts")) == 5
 
 
-@on("core", *STREAM, flags=["index"], rules=["R-6.8-2"])
+@on("core", *STREAM, flags=["index"], rules=["R-6.7-2", "R-6.8-2"])
 def index_behind_an_index() -> Inputs:
     """Two indices before the end chunk: `index_length` is that of the one directly before it."""
 
@@ -112,7 +112,7 @@ def frame_count(value: int) -> Inputs:
         assert result(expected, "header")[9] == value
 
 
-@on("core", *STREAM, flags=["unknown"], rules=["R-6.2-1"])
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.2-1", "R-6.2-5"])
 def ancillary_chunks() -> Inputs:
     """Chunks of unknown lower-case types stand wherever they may: a decoder skips them."""
     data = stream_of(sequence())
@@ -121,7 +121,7 @@ def ancillary_chunks() -> Inputs:
     assert result(expected, "counts").tolist() == [2] * 5
 
 
-@on("uncommon", *STREAM, flags=["unknown"])
+@on("uncommon", *STREAM, flags=["unknown"], rules=["R-6.2-5"])
 def every_ancillary_type() -> Inputs:
     """All lower-case letters but x."""
     letters = [bytes([c]) for c in range(ord("a"), ord("z") + 1) if c != ord("x")]
@@ -143,7 +143,7 @@ MINORS: Final[dict[str, tuple[int, bytes]]] = {
 }
 
 
-@on("core", *STREAM, flags=["unknown"], rules=["R-6.1-2"], each=MINORS,
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.1-2", "R-6.1-6"], each=MINORS,
     said={"nothing_new": "nothing", "many": "sixty bytes"})  # fmt: skip
 def later_minor_version(value: tuple[int, bytes]) -> Inputs:
     """A later minor version, which adds {key} to the header: what follows the known elements is ignored."""
@@ -153,7 +153,7 @@ def later_minor_version(value: tuple[int, bytes]) -> Inputs:
     assert result(expected, "counts").tolist() == [2] * 5
 
 
-@on("core", *STREAM, flags=["unknown", "limit"], rules=["R-5-3"])
+@on("core", *STREAM, flags=["unknown", "limit"], rules=["R-5-3", "R-6.1-6"])
 def header_of_1024_bytes() -> Inputs:
     """The longest header that any version may have."""
     size = len(split_chunks(stream_of(sequence()))[0][1])
