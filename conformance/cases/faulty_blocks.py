@@ -38,16 +38,13 @@ def block_faults() -> Iterator[Broken]:
     yield from each_of("R-6.5-5", "invalid", "it is a positive normal number",
                      {f"scale_{k}": (f"cholesky_scale is {v:.7g}", (Lie("cholesky_scale", [v], 1),))
                       for k, v in scales.items()}, overview)  # fmt: skip
-    for element in ("stage_count", "codeword_count"):
+    for name in ("stage_count", "codeword_count"):
         yield from each_of("R-6.5-6", "invalid", "it is 1, as the header has it",
-                         {f"{element}_{n or 'zero'}": (f"{element} is {n}", (Lie(element, n),))
-                          for n in (0, 255)}, overview)  # fmt: skip
-    for element, counted, truth, most in (
-        ("stage_count", "color_stages", 2, 1),
-        ("codeword_count", "color_codewords", 5, 4),
-    ):
-        yield Broken("R-6.5-6", "invalid", f"{element}_{truth}", f"{element} is {truth}, all of them are there",
-                     f"the header allows {most}", partial(colored, 1, Lie(counted, most)))  # fmt: skip
+                           {f"{name}_{n or 'zero'}": (f"{name} is {n}", (Lie(name, n),)) for n in (0, 255)},
+                           overview)  # fmt: skip
+    for name, there, counted in (("stage_count", 2, "color_stages"), ("codeword_count", 5, "color_codewords")):
+        yield Broken("R-6.5-6", "invalid", f"{name}_{there}", f"{name} is {there}, all of them are there",
+                     f"the header allows {there - 1}", partial(colored, 1, Lie(counted, there - 1)))  # fmt: skip
     positions = {
         "x_infinite": ("a position is infinite", (Lie("symbol", INFINITE_HIGH_BYTE),)),
         "y_infinite": ("a position is -infinity", (Lie("position_high[y].symbol", INFINITE_HIGH_BYTE | 0x80),)),

@@ -34,6 +34,12 @@ CHUNK_NAMES: Final = ("header", "i_frame", "p_frame", "r_frame", "index", "end")
 """The chunks of the overview with its index."""
 
 
+FRAME_NUMBERS: Final = {
+    "one_first": (0, 1), "again": (1, 0), "skipped": (2, 3), "huge": (1, 2**32 - 1), "beyond_8_bits": (1, 2**8 + 1),
+    "beyond_14_bits": (1, 2**14 + 1), "beyond_16_bits": (1, 2**16 + 1),
+}  # fmt: skip
+"""Wrong frame numbers: the true one and what is said."""
+
 CODES_OF_THE_OVERVIEW: Final = {"l11": 8, "l21": 16, "l22": 8}
 """cholesky_code of the overview's splat."""
 
@@ -125,24 +131,17 @@ def _order_of_chunks() -> Iterator[Broken]:
     for letter, payload in {"R": b"\0", "P": b"\0\0"}.items():
         yield Broken("R-6.4-2", "invalid", f"first_frame_{letter.lower()}", f"the first frame is of type {letter}",
                      "it is an I-frame", partial(_one_frame, letter.encode(), payload))  # fmt: skip
-    for number, said, name in (
-        (0, 1, "one_first"),
-        (1, 0, "again"),
-        (2, 3, "skipped"),
-        (1, 2**32 - 1, "huge"),
-        (1, 2**8 + 1, "beyond_8_bits"),
-        (1, 2**14 + 1, "beyond_14_bits"),
-        (1, 2**16 + 1, "beyond_16_bits"),
-    ):
-        yield Broken("R-6.4-1", "invalid", name, f"frame_number is {said}", f"it is {number}",
+    yield from _frame_numbers()
+
+
+def _frame_numbers() -> Iterator[Broken]:
+    for what, (number, said) in FRAME_NUMBERS.items():
+        yield Broken("R-6.4-1", "invalid", what, f"frame_number is {said}", f"it is {number}",
                      partial(overview, Lie("frame_number", said, number)), number)  # fmt: skip
-    numbers: dict[str, tuple[str, int, Callable[[Chunks], Chunks]]] = {
-        "frame_twice": ("a frame stands twice", 4, lambda c: [*c[:3], c[2], *c[3:]]),
-        "frame_missing": ("a frame is missing", 2, lambda c: [*c[:2], *c[3:]]),
-    }
-    for what, (said, count, edit) in numbers.items():
-        yield Broken("R-6.4-1", "invalid", what, said, "numbers grow by one",
-                     partial(_with_count, count, edit), count // 2)  # fmt: skip
+    twice = partial(_with_count, 4, lambda c: [*c[:3], *c[2:]])
+    missing = partial(_with_count, 2, lambda c: [*c[:2], *c[3:]])
+    yield Broken("R-6.4-1", "invalid", "frame_twice", "a frame stands twice", "numbers grow by one", twice, 2)
+    yield Broken("R-6.4-1", "invalid", "frame_missing", "a frame is missing", "numbers grow by one", missing, 1)
 
 
 def _with_count(count: int, edit: Callable[[Chunks], Chunks]) -> bytes:

@@ -140,7 +140,8 @@ def planes_of_thousands(value: int) -> Inputs:
     """Planes of 4,999 symbols and more than 1,024 words, by {key}; then every third splat goes."""
     count = 4999
     n = np.arange(count)
-    bumps = sum((n * factor % 2**32 >> 26 for factor in (2654435761, 2246822519, 3266489917, 668265263)), 0)  # 0..252
+    factors = np.array([[2654435761], [2246822519], [3266489917], [668265263]])
+    bumps = (n * factors % 2**32 >> 26).sum(axis=0)  # 0..252, mostly near the middle
     codes = np.column_stack([bumps, 2047 - n % 5, 4095 - bumps[::-1]]).astype(np.uint16)
     zeros = np.zeros((count, 2), np.uint16)
     quantizer = quantizer_of([2.0**-10] * 3, [0.25, -2, 0.25])

@@ -104,7 +104,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
 
 
 def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]:
-    """The inter column of section 8: survivors (R-6.4-5), with the bits of attributes without differences (R-6.5-10)."""
+    """The inter column of section 8: survivors (R-6.4-5) with the bits of what is not present (R-6.5-10)."""
     reference = state.splats
     if codes.survivors is not None and not codes.survivors.all():
         reference = reference.take(np.flatnonzero(codes.survivors))
