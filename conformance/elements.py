@@ -115,7 +115,7 @@ ELEMENTS: Final[Mapping[str, Syntax]] = {
     "cholesky_offset": Syntax(absent=("quantizer_present", 0)),
     "cholesky_code": Syntax(0, 4095, absent=("cholesky_present", 0)),
     "stage_count": Syntax(1, 8, absent=("codebooks_present", 0), refused=(0, 2)),
-    "codeword_count": Syntax(1, 1024, absent=("codebooks_present", 0), refused=(0, 2)),
+    "codeword_count": Syntax(1, 1024, absent=("codebooks_present", 0), refused=(0, 5)),
     "codeword": Syntax(-HALF, HALF, absent=("codebooks_present", 0)),
     "color_index": Syntax(0, 1023, absent=("colors_present", 0)),
     "plane_mode": Syntax(0, 2, refused=(3,)),

@@ -2,11 +2,12 @@
 
 from typing import Final
 
-from conformance.bugs import bitstream, color, gradients, quantization, reconstruction, rendering, training
+from conformance.bugs import bitstream, color, errors, gradients, quantization, reconstruction, rendering, training
 from conformance.mutants import Mutant
 
 MUTANTS: Final[tuple[Mutant, ...]] = (
     *bitstream.MUTANTS,
+    *errors.MUTANTS,
     *reconstruction.MUTANTS,
     *rendering.MUTANTS,
     *gradients.MUTANTS,

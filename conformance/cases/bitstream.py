@@ -7,6 +7,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases import container as container  # their cases belong to this group, too
+from conformance.cases import long_streams as long_streams
 from conformance.cases import plane_encoding as plane_encoding
 from conformance.cases import planes as planes
 from conformance.cases import prediction as prediction
@@ -92,13 +93,14 @@ def header_of(value: dict[str, Any]) -> Inputs:
         assert value["height"] in result(expected, "header").tolist()
 
 
-@case("core", "read_stream", rules=["R-5-1"], each={str(level): level for level in LEVELS})
+@on("core", *STREAM, flags=["limit"], rules=["R-5-1"], each={str(level): level for level in LEVELS})
 def level(value: int) -> Inputs:
     """Level {key}, and as many pixels as it allows."""
     width = 1 << (8 + value)
     header = SequenceHeader(level=value, width=width, height=LEVELS[value].pixels // width)
     expected = yield {"stream": write_stream(header, [FrameCodes.intra_frame(None)])}
-    assert result(expected, "header")[1] == value
+    if "header" in expected:
+        assert result(expected, "header")[1] == value
 
 
 @on("core", *FRAMES, flags=["bit-depth"], each={str(depth): depth for depth in (8, 9, 10, 12, 16)})
@@ -128,7 +130,7 @@ def black_frames() -> Inputs:
     assert result(expected, "frames").any(axis=(1, 2, 3)).tolist() == [False, True, False]
 
 
-@on("core", *STREAM, flags=["kept"], rules=["R-6.5-3", "R-6.5-4"])
+@on("core", *STREAM, flags=["kept"], rules=["R-6.5-3", "R-6.5-4", "R-6.5-8"])
 def kept_apart() -> Inputs:
     """What intra blocks have is kept for intra blocks, what inter blocks have for inter blocks.
 
@@ -153,7 +155,7 @@ def kept_apart() -> Inputs:
         assert (abs(third[:4, 2:5] - second[:4, 2:5]) < 0.25).all()
 
 
-@on("core", *STREAM, flags=["kept"], rules=["R-6.5-4"])
+@on("core", *STREAM, flags=["kept"], rules=["R-6.5-4", "R-6.5-8", "R-6.5-9"])
 def kept_through_frames_without() -> Inputs:
     """Kept ones outlast frames that do not use them, R-frames among them."""
     still = inter_block(4, without="positions cholesky colors")
@@ -170,7 +172,7 @@ def kept_through_frames_without() -> Inputs:
         assert (third[:, 2:] != last[:, 2:]).any(axis=0).all()
 
 
-@on("core", *STREAM, flags=["kept"], rules=["R-6.5-4"])
+@on("core", *STREAM, flags=["kept"], rules=["R-6.5-4", "R-6.5-9"])
 def an_i_frame_forgets() -> Inputs:
     """After an I-frame new splats use what that frame has, and differences come with their own."""
     second = intra_block(3, quantizer=quantizer_of(COARSE.scale / 2, COARSE.offset), books=FINE_BOOKS)
@@ -187,7 +189,7 @@ def an_i_frame_forgets() -> Inputs:
         assert np.array_equal(last[3:, 2:], third[:2, 2:])
 
 
-@on("core", *STREAM, flags=["kept"])
+@on("core", *STREAM, flags=["kept"], rules=["R-6.5-8"])
 def quantiser_and_codebooks_are_kept_apart() -> Inputs:
     """A block may have its own quantiser and use the kept codebooks, or the other way round."""
     frames = [
@@ -227,7 +229,7 @@ def codes_of(value: tuple[int, tuple[int, ...]]) -> Inputs:
         assert np.array_equal(result(expected, "cholesky"), cholesky)
 
 
-@on("stress", *STREAM, flags=["overflow", "subnormal"], rules=["R-8-1", "R-6.5-5"])
+@on("stress", *STREAM, flags=["overflow", "subnormal"], rules=["R-6.5-5", "R-8-1"])
 def numbers_at_the_limits() -> Inputs:
     """Scales of 2^-126 and 8e34, offsets of +-2e38, positions of +-65504, codewords of +-65504: all remain finite."""
     tiny = 2.0**-126

@@ -92,6 +92,7 @@ def _with_m(
     "core",
     "render_sum_deterministic",
     flags=["support"],
+    rules=["R-9.1-3"],
     each={"at": 0, "one_step_inside": -1, "one_step_outside": 1},
     said={"at": "exactly K", "one_step_inside": "one step below K", "one_step_outside": "one step above K"},
 )
@@ -115,7 +116,7 @@ def scaled_beyond_binary32() -> Inputs:
     assert np.array_equal(expected["sum"].value, render_sum_deterministic(alone, 12, 9)["sum"])
 
 
-@case("core", "render_sum_deterministic", flags=["support", "tile-edge"])
+@case("core", "render_sum_deterministic", flags=["support", "tile-edge"], rules=["R-9.1-3"])
 def the_edge_in_corners_of_tiles(rng: np.random.Generator) -> Inputs:
     """Four splats, each with m exactly K at the corner of a 16x16 tile, the only pixel of it that the splat covers.
 
@@ -147,7 +148,7 @@ BESIDE_THE_BOX = {
 }
 
 
-@case("stress", "render_sum_deterministic", flags=["support"], each=BESIDE_THE_BOX)
+@case("stress", "render_sum_deterministic", flags=["support"], rules=["R-9.1-3"], each=BESIDE_THE_BOX)
 def beside_the_box(value: tuple[float, float, int]) -> Inputs:
     """A huge splat far to the left covers {key}, where m rounds to K, though a box of rho l11 ends before it.
 
@@ -159,7 +160,7 @@ def beside_the_box(value: tuple[float, float, int]) -> Inputs:
     assert expected["sum"].value[1, last, 0] > 0
 
 
-@case("core", "render_sum_deterministic", flags=["support", "fused", "division"])
+@case("core", "render_sum_deterministic", flags=["support", "fused", "division"], rules=["R-9.1-3"])
 def edges_within_rounding(rng: np.random.Generator) -> Inputs:
     """Sheared splats whose edge passes a pixel as near as binary32 can tell: each rounding decides some of them."""
     rows = []
@@ -192,7 +193,7 @@ def l22(value: float) -> Inputs:
     assert np.count_nonzero(expected["sum"].value[..., 0]) > 30
 
 
-@case("core", "render_sum_deterministic", flags=["degenerate"], each=DEGENERATE, said=WHY_DEGENERATE)
+@case("core", "render_sum_deterministic", flags=["degenerate"], rules=["R-9.1-2"], each=DEGENERATE, said=WHY_DEGENERATE)
 def degenerate(value: tuple[float, float]) -> Inputs:
     """A degenerate splat on a pixel centre: {key}, and so it covers nothing."""
     expected = yield {"parameters": splat(4.5, 3.5, value[0], 0.0, value[1]), "width": 9, "height": 7}
@@ -242,7 +243,7 @@ def far_from_the_origin() -> Inputs:
     assert expected["sum"].value[1].all()
 
 
-@case("uncommon", "render_sum_deterministic", flags=["degenerate"])
+@case("uncommon", "render_sum_deterministic", flags=["degenerate"], rules=["R-9.1-2"])
 def degenerate_among_others(rng: np.random.Generator) -> Inputs:
     """Every third splat is degenerate."""
     parameters = population(rng, 30, 17, 13)

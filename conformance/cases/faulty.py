@@ -1,6 +1,7 @@
 """Faulty streams: each breaks one rule, its checksums being right, so that the fault itself is reached.
 
-The tables of faults are in `faulty_container`, `faulty_payload` and `faulty_order`.
+The tables of faults are in `faulty_container`, `faulty_numbers`, `faulty_payload`, `faulty_blocks`, `faulty_limits`,
+`faulty_versions` and `faulty_order`.
 """
 
 from typing import Final
@@ -8,9 +9,13 @@ from typing import Final
 from conformance.case import Fault, Inputs, add
 from conformance.cases.building import result
 from conformance.cases.faults import Broken
+from conformance.cases.faulty_blocks import block_faults
 from conformance.cases.faulty_container import container_faults, truncations
+from conformance.cases.faulty_limits import limit_faults
+from conformance.cases.faulty_numbers import number_faults
 from conformance.cases.faulty_order import order_faults
 from conformance.cases.faulty_payload import payload_faults
+from conformance.cases.faulty_versions import version_faults
 
 FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-6.4-1": "prediction",
                 "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table", "R-6.7-1": "index", "R-6.8-2": "index",
@@ -30,7 +35,10 @@ def faulty(value: Broken) -> Inputs:
 
 def faults() -> list[Broken]:
     """All faulty streams."""
-    return [*container_faults(), *payload_faults(), *order_faults(), *truncations()]
+    return [
+        *container_faults(), *number_faults(), *payload_faults(), *block_faults(), *limit_faults(),
+        *version_faults(), *order_faults(), *truncations(),
+    ]  # fmt: skip
 
 
 for entry in faults():

@@ -5,11 +5,20 @@ from functools import partial
 from typing import Any, Final
 
 from conformance.cases.building import Chunks, operated, overview_bytes
-from conformance.cases.faults import Broken, count_unknown, end_of, overview, three, with_chunk, with_payload
+from conformance.cases.faults import (
+    Broken,
+    count_unknown,
+    end_of,
+    overview,
+    three,
+    with_chunk,
+    with_payload,
+)
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.testing import Lie, split_chunks
+from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.testing import OVERVIEW_HEADER, Lie, split_chunks, write_stream
 
 OUT_OF_RANGE: Final = {
     "width": (0,), "height": (0,), "frame_rate_numerator": (0,), "frame_rate_denominator": (0,),
@@ -23,6 +32,16 @@ RESERVED: Final = {"profile": (1, 255), "level": (0, 6, 255), "flags": (2, 3, 0x
 
 CHUNK_NAMES: Final = ("header", "i_frame", "p_frame", "r_frame", "index", "end")
 """The chunks of the overview with its index."""
+
+
+FRAME_NUMBERS: Final = {
+    "one_first": (0, 1), "again": (1, 0), "skipped": (2, 3), "huge": (1, 2**32 - 1), "beyond_8_bits": (1, 2**8 + 1),
+    "beyond_14_bits": (1, 2**14 + 1), "beyond_16_bits": (1, 2**16 + 1),
+}  # fmt: skip
+"""Wrong frame numbers: the true one and what is said."""
+
+CODES_OF_THE_OVERVIEW: Final = {"l11": 8, "l21": 16, "l22": 8}
+"""cholesky_code of the overview's splat."""
 
 
 def container_faults() -> Iterator[Broken]:
@@ -112,34 +131,31 @@ def _order_of_chunks() -> Iterator[Broken]:
     for letter, payload in {"R": b"\0", "P": b"\0\0"}.items():
         yield Broken("R-6.4-2", "invalid", f"first_frame_{letter.lower()}", f"the first frame is of type {letter}",
                      "it is an I-frame", partial(_one_frame, letter.encode(), payload))  # fmt: skip
-    for number, said, name in ((0, 1, "one_first"), (1, 0, "again"), (2, 3, "skipped"), (1, 2**32 - 1, "huge")):
-        yield Broken("R-6.4-1", "invalid", name, f"frame_number is {said}", f"it is {number}",
+    yield from _frame_numbers()
+
+
+def _frame_numbers() -> Iterator[Broken]:
+    for what, (number, said) in FRAME_NUMBERS.items():
+        yield Broken("R-6.4-1", "invalid", what, f"frame_number is {said}", f"it is {number}",
                      partial(overview, Lie("frame_number", said, number)), number)  # fmt: skip
-    yield broken("R-6.4-1", "frame_twice", "a frame stands twice", "numbers grow by one",
-                 lambda c: [*c[:3], c[2], *c[3:]], 2)  # fmt: skip
-    yield broken("R-6.4-1", "frame_missing", "a frame is missing", "numbers grow by one", lambda c: [*c[:2], *c[3:]], 1)
+    twice = partial(_with_count, 4, lambda c: [*c[:3], *c[2:]])
+    missing = partial(_with_count, 2, lambda c: [*c[:2], *c[3:]])
+    yield Broken("R-6.4-1", "invalid", "frame_twice", "a frame stands twice", "numbers grow by one", twice, 2)
+    yield Broken("R-6.4-1", "invalid", "frame_missing", "a frame is missing", "numbers grow by one", missing, 1)
+
+
+def _with_count(count: int, edit: Callable[[Chunks], Chunks]) -> bytes:
+    """The overview without index after an operation on its chunks, with the number of frames that it has then."""
+    return operated(edit, overview(Lie("frame_count", count), Lie("frame_count", count, 1), index=False))
 
 
 def _one_frame(chunk_type: bytes, payload: bytes) -> bytes:
-    """The overview's header, one frame and an end chunk."""
-    return operated(lambda c: [c[0], (chunk_type, payload), end_of(1)])
+    """The overview's header without a frame count, one frame and an end chunk."""
+    return operated(lambda c: [(b"H", count_unknown(c[0][1])), (chunk_type, payload), end_of(1)])
 
 
 def _lengths() -> Iterator[Broken]:
-    """A `uv` in too many bytes, and payloads beyond the level."""
-    forms = {
-        "longer_than_needed": b"\x81\x00",
-        "two_to_the_32": b"\x80\x80\x80\x80\x10",
-        "six_bytes": b"\x80" * 5 + b"\0",
-    }
-    for element, number, complete in (("splat_count", 0, 0), ("frame_number", 1, 1), ("chunk_length", 1, 0),
-                                      ("frame_number_step", 0, 3)):  # fmt: skip
-        for what, form in forms.items():
-            if (element in ("splat_count", "chunk_length")) or what == "longer_than_needed":
-                said = form + b"\x01" if element == "frame_number_step" else form
-                yield Broken("R-3.1-1", "malformed", f"{element}_{what}", f"{element} is written as {form.hex(' ')}",
-                             "it has the fewest bytes and is below 2^32",
-                             partial(overview, Lie(element, said, number)), complete)  # fmt: skip
+    """Payloads beyond the level."""
     for level, limits in LEVELS.items():
         most = limits.payload
         yield Broken("R-5-3", "limit", f"payload_of_level_{level}", f"a chunk claims {most + 1} bytes",
@@ -147,10 +163,13 @@ def _lengths() -> Iterator[Broken]:
                      partial(overview, Lie("chunk_length", most + 1, 1), level=level))  # fmt: skip
     yield Broken("R-5-3", "limit", "longest_claim", "a chunk claims 2^32 - 1 bytes", "at most 2^20",
                  lambda: overview(Lie("chunk_length", 2**32 - 1, 2)), 1)  # fmt: skip
-    yield Broken("R-5-3", "limit", "header", "the header claims 1025 bytes", "at most 1024",
-                 lambda: overview(Lie("chunk_length", 1025)))  # fmt: skip
+    yield Broken("R-5-3", "limit", "header", "the header of a later minor version has 1025 bytes", "at most 1024",
+                 _long_header)  # fmt: skip
     yield Broken("R-5-3", "limit", "second_header", "a second header claims 1025 bytes", "at most 1024, and one",
-                 partial(with_chunk, b"H", bytes(1025)), 1)  # fmt: skip
+                 partial(with_chunk, b"H", bytes(1025)), 1, ("R-6.1-3",))  # fmt: skip
+    yield Broken("R-5-3", "limit", "first_chunk", "the first chunk is an I-frame and has 1025 bytes",
+                 "at most 1024, whatever its type", lambda: operated(lambda c: [(b"I", bytes(1025)), *c]), 0,
+                 ("R-6.1-3",))  # fmt: skip
     yield Broken("R-5-3", "limit", "ancillary", "an ancillary chunk claims 2^20 + 1 bytes", "at most 2^20",
                  lambda: overview_bytes()[:-14] + b"a" + encode_uv(2**20 + 1), 3)  # fmt: skip
 
@@ -159,14 +178,15 @@ def _header() -> Iterator[Broken]:
     for element, values in OUT_OF_RANGE.items():
         for said in values:
             yield Broken("R-6.3-1", "invalid", f"{element}_{said or 'zero'}", f"{element} is {said}",
-                         "it is in its range", partial(overview, Lie(element, said)))  # fmt: skip
+                         "it is in its range", partial(_with_header, element, said))  # fmt: skip
     for element in ("sample_aspect_numerator", "sample_aspect_denominator"):
         yield Broken("R-6.3-1", "invalid", f"{element}_alone", f"{element} is 1 and the other one 0",
                      "both are 0 or neither", partial(overview, Lie(element, 1)))  # fmt: skip
     for element, values in RESERVED.items():
         for said in values:
             yield Broken("R-3.2-1", "unsupported", f"{element}_{said}", f"{element} is {said}", "it is reserved",
-                         partial(overview, Lie(element, said)))  # fmt: skip
+                         partial(overview, Lie(element, said),
+                                 parameter_checksum_flag=said == 3))  # fmt: skip
     sizes = {"height_8193": (16, 8193, 1), "one_more": (3, 43691, 1), "largest": (65535, 65535, 5)}
     for what, (width, height, level) in sizes.items():
         lies = Lie("width", width), Lie("height", height), Lie("level", level)
@@ -174,12 +194,31 @@ def _header() -> Iterator[Broken]:
                      f"level {level} allows {LEVELS[level].pixels}", partial(overview, *lies))  # fmt: skip
 
 
+def _long_header() -> bytes:
+    data = overview(Lie("version_minor", 9), index=False)
+    return operated(lambda c: [(b"H", c[0][1].ljust(1025, b"\0")), *c[1:]], data)
+
+
+def _with_header(element: str, said: int) -> bytes:
+    """A stream that an element of its header contradicts in nothing but its range."""
+    if element == "cholesky_bits":  # planes of so many bits, and no bits at all if 0
+        codes = {channel: format(code, f"0{said}b") if said else "" for channel, code in CODES_OF_THE_OVERVIEW.items()}
+        return overview(
+            Lie(element, said), *(Lie(f"cholesky_code[{channel}].symbol", bits) for channel, bits in codes.items())
+        )
+    if element in ("color_stages", "color_codewords") and said == 0:  # no splat, no codebook
+        return write_stream(OVERVIEW_HEADER, [FrameCodes.intra_frame(None)], lies=[Lie(element, said)])
+    return overview(Lie(element, said))
+
+
 def _end_and_index() -> Iterator[Broken]:
-    yield Broken("R-6.3-2", "invalid", "frame_count", "the header says 4 frames", "there are 3",
-                 lambda: overview(Lie("frame_count", 4)), 3)  # fmt: skip
+    for what, said in (("", 4), ("_2", 2), ("_two_to_the_31", 2**31), ("_most", 2**32 - 1)):
+        yield Broken("R-6.3-2", "invalid", f"frame_count{what}", f"the header says {said} frames", "there are 3",
+                     partial(overview, Lie("frame_count", said)), 3)  # fmt: skip
     for said in (2, 4, 0):
-        yield Broken("R-6.8-1", "invalid", f"frame_count_{said}", f"the end chunk says {said} frames", "there are 3",
-                     partial(overview, Lie("frame_count", said, 1)), 3)  # fmt: skip
+        yield Broken("R-6.8-1", "invalid", f"frame_count_{said}", f"header and end chunk say {said} frames",
+                     "there are 3",
+                     partial(overview, Lie("frame_count", said), Lie("frame_count", said, 1)), 3)  # fmt: skip
     unknown = Lie("frame_count", 0)
     yield Broken("R-6.8-1", "invalid", "frame_count_2_alone", "the end chunk says 2 frames, the header none",
                  "there are 3", partial(overview, unknown, Lie("frame_count", 2, 1)), 3)  # fmt: skip

@@ -1,6 +1,7 @@
 """Streams that break two rules, so that the order of checks (section "Errors") decides which one is reported."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -18,7 +19,7 @@ from conformance.cases.faults import (
 )
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.reconstruction import FrameCodes
-from gsvc_ref.testing import Lie, write_stream
+from gsvc_ref.testing import RICH_HEADER, Lie, rich_frames, write_stream
 
 Make = Callable[[], bytes]
 END_SIZE: Final = 14
@@ -118,7 +119,7 @@ def _frames() -> Iterator[Broken]:
     yield _first("R-8-1", "R-6.4-3", "invalid", "checksum", "a parameter is infinite, and the checksum wrong",
                  lambda: overview(*overflow, wrong, parameter_checksum_flag=True))  # fmt: skip
     yield _first("R-5-4", "R-6.4-3", "limit", "checksum", "the work is too much, and the checksum wrong",
-                 lambda: flat(513, *huge, wrong, width=256, height=256, checked=True))  # fmt: skip
+                 lambda: flat(513, *huge, wrong, width=256, height=256, parameter_checksum_flag=True))  # fmt: skip
     yield _first("R-6.2-3", "R-6.4-3", "malformed", "checksum", "the checksum is wrong, and a byte left over",
                  lambda: overview(wrong, longer, parameter_checksum_flag=True))  # fmt: skip
 
@@ -140,6 +141,10 @@ def _planes() -> Iterator[Broken]:
         yield _first(rule, other, kind, what, lie, partial(rich, *lies))
     yield _first("R-6.2-3", "R-6.6-2", "malformed", "symbols", "a raw plane is cut, its first symbol 7 of 5",
                  _cut_behind_a_symbol)  # fmt: skip
+    yield _first("R-6.2-3", "R-3.1-2", "malformed", "codewords", "100 codewords do not fit, and the first one is NaN",
+                 _codewords_that_do_not_fit)  # fmt: skip
+    yield _first("R-6.2-3", "R-6.6-5", "malformed", "lane_state", "two lane_states do not fit, and the first one is 0",
+                 _states_that_do_not_fit)  # fmt: skip
     yield Broken("R-6.2-3", "malformed", "words_beyond_the_states",
                  "word_count is half the bytes left, of which the states take some", "words follow the states",
                  lambda: rich(Lie("word_count", room_behind(rich(), "word_count") // 2)), 0, ("R-7-1",))  # fmt: skip
@@ -158,10 +163,34 @@ def _ends() -> Iterator[Broken]:
                  lambda: overview(*counts), 3)  # fmt: skip
     yield _first("R-6.3-2", "R-6.8-2", "invalid", "index_length", "the header says 4 frames, index_length is 1",
                  lambda: overview(Lie("frame_count", 4), Lie("index_length", 1)), 3)  # fmt: skip
-    yield Broken("R-6.8-1", "invalid", "before_filled", "the end chunk says 9 frames and has a byte too many",
+    yield Broken("R-6.8-1", "invalid", "before_filled", "both counts are 9, the end chunk is a byte too long",
                  "the first of two faults counts",
-                 lambda: with_payload(4, lambda p: b"\t" + p[1:] + b"\0"), 3, ("R-6.2-3",))  # fmt: skip
+                 _longer_end, 3, ("R-6.2-3",))  # fmt: skip
     yield _first("R-6.8-2", "R-6.1-4", "invalid", "what_follows", "index_length is 1, and a byte follows",
                  lambda: overview(Lie("index_length", 1)) + b"\0", 3)  # fmt: skip
     yield _first("R-6.2-3", "R-6.1-4", "malformed", "what_follows", "a byte is left over in the end chunk, one follows",
                  lambda: with_payload(4, lambda p: p + b"\0") + b"\0", 3)  # fmt: skip
+
+
+def _longer_end() -> bytes:
+    data = overview(Lie("frame_count", 9), Lie("frame_count", 9, 1), index=False)
+    return operated(lambda c: [*c[:-1], (b"E", c[-1][1] + b"\0")], data)
+
+
+def _states_that_do_not_fit() -> bytes:
+    """An I-frame whose last plane is coded, by two lanes, and ends behind five bytes of their states."""
+    intra = rich_frames()[0].intra
+    assert intra is not None
+    assert intra.colors is not None
+    assert intra.codebooks is not None
+    block = replace(intra, colors=intra.colors[:, :1], codebooks=intra.codebooks[:1])
+    lies = (
+        Lie("color_index[1].word_count", 0),
+        Lie("color_index[1].lane_state", bytes(5)),
+        Lie("color_index[1].word", ""),
+    )
+    return write_stream(RICH_HEADER, [FrameCodes.intra_frame(block)], lies=lies)
+
+
+def _codewords_that_do_not_fit() -> bytes:
+    return overview(Lie("codeword_count", 100), Lie("codeword", [float("nan"), 0, 0]), color_codewords=100)

@@ -197,7 +197,7 @@ def the_edge_of_a_bright_splat() -> Inputs:
     assert not np.any((frame > 0) & (frame < 40))
 
 
-@case("core", "render_frame", flags=["degenerate"])
+@case("core", "render_frame", flags=["degenerate"], rules=["R-9.1-2"])
 def degenerate_splats() -> Inputs:
     """Degenerate splats of all kinds on pixel centres: the frame stays black."""
     rows = [splat(k + 0.5, 2.5, l11, 0.0, l22, (1, 1, 1)) for k, (l11, l22) in enumerate(DEGENERATE.values())]
@@ -215,7 +215,7 @@ def splats_on_one_tile(rng: np.random.Generator) -> Inputs:
     assert expected["frame"].value[8, 8, 0] > 64
 
 
-@case("uncommon", "render_frame", flags=["degenerate", "needle"])
+@case("uncommon", "render_frame", flags=["degenerate", "needle"], rules=["R-9.1-2"])
 def among_degenerate_splats(rng: np.random.Generator) -> Inputs:
     """Needles and degenerate splats among others, at 10 bits."""
     parameters = population(rng, 17, 21, 16)

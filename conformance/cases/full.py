@@ -3,9 +3,9 @@
 import numpy as np
 
 from conformance.case import FULL, Inputs, case
-from conformance.cases.building import on, predicted, result, stream_of
+from conformance.cases.building import on, operated, predicted, result, stream_of
 from conformance.cases.container import equal_splats
-from gsvc_ref.bitstream import SequenceHeader, level_for
+from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.testing import write_stream
@@ -59,6 +59,14 @@ def more_than_65536_splats() -> Inputs:
               predicted([1] * count, SplatBlock(), equal_splats(1, color=1))]  # fmt: skip
     expected = yield {"stream": stream_of(frames, width=5, height=3, level=3)}
     assert result(expected, "frames").max(axis=(1, 2, 3)).tolist() == [0, 255]
+
+
+@case(FULL, "reconstruct_stream", flags=["limit"], rules=["R-5-3"])
+def payload_as_long_as_allowed() -> Inputs:
+    """An ancillary chunk of 2^20 bytes, the most that level 1 allows, behind the first frame."""
+    extra = b"q", bytes(LEVELS[1].payload)
+    expected = yield {"stream": operated(lambda chunks: [*chunks[:2], extra, *chunks[2:]])}
+    assert len(expected["counts"].value) == 3
 
 
 def crowd(rng: np.random.Generator, width: int, height: int, count: int) -> F4:

@@ -35,7 +35,7 @@ SURVIVORS: Final = {
 }
 
 
-@on("core", "reconstruct_stream", flags=["survivors"], each=SURVIVORS,
+@on("core", "reconstruct_stream", flags=["survivors"], rules=["R-6.4-5"], each=SURVIVORS,
     said={"all": "all nine", "some_in_the_middle": "some", "only_the_middle": "none but the middle one"})  # fmt: skip
 def survivors(value: list[int]) -> Inputs:
     """Of nine splats {key} stay, two come; then all rest: survivors keep their order, new splats follow."""
@@ -50,7 +50,7 @@ def survivors(value: list[int]) -> Inputs:
     assert same_bits(second, third)
 
 
-@on("core", "reconstruct_stream", flags=["survivors", "prediction"])
+@on("core", "reconstruct_stream", flags=["survivors", "prediction"], rules=["R-6.4-5"])
 def pruned_again_and_again() -> Inputs:
     """Splats go and come in every frame, so that hardly one keeps its index."""
     frames = [FrameCodes.intra_frame(intra_block(12))]
@@ -67,7 +67,7 @@ WITHOUT: Final = ("positions", "cholesky", "colors", "positions cholesky", "chol
                   "positions cholesky colors")  # fmt: skip
 
 
-@on("core", "reconstruct_stream", flags=["kept"], rules=["R-6.5-3"],
+@on("core", "reconstruct_stream", flags=["kept"], rules=["R-6.5-3", "R-6.5-10"],
     each={w.replace(" ", "_"): w for w in WITHOUT},
     said={w.replace(" ", "_"): w.replace(" ", ", ").replace("cholesky", "Cholesky factors").replace("colors", "colours")
           for w in WITHOUT})  # fmt: skip
@@ -138,7 +138,7 @@ def predicted_from_a_repeated_frame() -> Inputs:
         assert (parts[5][:, :2] != parts[4][:, :2]).all()
 
 
-@on("core", "reconstruct_stream", flags=["signed-zero"], rules=["R-6.4-3"])
+@on("core", "reconstruct_stream", flags=["signed-zero"], rules=["R-6.4-3", "R-6.5-10"])
 def checksums_with_signed_zeros() -> Inputs:
     """Parameters of -0 survive a P-frame without differences; the checksums tell them from +0."""
     block = intra_block(3, books=(np.array([[-0.0, 0.5, -0.0]], np.float16),))

@@ -64,7 +64,7 @@ def channels_apart() -> Inputs:
     assert [int(np.argmax(expected["sum"].value[2, 2 + 4 * k])) for k in range(3)] == [0, 1, 2]
 
 
-@case("core", "render_sum", flags=["support"])
+@case("core", "render_sum", flags=["support"], rules=["R-9.1-3"])
 def the_edge_of_the_support() -> Inputs:
     """Pixels just inside and just outside of sigma = ln 255.
 
@@ -79,7 +79,7 @@ def the_edge_of_the_support() -> Inputs:
     assert expected["sum"].bound.max() < 1e-5
 
 
-@case("uncommon", "render_sum", flags=["support"])
+@case("uncommon", "render_sum", flags=["support"], rules=["R-9.1-3"])
 def the_edge_within_rounding() -> Inputs:
     """A pixel at sigma = ln 255 as far as binary32 can tell: covered or not, both are right."""
     l11 = 4 / np.sqrt(2 * np.log(255))
@@ -88,7 +88,7 @@ def the_edge_within_rounding() -> Inputs:
     assert np.argwhere(wide).tolist() == [[3, 6], [3, 14]]
 
 
-@case("core", "render_sum", flags=["support"])
+@case("core", "render_sum", flags=["support"], rules=["R-9.1-3"])
 def just_beyond_the_edge(rng: np.random.Generator) -> Inputs:
     """36 splats, each with a pixel so little beyond sigma = ln 255 that it only just must not be covered.
 
@@ -128,7 +128,7 @@ def corners_of_tiles() -> Inputs:
     assert all(C[int(y) + v, int(x) + u] > 0 for x, y in centers for u in (-1, 0) for v in (-1, 0))
 
 
-@case("core", "render_sum", flags=["tile-edge", "support"])
+@case("core", "render_sum", flags=["tile-edge", "support"], rules=["R-9.1-3"])
 def over_the_edges_of_the_frame() -> Inputs:
     """Splats with centres outside of each side and corner, all reaching in."""
     centers = [(-2, 6.7), (20.2, 5.1), (9.4, -2.5), (8.7, 16.2), (-1, -1.5), (19.3, -1), (-1.2, 15), (19, 15.4)]

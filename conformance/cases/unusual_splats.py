@@ -30,7 +30,7 @@ WHY_DEGENERATE = {
 """What titles say of them."""
 
 
-@case("core", "render_sum", flags=["degenerate"], each=DEGENERATE, said=WHY_DEGENERATE)
+@case("core", "render_sum", flags=["degenerate"], rules=["R-9.1-2"], each=DEGENERATE, said=WHY_DEGENERATE)
 def degenerate(value: tuple[float, float]) -> Inputs:
     """A degenerate splat on a pixel centre: {key}, and so it covers nothing.
 
@@ -41,7 +41,7 @@ def degenerate(value: tuple[float, float]) -> Inputs:
     assert not expected["sum"].bound.any()
 
 
-@case("core", "render_sum", flags=["degenerate"])
+@case("core", "render_sum", flags=["degenerate"], rules=["R-9.1-2"])
 def degenerate_among_others(rng: np.random.Generator) -> Inputs:
     """Every other splat is degenerate: the others keep their own parameters."""
     parameters = population(rng, 22, 17, 13)
@@ -149,7 +149,7 @@ WHAT_IS_EXTREME = {
 """What titles say of them."""
 
 
-@case("stress", "render_sum", flags=["overflow", "degenerate"], each=EXTREME, said=WHAT_IS_EXTREME)
+@case("stress", "render_sum", flags=["overflow", "degenerate"], rules=["R-9.1-2"], each=EXTREME, said=WHAT_IS_EXTREME)
 def extreme(value: tuple[float, float, float, float, float]) -> Inputs:
     """{key}: the sum is finite, and right where it can be."""
     expected = yield {"parameters": splat(*value), "width": 11, "height": 9}
@@ -170,8 +170,8 @@ INFINITE = tuple(splat(4.5, 2.5, *factors) for factors in ((np.inf, 0, 1.5), (1.
 """Splats with an infinite l11, l22, or both, as (9-8) may make them."""
 
 
-@case("stress", "render_sum", flags=["degenerate", "overflow"])
-@case("stress", "render_sum_deterministic", flags=["degenerate", "overflow"])
+@case("stress", "render_sum", flags=["degenerate", "overflow"], rules=["R-9.1-2"])
+@case("stress", "render_sum_deterministic", flags=["degenerate", "overflow"], rules=["R-9.1-2"])
 def infinite_factors() -> Inputs:
     """Splats whose l11 or l22 is infinite, or both, are degenerate, though u would be zero; one beside is drawn."""
     ordinary = splat(4.3, 2.2, 1.5, 0.5, 1.25)

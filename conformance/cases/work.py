@@ -60,7 +60,12 @@ NO_BOX: Final = {
 
 
 @case(
-    "core", "rendering_work", flags=["degenerate"], each=NO_BOX, said={key: key.replace("_", " is ") for key in NO_BOX}
+    "core",
+    "rendering_work",
+    flags=["degenerate"],
+    rules=["R-9.1-2"],
+    each=NO_BOX,
+    said={key: key.replace("_", " is ") for key in NO_BOX},
 )
 def degenerate(value: tuple[float, float, float]) -> Inputs:
     """A degenerate splat has no box: {key}."""
@@ -68,7 +73,7 @@ def degenerate(value: tuple[float, float, float]) -> Inputs:
     assert result(expected, "work") == 0
 
 
-@case("core", "rendering_work", flags=["degenerate"])
+@case("core", "rendering_work", flags=["degenerate"], rules=["R-9.1-2"])
 def smallest_factor() -> Inputs:
     """l11 and l22 of 2^-126 are not degenerate: between pixel edges the box is one pixel, on an edge none."""
     expected = yield {"parameters": splats((4.5, 4.5, SMALLEST, 0, SMALLEST), (4, 4, SMALLEST, 0, SMALLEST)),

@@ -86,7 +86,7 @@ class ChunkDecoder:
         self.header: SequenceHeader = sequence_header(p)
         if version_minor == chunks.VERSION_MINOR:
             _check_filled(p)
-        else:  # R-6.1-2
+        else:  # R-6.1-6
             with p.part("header"):
                 p.raw("unknown", p.bytes_left)
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
@@ -119,13 +119,13 @@ class ChunkDecoder:
             state = self._reconstruct(parsed, place, p)
             after = replace(after, state=state, next_number=place.next_number + 1)
         elif chunk_type == chunks.INDEX_TYPE:
-            chunks.index(p, place.offset)
+            chunks.index(p, place.offset)  # R-6.7-2
             _check_filled(p)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
             self._end(p, place)
             _check_filled(p)
-        else:
+        else:  # R-6.2-5
             with p.part("ancillary"):
                 ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
         bits = s.bits_by_category() + p.bits_by_category()

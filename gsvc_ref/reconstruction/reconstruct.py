@@ -58,11 +58,11 @@ class State:
         return cls(width, height, Splats.empty())
 
     def forget(self) -> "State":
-        """The state in which an I-frame is parsed: no splats, nothing kept."""
+        """The state in which an I-frame is parsed: no splats, nothing kept (R-6.5-9)."""
         return State(self.width, self.height, Splats.empty())
 
     def kept(self, kind: BlockKind) -> Kept:
-        """What is kept for blocks of a kind."""
+        """What is kept for blocks of a kind (R-6.5-8)."""
         return self.intra if kind == "intra" else self.inter
 
 
@@ -104,7 +104,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
 
 
 def _survivors(codes: FrameCodes, state: State, kept: Kept) -> tuple[F4, F4, F4]:
-    """The inter column of section 8; an attribute without differences keeps its bits."""
+    """The inter column of section 8: survivors (R-6.4-5) with the bits of what is not present (R-6.5-10)."""
     reference = state.splats
     if codes.survivors is not None and not codes.survivors.all():
         reference = reference.take(np.flatnonzero(codes.survivors))

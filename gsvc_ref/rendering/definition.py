@@ -85,7 +85,7 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     """
     mu_x, mu_y, l11, l21, l22 = splat[:5]
     if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all()):
-        return None  # degenerate, or infinite, which leaves no sigma that is small enough
+        return None  # degenerate (R-9.1-2), or infinite, which leaves no sigma that is small enough
     radius = np.sqrt(2 * SUPPORT_SIGMA)
     columns = _box(mu_x, radius * l11, width, margin)
     rows = _box(mu_y, radius * np.sqrt(l21 * l21 + l22 * l22), height, margin)
@@ -96,7 +96,7 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     u1 = np.broadcast_to(dx / l11, (dy.size, dx.size))
     u2 = (dy - l21 * u1) / l22
     sigma = (u1 * u1 + u2 * u2) / 2
-    covered = sigma <= SUPPORT_SIGMA
+    covered = sigma <= SUPPORT_SIGMA  # R-9.1-3
     g = np.where(covered, exp_minus(sigma), 0.0)
     return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, g)
 

@@ -6,7 +6,14 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
 
 OVERVIEW_HEADER = SequenceHeader(
-    level=1, width=16, height=12, chroma_format=1, cholesky_bits=6, color_stages=1, color_codewords=1
+    level=1,
+    width=16,
+    height=12,
+    chroma_format=1,
+    matrix_coefficients=1,
+    cholesky_bits=6,
+    color_stages=1,
+    color_codewords=1,
 )
 """The header of the stream of `overview_frames`."""
 

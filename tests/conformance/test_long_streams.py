@@ -1,0 +1,70 @@
+"""Streams beyond counters of some bits: decoders with such counters, for which mutants are not tried, are found."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import pytest
+
+from conformance import spec
+from conformance.case import cases
+from conformance.expectations import Expectation
+from conformance.mutants import judge
+from conformance.stage import Values
+
+SURVIVORS: Final = "    parameters = reference[survivors == 1]  # R-6.4-5\n"
+WRONG: Final = {
+    "frames counted in 14 bits": (
+        "core/reconstruct_stream/frames_beyond_14_bits",
+        (("    state.next_number += 1\n", "    state.next_number = (state.next_number + 1) % 2**14\n"),),
+    ),
+    "a level of 2^16 splats that may not be reached": (
+        "core/{stage}/as_many_splats_as_level_2_allows",
+        (('    if splat_count > state.limits["splats"]:', '    if splat_count >= state.limits["splats"]:'),),
+    ),
+    "survivors whose indices have 16 bits": (
+        "core/reconstruct_stream/splats_beyond_16_bits",
+        ((SURVIVORS, "    parameters = reference[np.flatnonzero(survivors == 1) % 2**16]\n"),),
+    ),
+    "65,536 splats drawn": (
+        "core/decode_stream_deterministic/the_splat_beyond_16_bits",
+        (("for splat, (left, right, top, bottom) in zip(parameters, reach):",
+          "for splat, (left, right, top, bottom) in zip(parameters[: 2**16], reach):"),),
+    ),
+    "planes of 4,096 symbols": (
+        "core/read_stream/planes_of_thousands_one_lane",
+        (("        symbols[i] = s\n", "        symbols[i % 4096] = s\n"),),
+    ),
+    "1,024 words of a plane": (
+        "core/read_stream/planes_of_thousands_64_lanes",
+        (("x = x * 2**16 + words[taken]", "x = x * 2**16 + words[taken % 1024]"),),
+    ),
+    "a limit of payloads that may not be reached": (
+        "full/reconstruct_stream/payload_as_long_as_allowed",
+        (('    if chunk_length > (LONGEST_HEADER if chunk_type == "H" else longest):',
+          '    if chunk_length >= (LONGEST_HEADER if chunk_type == "H" else longest):'),),
+    ),
+    "rendering work that may not be reached": (
+        "core/decode_stream_deterministic/as_much_work_as_may_be_drawn",
+        (('if work > state.limits["work"]:', 'if work >= state.limits["work"]:'),),
+    ),
+}  # fmt: skip
+"""What is wrong, the case that finds it, and the patches of spec.md's code."""
+
+
+@pytest.mark.parametrize("sentence", WRONG)
+def test_what_ends_at_a_size_is_found(sentence: str) -> None:
+    name, patches = WRONG[sentence]
+    for stage in ("read_stream", "reconstruct_stream", "decode_stream") if "{" in name else ("",):
+        case = cases()[name.format(stage=stage)]
+        inputs, expected = case.run()
+        assert right(spec.namespace(), case.stage.name, inputs, expected)
+        assert not right(spec.namespace(patches), case.stage.name, inputs, expected)
+
+
+def right(code: dict[str, Any], stage: str, inputs: Values, expected: Mapping[str, Expectation]) -> bool:
+    """Whether the answer of code like that of spec.md is judged as right."""
+    try:
+        outputs = code[stage](**inputs)
+    except (code["Fault"], IndexError):  # it refuses the stream, or counts beyond its arrays
+        return False
+    return all(verdict.passed for verdict in judge(expected, outputs))
