@@ -9,6 +9,7 @@ from conformance.case import Inputs, case
 from conformance.cases.color import described, samples
 from conformance.cases.metrics import Frame
 from conformance.stages.metrics import metrics_oracle
+from gsvc_ref.draws import Draws
 
 
 def flat(value: int, height: int = 12, width: int = 11) -> Frame:
@@ -46,7 +47,7 @@ def hard_structure_near_zero() -> Inputs:
 
 
 def _noise(seed: int) -> NDArray[Any]:
-    return np.random.default_rng(seed).integers(0, 256, (2, 21, 21, 3)).astype(np.uint8)
+    return Draws(seed).integers(0, 256, (2, 21, 21, 3)).astype(np.uint8)
 
 
 def _distance(pair: NDArray[Any]) -> float:
