@@ -100,15 +100,18 @@ def _rules(expected: Mapping[str, Expectation]) -> Iterator[str]:
 
 def write(folder: Path, files: Mapping[str, Mapping[str, bytes]]) -> None:
     """Write vectors, by id the files of each, and their sums; `folder` must not hold other files."""
-    sums = {}
     for name, parts in files.items():
         home = folder / name
         home.mkdir(parents=True, exist_ok=True)
         for part, data in parts.items():
             (home / part).write_bytes(data)
-            sums[f"{name}/{part}"] = hashlib.sha256(data).hexdigest()
-    lines = (f"{sums[name]}  {name}\n" for name in sorted(sums))
-    (folder / SUMS).write_text("".join(lines), encoding="utf-8")
+    (folder / SUMS).write_bytes(sums_of(files))
+
+
+def sums_of(files: Mapping[str, Mapping[str, bytes]]) -> bytes:
+    """What stands in SHA256SUMS of these vectors."""
+    all_files = {f"{name}/{part}": data for name, parts in files.items() for part, data in parts.items()}
+    return "".join(f"{hashlib.sha256(all_files[name]).hexdigest()}  {name}\n" for name in sorted(all_files)).encode()
 
 
 def set_hash(folder: Path = VECTORS) -> str:
