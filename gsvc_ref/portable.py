@@ -2,7 +2,7 @@
 
 A machine's mathematical library and NumPy's vector functions round the last bit each in a way of their own. Here stand
 additions, multiplications, divisions and square roots of IEEE 754, rounded one by one in a stated order. What must come
-out the same everywhere uses them: scenes, and random draws. An array gives an array, a number a float.
+out the same everywhere uses them: scenes, and random draws. An array gives an array, a number a float, NaN gives NaN.
 """
 
 import math
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 _LN2: Final = (0.6931471803691238, 1.9082149292705877e-10)
 """ln 2 in two pieces; the product of the first by an exponent is exact."""
 
-_HALF_PI: Final = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
-"""pi / 2 in three pieces; the products of the first two by whole numbers up to 2^20 are exact."""
+_HALF_PI: Final = (1.570796325802803, 9.920935739593517e-10, 5.721188726109832e-18)
+"""pi / 2 in three pieces; the products of the first two by whole numbers up to 2^26 are exact."""
 
 _EXP: Final = tuple(1 / math.factorial(n) for n in range(14))
 _SIN: Final = tuple((-1) ** n / math.factorial(2 * n + 1) for n in range(9))
@@ -33,10 +33,10 @@ _ARCTAN_OF_STEPS: Final = (
 
 def exp(x: ArrayLike) -> Any:
     """e^x for x < 709, within 2 units in the last place of normal numbers; 0 far below."""
-    values = np.asarray(x, np.float64)
+    values = np.clip(np.asarray(x, np.float64), -1e4, 1e4)
     whole = np.rint(values * (1 / math.log(2)))
     rest = (values - whole * _LN2[0]) - whole * _LN2[1]
-    return _as_given(np.ldexp(_polynomial(_EXP, rest), whole.astype(np.int32)))
+    return _as_given(np.ldexp(_polynomial(_EXP, rest), _integers(whole).astype(np.int32)))
 
 
 def log(x: ArrayLike) -> Any:
@@ -54,12 +54,12 @@ def power(base: ArrayLike, exponent: ArrayLike) -> Any:
 
 
 def sin(x: ArrayLike) -> Any:
-    """The sine for |x| < 10^6, within 2^-52."""
+    """The sine for |x| < 10^8, within 2^-51."""
     return _turned(x, 0)
 
 
 def cos(x: ArrayLike) -> Any:
-    """The cosine for |x| < 10^6, within 2^-52."""
+    """The cosine for |x| < 10^8, within 2^-51."""
     return _turned(x, 1)
 
 
@@ -72,7 +72,7 @@ def arctan2(y: ArrayLike, x: ArrayLike) -> Any:
     step = np.rint(share * _STEPS)
     near = step / _STEPS
     rest = (share - near) / (1 + share * near)
-    angle = np.take(_ARCTAN_OF_STEPS, step.astype(np.int64)) + rest * _polynomial(_ARCTAN, rest * rest)
+    angle = np.take(_ARCTAN_OF_STEPS, _integers(step)) + rest * _polynomial(_ARCTAN, rest * rest)
     angle = np.where(high > wide, math.pi / 2 - angle, angle)
     angle = np.where(right < 0, math.pi - angle, angle)
     return _as_given(np.where(below < 0, -angle, angle))
@@ -84,15 +84,29 @@ def hypot(x: ArrayLike, y: ArrayLike) -> Any:
     return _as_given(np.sqrt(across * across + down * down))
 
 
+def total(values: ArrayLike) -> float:
+    """The sum of an array: its second half is added to its first until one number is left."""
+    rest = np.asarray(values, np.float64).ravel()
+    while rest.size > 1:
+        half = rest.size // 2
+        rest = np.concatenate([rest[:half] + rest[half : 2 * half], rest[2 * half :]])
+    return float(rest[0]) if rest.size else 0.0
+
+
 def _turned(x: ArrayLike, quarters: int) -> Any:
     """The sine of x and so many quarter turns."""
     values = np.asarray(x, np.float64)
     whole = np.rint(values * (2 / math.pi))
     rest = ((values - whole * _HALF_PI[0]) - whole * _HALF_PI[1]) - whole * _HALF_PI[2]
-    quarter = (whole.astype(np.int64) + quarters) & 3
+    quarter = (_integers(whole) + quarters) & 3
     square = rest * rest
     value = np.where(quarter & 1, _polynomial(_COS, square), rest * _polynomial(_SIN, square))
     return _as_given(np.where(quarter & 2, -value, value))
+
+
+def _integers(whole: Any) -> Any:
+    """Whole numbers as i8; 0 for what is none, which a machine casts as it likes."""
+    return np.where(np.isfinite(whole), whole, 0).astype(np.int64)
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Vectors are compared byte for byte; how many processes make them does not matter, and one that cannot start is told."""
+"""Vectors are compared byte for byte; the number of processes does not matter, and one that cannot start is told."""
 
 import subprocess
 import sys
