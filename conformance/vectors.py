@@ -169,6 +169,11 @@ def _little(array: NDArray[Any]) -> NDArray[Any]:
     return array.astype(array.dtype.newbyteorder("<"), copy=False)
 
 
+def native(array: NDArray[Any]) -> NDArray[Any]:
+    """An array from a file in the byte order of the machine."""
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
 def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
     """Put a value into files or into the manifest; its entry."""
     if isinstance(value, str | int | float) and not isinstance(value, np.generic):
@@ -202,7 +207,7 @@ def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
     if "value" in entry:
         return entry["value"]
     data = files[entry["file"]]
-    return data if entry["file"].endswith(".gsvc") else np.load(io.BytesIO(data), allow_pickle=False)
+    return data if entry["file"].endswith(".gsvc") else native(np.load(io.BytesIO(data), allow_pickle=False))
 
 
 def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Expectation:
