@@ -5,6 +5,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.training import f4, trained_rows
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 # --- Pruning ---------------------------------------------------------------------------------------------------------
 
@@ -120,7 +121,7 @@ def equal_weights() -> Inputs:
 
 
 @case("core", "prune", flags=["survivors"])
-def random_weights(rng: np.random.Generator) -> Inputs:
+def random_weights(rng: Draws) -> Inputs:
     """A tenth of 101 splats goes; the survivors keep their order."""
     weights = trained_rows(rng, 101)[:, 8]
     expected = yield {"weights": weights, "removed": 10}
@@ -192,7 +193,7 @@ def odd_numbers_are_copied() -> Inputs:
 
 
 @case("core", "augment", flags=["odd-size", "order"])
-def new_splats_of_a_wide_frame(rng: np.random.Generator) -> Inputs:
+def new_splats_of_a_wide_frame(rng: Draws) -> Inputs:
     """Five splats more on 200x30 pixels: x spans the width and y the height, factors begin at 1/2, w is 0.01."""
     values, uniforms = trained_rows(rng, 3), rng.random((5, 8), np.float32)
     expected = yield {"values": values, "uniforms": uniforms, "width": 200, "height": 30}
@@ -212,7 +213,7 @@ def new_splats_by_hand() -> Inputs:
 
 
 @case("uncommon", "augment", flags=["empty"])
-def no_new_splats(rng: np.random.Generator) -> Inputs:
+def no_new_splats(rng: Draws) -> Inputs:
     """Nothing to add: the old splats stay as they are."""
     values = trained_rows(rng, 4)
     expected = yield {"values": values, "uniforms": np.zeros((0, 8), np.float32), "width": 8, "height": 8}

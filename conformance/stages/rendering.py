@@ -1,6 +1,6 @@
 """Rendering: sums, frames, gradients and other sizes (spec.md sections 9 and 10.3)."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
