@@ -11,7 +11,7 @@ from conformance.commands import add_selection, add_vectors, selection
 from conformance.selection import VectorFolder
 from conformance.vectors import Vector
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json
+from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -49,11 +49,11 @@ def run(arguments: Namespace) -> int:
             display.update(mutant.name, done, len(mutants))
             found[mutant.name] = killers(mutant, vectors, everyone=arguments.all)
             if not (found[mutant.name] or arguments.json):
-                print(f"{mutant.name} SURVIVES: {mutant.sentence}", flush=True)
+                show(f"{mutant.name} SURVIVES: {mutant.sentence}")
     if arguments.json:
         print_json(found)
     else:
-        print("\n".join(describe(found)))
+        show(*describe(found))
     return 0 if all(found.values()) else 1
 
 
