@@ -33,7 +33,7 @@ MOST_BYTES: Final = 1 << 28
 MOST_TEXT: Final = 1 << 12
 """Bytes of an output text."""
 MOST_OUT: Final = 1 << 30
-"""Bytes on the disk of all that a command writes to OUT_DIR; one that writes more is ended."""
+"""Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
 LEAST_FILE: Final = 4096
 """What a file takes at least."""
 PERTURB: Final = "MALLOC_PERTURB_"
@@ -79,7 +79,7 @@ class ProcessImplementation:
             variables = {PERTURB: str(turn * 85 % 255 + 1)} if turn and PERTURB not in os.environ else {}
             log = Log()
             try:
-                status = run_program(words, self._timeout, log, variables, lambda: _measure(outside))
+                status = run_program(words, self._timeout, log, variables, lambda: _measure(Path(folder)))
             except OSError as error:
                 return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
             except TooMuchError as error:
@@ -185,7 +185,7 @@ def _measure(folder: Path) -> None:
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(Path(entry.path))
     if held > MOST_OUT:
-        raise TooMuchError(f"it wrote more than {MOST_OUT >> 20} MiB to OUT_DIR")
+        raise TooMuchError(f"it wrote more than {MOST_OUT >> 20} MiB to IN_DIR and OUT_DIR")
 
 
 class TooMuchError(Exception):
