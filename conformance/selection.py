@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -159,6 +159,10 @@ class VectorFolder:
                 near = question(value, known)
                 raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
         return [name for name in names if not set(values).isdisjoint(has[name])]
+
+    def killed_by(self, names: Iterable[str]) -> set[str]:
+        """The mutants that the manifests of some vectors say to find."""
+        return {mutant for name in names for mutant in self._manifest(name).get("kills", ())}
 
     def read(self, names: list[str]) -> Iterator[Vector]:
         """Vectors by id, each when it is asked for.

@@ -33,6 +33,8 @@ PR_SET_CHILD_SUBREAPER: Final = 36
 _starting = threading.Lock()
 _programs: set[int] = set()
 """Process numbers of the programs that run; changed under the lock only."""
+_others: set[int] = set()
+"""Children that the kit had before the first of these programs began; nothing of them is touched."""
 
 
 class Log:
@@ -85,8 +87,8 @@ def run_program(
         It cannot be started.
     """
     mark = secrets.token_hex(8)
-    others = _adopt()
     with _starting:
+        _adopt()
         process = subprocess.Popen(
             words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             env={**os.environ, **variables, MARK: mark}, start_new_session=True,
@@ -101,7 +103,7 @@ def run_program(
         _kill(process)
         with _starting:
             _programs.discard(process.pid)
-        _kill_strays(mark, others)
+        _kill_strays(mark)
         reader.join(PATIENCE_S)  # it ends with the last process that may print
 
 
@@ -130,12 +132,14 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
     process.wait()
 
 
-def _adopt() -> frozenset[int]:
-    """Become the parent of all descendants whose parents end, where that can be done; the children that are there."""
+def _adopt() -> None:
+    """Become the parent of all descendants whose parents end, where that can be done, and note who is none of them."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-    return frozenset(_children()) - _programs
+    if not _programs:
+        _others.clear()
+        _others.update(_children())
 
 
 def _children() -> Iterator[int]:
@@ -146,7 +150,7 @@ def _children() -> Iterator[int]:
                 yield from map(int, (task / "children").read_text().split())
 
 
-def _kill_strays(mark: str, others: frozenset[int]) -> None:
+def _kill_strays(mark: str) -> None:
     """End what a program left behind; each that ends may leave children of its own.
 
     A process that hides its environment is known by being nobody else's: while other programs run it may be theirs,
@@ -155,7 +159,7 @@ def _kill_strays(mark: str, others: frozenset[int]) -> None:
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         with _starting:
-            strays = [child for child in _children() if child not in _programs and child not in others]
+            strays = [child for child in _children() if child not in _programs and child not in _others]
             strays = [child for child in strays if not _programs or _has_mark(child, mark)]
             for stray in strays:
                 with suppress(ProcessLookupError, ChildProcessError):

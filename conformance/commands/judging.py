@@ -5,6 +5,7 @@ import hashlib
 import json
 import platform
 import shlex
+import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -77,7 +78,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     """
     from conformance.report.pictures import PictureBook
 
-    console = check_outputs(arguments)
+    aside = check_outputs(arguments.json, arguments.junit, arguments.html)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     folder = VectorFolder(arguments.vectors)
     chosen, waivers, book = selection(arguments), read_waivers(arguments.waivers), PictureBook()
@@ -118,7 +119,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     results = sorted(results, key=lambda result: place[result.id])
     report = Report(around, again, str(chosen), notes, results, runs_on, notes[0] if len(done) < len(names) else "")
     written, refused = write_files(arguments, report, book.pictures())
-    show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=console)
+    show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
     for fault in (ended, *refused):
         if fault is not None:
             raise fault

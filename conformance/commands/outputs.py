@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from conformance.results import Report
 from gsvc_ref.errors import UsageError
@@ -26,21 +26,20 @@ def check_writable(path: Path | None) -> None:
         raise UsageError(f"{path} cannot be written: give a file name in a folder that exists")
 
 
-def check_outputs(arguments: Namespace) -> TextIO | None:
-    """Refuse outputs that cannot be written, before work is done; where the text goes, if not to standard output.
+def check_outputs(*paths: Path | None) -> bool:
+    """Refuse outputs that cannot be written, before work is done; whether one goes to standard output.
 
     Raises
     ------
     UsageError
         One cannot, or two go to standard output.
     """
-    paths = [path for path in (arguments.json, arguments.junit, arguments.html) if path is not None]
     for path in paths:
         check_writable(path)
-    taken = [path for path in paths if standard_stream(path) is sys.stdout]
+    taken = [path for path in paths if path is not None and standard_stream(path) is sys.stdout]
     if len(taken) > 1:
         raise UsageError(f"both {taken[0]} and {taken[1]} go to standard output; give a file for one of them")
-    return sys.stderr if taken else None
+    return bool(taken)
 
 
 def write_files(

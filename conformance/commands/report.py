@@ -1,5 +1,6 @@
 """``report``: the HTML page or JUnit XML again, from the JSON of a run."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
@@ -32,14 +33,14 @@ def run(arguments: Namespace) -> int:
     from conformance.report.junit import junit_xml
     from conformance.report.page import report_html
 
-    console = check_outputs(Namespace(json=None, junit=arguments.junit, html=arguments.html))
+    aside = check_outputs(arguments.junit, arguments.html)
     report = read(arguments.result)
     if arguments.html:
         pictures = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep else PictureBook()
         write_text(report_html(report, pictures.pictures()), arguments.html)
     if arguments.junit:
         write_text(junit_xml(report), arguments.junit)
-    show(*describe(report, arguments.show), "", last_line(report), file=console)
+    show(*describe(report, arguments.show), "", last_line(report), file=sys.stderr if aside else None)
     return report.exit_code
 
 
