@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from gsvc_ref.cli import Parser
-from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
+from gsvc_ref.cli.signals import termination_as_ctrl_c
 from gsvc_ref.errors import UsageError
 
 PROGRAM: Final = "python -m conformance"
@@ -39,9 +40,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv
         The arguments without the program's name; None takes those of the process.
     """
+    prepare_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     named = words[0] if words and words[0] in COMMANDS else None
-    return guarded(f"conformance {named}" if named else "conformance", lambda: _with_packages(words, named))
+    with termination_as_ctrl_c():
+        return guarded(f"conformance {named}" if named else "conformance", lambda: _with_packages(words, named))
 
 
 def build_parser(named: str | None) -> Parser:

@@ -59,7 +59,7 @@ class Judgement:
 
 def _form(expected: Array, actual: object) -> Judgement | None:
     """The failure of something that is no array of the expected type and shape, or None."""
-    if not isinstance(actual, np.ndarray):
+    if type(actual) is not np.ndarray:  # of subclasses, a masked array answers no comparison with True
         return Judgement(False, f"is {type(actual).__name__}, not an array of {expected.dtype} {expected.shape}")
     if actual.dtype != (dtype := expected.dtype.newbyteorder("=")):
         return Judgement(False, f"has type {actual.dtype}; it must be {dtype}")

@@ -15,6 +15,7 @@ import numpy as np
 
 from conformance.spelling import meant
 from conformance.stage import DTYPES, Port, Stage, Values, stages
+from conformance.standard_streams import kept_streams
 from gsvc_ref.errors import UsageError
 
 EXTRA_OF: Final = {"pyopencl": "adapters", "wgpu": "adapters", "playwright": "adapters", "torch": "peers"}
@@ -75,8 +76,8 @@ class Implementation(Protocol):
         """What it runs on, as far as it tells: device, driver, versions."""
         ...
 
-    def run(self, stage: Stage, inputs: Values) -> Answer:
-        """The outputs of a stage for some inputs, which it may change."""
+    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
+        """The outputs of a stage for some inputs, which it may change; `turn` counts how often it was asked before."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class ModuleImplementation:
     in_full: bool = False
     environment: Mapping[str, str] = field(default_factory=dict)
 
-    def run(self, stage: Stage, inputs: Values) -> Answer:
+    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
         """Call the function."""
         function = self.functions.get(stage.name)
         if not callable(function):
@@ -106,7 +107,7 @@ class ModuleImplementation:
         if problem := _misfit(function, stage):
             return Failure("error", problem)
         try:
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), kept_streams():
                 given = function(**inputs)
             return Failure("error", FLUSHES) if _flushes() else _collect(stage, given)
         except NotImplementedError as error:
@@ -128,7 +129,8 @@ def load_module(name: str) -> ModuleImplementation:
             f"--module takes the name of a module: {'.'.join(Path(name).with_suffix('').parts)}, not {name}"
         )
     try:
-        module = importlib.import_module(name)
+        with kept_streams():
+            module = importlib.import_module(name)
     except Exception as error:
         advice = _import_advice(name, error)
         raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{advice}") from None
@@ -166,7 +168,8 @@ def _environment_of(name: str, function: Callable[[], object] | None) -> dict[st
     if function is None:
         return {}
     try:
-        told = function()
+        with kept_streams():
+            told = function()
     except (Exception, SystemExit) as error:
         raise UsageError(f"{name}.environment() fails: {_last_line(error)}") from None
     if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
@@ -212,15 +215,19 @@ def _collect(stage: Stage, given: object) -> Values | Failure:
         return Failure("error", f"{stage.name} returned {type(given).__name__}, not a dict of its outputs")
     if missing := [port.name for port in stage.outputs if port.name not in given]:
         return Failure("error", f"{stage.name} returned no {', '.join(missing)}")
+    if masked := [port.name for port in stage.outputs if isinstance(given[port.name], np.ma.MaskedArray)]:
+        advice = "return a plain one, such as numpy.ma.filled gives; what is masked could be anything"
+        return Failure("error", f"{stage.name} returned {', '.join(masked)} as a masked array: {advice}")
     return {port.name: _output(port, given[port.name]) for port in stage.outputs}
 
 
 def _output(port: Port, value: Any) -> Any:
-    if port.type == "text" or isinstance(value, np.ndarray):
+    """An output as a plain array of its own: a function may return the same memory each time, or a subclass."""
+    if port.type == "text":
         return value
     if isinstance(value, int | float) and not isinstance(value, np.generic):
         return np.asarray(value, port.type if port.type in DTYPES else None)
-    return np.asarray(value)
+    return np.array(np.ndarray.view(value, np.ndarray) if isinstance(value, np.ndarray) else value)
 
 
 def _last_line(error: BaseException) -> str:

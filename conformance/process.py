@@ -1,7 +1,7 @@
 """The process protocol (protocol.md): a command that is started for each vector, and files in and out.
 
 Nothing that a command writes is trusted: files are measured before they are read, nothing in them is executed, and no
-process that it started outlives the vector.
+process that it started outlives the vector (`supervision`).
 """
 
 import io
@@ -10,20 +10,19 @@ import shlex
 import shutil
 import signal
 import stat
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from conformance.implementations import Answer, Failure, Unsupported
 from conformance.stage import Port, Stage, Values
+from conformance.supervision import Log, run_program
 from conformance.vectors import native, npy
 from gsvc_ref.errors import UsageError
 
@@ -33,10 +32,12 @@ MOST_BYTES: Final = 1 << 28
 """Of one output file; larger ones are not loaded."""
 MOST_TEXT: Final = 1 << 12
 """Bytes of an output text."""
-LOG_BYTES: Final = 4096
-"""How much of a process's output is kept: the beginning and the end, each about a half."""
-CUT: Final = "\n[...]\n"
-"""Stands between them."""
+MOST_OUT: Final = 1 << 30
+"""Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
+LEAST_FILE: Final = 4096
+"""What a file takes at least."""
+PERTURB: Final = "MALLOC_PERTURB_"
+"""Variable by which the memory allocator of glibc fills what it gives; see mallopt(3)."""
 
 
 class ProcessImplementation:
@@ -64,26 +65,31 @@ class ProcessImplementation:
             raise UsageError(_why_no_program(Path(self._words[0])))
         self.name, self._timeout = command, timeout
 
-    def run(self, stage: Stage, inputs: Values) -> Answer:
-        """Start the command and read what it wrote."""
+    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
+        """Start the command and read what it wrote; when it is asked again, new memory is filled with something else.
+
+        So an answer that depends on memory nobody has written to differs, where the command allocates it by glibc.
+        """
         with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
             inside, outside = Path(folder, "in"), Path(folder, "out")
             inside.mkdir()
             outside.mkdir()
             write_inputs(inside, inputs)
-            with tempfile.TemporaryFile() as printed:
-                words = [*self._words, stage.name, str(inside), str(outside)]
-                try:
-                    status = _status(words, printed, self._timeout)
-                except OSError as error:
-                    return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
-                log = _ends(printed)
-            if failure := self._failure(status, log):
+            words = [*self._words, stage.name, str(inside), str(outside)]
+            variables = {PERTURB: str(turn * 85 % 255 + 1)} if turn and PERTURB not in os.environ else {}
+            log = Log()
+            try:
+                status = run_program(words, self._timeout, log, variables, lambda: _measure(Path(folder)))
+            except OSError as error:
+                return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
+            except TooMuchError as error:
+                return Failure("error", f"{error}, and was ended", str(log))
+            if failure := self._failure(status, str(log)):
                 return failure
             try:
                 return {port.name: read_output(outside, port) for port in stage.outputs}
             except (OSError, ValueError) as error:
-                return Failure("error", f"exit status 0, but {error}", log)
+                return Failure("error", f"exit status 0, but {error}", str(log))
 
     def _failure(self, status: int | None, log: str) -> Unsupported | Failure | None:
         if status is None:
@@ -147,10 +153,10 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
 
 
 def _product(shape: tuple[int, ...]) -> int:
-    """Elements of a shape; -1, which no file fits, for one that is no shape."""
+    """Elements of a shape; -1, which no file fits, for one that is no shape, such as (True,)."""
     count = 1
     for length in shape:
-        count = count * length if length >= 0 <= count else -1
+        count = count * length if type(length) is int and length >= 0 <= count else -1
     return count
 
 
@@ -166,38 +172,28 @@ def _read_file(path: Path, most: int) -> bytes:
     return path.read_bytes()
 
 
-def _status(words: list[str], printed: IO[bytes], timeout: float) -> int | None:
-    """Run a command in a process group of its own, which does not outlive it; its exit status, None over the time."""
-    process = subprocess.Popen(
-        words, stdin=subprocess.DEVNULL, stdout=printed, stderr=subprocess.STDOUT, start_new_session=True
-    )
-    try:
-        return process.wait(timeout)
-    except subprocess.TimeoutExpired:
-        return None
-    finally:
-        _kill(process)
+def _measure(folder: Path) -> None:
+    """Refuse a folder that fills the disk.
+
+    Raises
+    ------
+    TooMuchError
+        It holds more than `MOST_OUT` bytes.
+    """
+    held, folders = 0, [folder]
+    while folders and held <= MOST_OUT:
+        with suppress(OSError), os.scandir(folders.pop()) as entries:  # what is there may go at any time
+            for entry in entries:
+                status = entry.stat(follow_symlinks=False)
+                held += max(getattr(status, "st_blocks", 0) * 512, LEAST_FILE)
+                if entry.is_dir(follow_symlinks=False):
+                    folders.append(Path(entry.path))
+    if held > MOST_OUT:
+        raise TooMuchError(f"it wrote more than {MOST_OUT >> 20} MiB to IN_DIR and OUT_DIR")
 
 
-def _kill(process: "subprocess.Popen[bytes]") -> None:
-    if sys.platform == "win32":
-        process.kill()
-    else:
-        with suppress(ProcessLookupError, PermissionError):  # nobody is left; macOS says so of a group of zombies
-            os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
-def _ends(printed: IO[bytes]) -> str:
-    """What was printed, or its beginning and its end: some runtimes print the message first, others last."""
-    size = printed.seek(0, os.SEEK_END)
-    printed.seek(0)
-    if size <= LOG_BYTES:
-        return printed.read().decode(errors="replace").strip()
-    half = (LOG_BYTES - len(CUT)) // 2
-    first = printed.read(half).decode(errors="replace").strip()
-    printed.seek(size - half)
-    return first + CUT + printed.read(half).decode(errors="replace").strip()
+class TooMuchError(Exception):
+    """A program fills the disk."""
 
 
 def _signal_name(number: int) -> str:

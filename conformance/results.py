@@ -2,11 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal, get_args
 
 from conformance.stage import Group, stages
-from gsvc_ref.cli.text import plural
+from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
@@ -15,8 +15,10 @@ FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
 
 Verdict = Literal["passed", "waived", "incomplete", "failed", "not claimed"]
 
-Conclusion = Literal["passed", "incomplete", "failed", "nothing judged"]
-EXIT_CODES: Final[Mapping[Conclusion, int]] = {"passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2}
+Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended early"]
+EXIT_CODES: Final[Mapping[Conclusion, int]] = {
+    "passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2, "ended early": 2,
+}  # fmt: skip
 """Of a run: incomplete is no fault, so that what has three stages can keep them right."""
 
 
@@ -40,6 +42,9 @@ class OutputResult:
     place: tuple[int, ...] | None = None
     wrong: int = 0
 
+    def __post_init__(self) -> None:
+        _make_printable(self)
+
 
 @dataclass(frozen=True)
 class Result:
@@ -54,7 +59,7 @@ class Result:
     outcome
         One of `OUTCOMES`.
     message
-        Why it did not pass, a sentence; empty for a pass.
+        Why it did not pass, a sentence; for a pass, how the answers differed, if they did.
     outputs
         The judgement of each output; none where there was no answer.
     causes
@@ -74,6 +79,9 @@ class Result:
     causes: tuple[str, ...] = ()
     log: str = ""
     seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        _make_printable(self)
 
     @property
     def level(self) -> str:
@@ -145,6 +153,8 @@ class Report:
         In the order of the vectors.
     runs_on
         What the implementation tells of its own environment, such as device and driver.
+    ended
+        Why vectors that were selected are missing, a sentence; empty if none is.
     """
 
     environment: Mapping[str, str]
@@ -153,6 +163,10 @@ class Report:
     notes: Sequence[str]
     results: Sequence[Result] = field(default=())
     runs_on: Mapping[str, str] = field(default_factory=dict)
+    ended: str = ""
+
+    def __post_init__(self) -> None:
+        _make_printable(self)
 
     @property
     def faults(self) -> list[Result]:
@@ -164,6 +178,8 @@ class Report:
         """What the verdicts of the classes come to; a class that is waived has to be accompanied by a pass."""
         if self.faults:
             return "failed"
+        if self.ended:
+            return "ended early"
         if all(result.outcome != "pass" for result in self.results):
             return "nothing judged"
         return "incomplete" if any(group.verdict == "incomplete" for group in self.groups()) else "passed"
@@ -175,7 +191,7 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """0 if nothing is wrong and something passes, 1 if something is wrong, 2 if neither."""
+        """0 if nothing is wrong and something passes, 1 if something is wrong, 2 if neither or if it ended early."""
         return EXIT_CODES[self.conclusion]
 
     @property
@@ -202,6 +218,22 @@ class Report:
         there = {result.group for result in self.results}
         names = [name for name in get_args(Group) if name in there]
         return [_class(name, [result for result in self.results if result.group == name]) for name in names]
+
+
+def _make_printable(record: "OutputResult | Result | Report") -> None:
+    """Let texts of others (logs, titles, names) do nothing to the terminal or the file where they are shown."""
+    for name in (entry.name for entry in fields(record)):
+        object.__setattr__(record, name, _printable(getattr(record, name)))
+
+
+def _printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, Mapping):
+        return {_printable(key): _printable(item) for key, item in value.items()}
+    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+        return type(value)(map(printable, value))
+    return value
 
 
 def _summary(name: str, results: Sequence[Result]) -> Summary:

@@ -1,8 +1,9 @@
 """The judgement of an implementation, vector by vector."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -42,6 +43,7 @@ def run_suite(
     skips: Mapping[str, str] | None = None,
     on_result: Callable[[Judged], object] | None = None,
     jobs: int = 1,
+    repeat: int = 1,
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -57,24 +59,28 @@ def run_suite(
         Is called after each vector, in their order.
     jobs
         How many vectors are asked for at the same time; they are judged one after the other.
+    repeat
+        How often each is asked for, one time after the other.
     """
     skips = skips or {}
 
-    def answered(vector: Vector) -> tuple[Vector, Answered | None]:
-        return vector, None if vector.id in skips else ask(implementation, vector)
+    def judged_vector(vector: Vector) -> Callable[[], Judged]:
+        if vector.id in skips:
+            return lambda: Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
+        answers = list(_asked(implementation, vector, repeat))
+        return lambda: judge_answers(vector, answers, implementation.in_full)
 
     results = []
-    for vector, answer in _mapped(answered, vectors, jobs):
-        if answer is None:
-            judged = Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
-        else:
-            judged = judge_answer(vector, answer, implementation.in_full)
-        if vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
-            message = f"{(waivers or {})[vector.id]} (waived {judged.result.outcome}: {judged.result.message})"
-            judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
-        results.append(judged.result)
-        if on_result:
-            on_result(judged)
+    with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
+        for judge in mapped:
+            judged = judge()
+            if judged.vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
+                reason = (waivers or {})[judged.vector.id]
+                message = f"{reason} (waived {judged.result.outcome}: {judged.result.message})"
+                judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
+            results.append(judged.result)
+            if on_result:
+                on_result(judged)
     return results
 
 
@@ -83,7 +89,16 @@ def judge_vector(implementation: Implementation, vector: Vector) -> Judged:
     return judge_answer(vector, ask(implementation, vector), implementation.in_full)
 
 
-def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Iterator[U]:
+def _asked(implementation: Implementation, vector: Vector, times: int) -> Iterator[Answered]:
+    """The answers to one vector; what is not supported, or takes too long, is not asked again."""
+    for turn in range(times):
+        answered = ask(implementation, vector, turn)
+        yield answered
+        if isinstance(answered.answer, Unsupported) or getattr(answered.answer, "outcome", "") == "timeout":
+            return
+
+
+def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Generator[U]:
     """The results in the order of the values; with several jobs these are all taken at the beginning."""
     if jobs == 1:
         yield from map(function, values)
@@ -92,11 +107,46 @@ def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Itera
         yield from pool.map(function, values)
 
 
-def ask(implementation: Implementation, vector: Vector) -> Answered:
-    """What an implementation answers to one vector."""
+def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
+    """What an implementation answers to one vector that it was asked for so many times before."""
     start = time.perf_counter()
-    answer = implementation.run(vector.stage, _copies(vector.inputs))
+    answer = implementation.run(vector.stage, _copies(vector.inputs), turn)
     return Answered(answer, time.perf_counter() - start)
+
+
+def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False) -> Judged:
+    """Judge all answers to one vector: the first that is wrong stands for them, and is told with how they differ."""
+    judged = [judge_answer(vector, answer, in_full) for answer in answers]
+    wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
+    worst = judged[wrong[0]] if wrong else judged[0]
+    seconds = sum(one.result.seconds for one in judged)
+    keys = [_key(answer.answer) for answer in answers]
+    told = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
+    message = "; ".join(part for part in (told, worst.result.message) if part)
+    return replace(worst, result=replace(worst.result, message=message, seconds=seconds))
+
+
+def _difference(keys: Sequence[object], wrong: int, times: int) -> str:
+    """How the answers to one vector differ, and what does that."""
+    what = f"gave {len(set(keys))} different answers in {times} runs"
+    if not wrong:
+        return f"{what}, each within what is allowed: an order of summation that changes from run to run does that"
+    what += f", of which {wrong} {'is' if wrong == 1 else 'are'} wrong" if wrong < times else ""
+    if times > 2 and len(set(keys[1:])) == 1:
+        return f"{what}: only the first differs, so it has something of the vector before, or of what is done once"
+    return f"{what}: a race, or memory that is read before it is written"
+
+
+def _key(answer: Answer) -> object:
+    """Something that is equal for answers that are the same."""
+    if isinstance(answer, Unsupported | Failure):
+        return type(answer), getattr(answer, "outcome", "")
+    return tuple((name, _bytes(value)) for name, value in sorted(answer.items()))
+
+
+def _bytes(value: object) -> object:
+    array = np.asarray(value)
+    return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
 
 
 def judge_answer(vector: Vector, answered: Answered, in_full: bool = False) -> Judged:

@@ -2,12 +2,16 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from conformance.case import FULL, LEVELS
 from conformance.spelling import question
@@ -18,6 +22,8 @@ from gsvc_ref.errors import UsageError
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 MANIFEST: Final = "manifest.json"
 ALL_LEVELS: Final = (*LEVELS, FULL)
+SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
+"""The last part of an id, which is the name of a folder."""
 MOST_NAMED: Final = 4
 """So many selected names are listed, more are counted."""
 GENERATE: Final = "write them with: python -m conformance generate"
@@ -93,8 +99,8 @@ class VectorFolder:
         self.folder = folder
         if not (folder / SUMS).is_file():
             raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {GENERATE}")
-        lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
         try:
+            lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
             self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
         except ValueError:
             raise UsageError(f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {GENERATE}") from None
@@ -103,7 +109,7 @@ class VectorFolder:
             self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
         for name in self._parts:
             parts = name.split("/")
-            if len(parts) != 3 or parts[0] not in ALL_LEVELS or parts[1] not in stages():
+            if len(parts) != 3 or parts[0] not in ALL_LEVELS or parts[1] not in stages() or not SLUG.match(parts[2]):
                 raise UsageError(f"{name} is a vector of a level or stage that this kit does not know: use the same "
                                  "version of the kit and of the vectors")  # fmt: skip
         place = {stage: index for index, stage in enumerate(stages())}
@@ -154,22 +160,39 @@ class VectorFolder:
                 raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
         return [name for name in names if not set(values).isdisjoint(has[name])]
 
+    def killed_by(self, names: Iterable[str]) -> set[str]:
+        """The mutants that the manifests of some vectors say to find."""
+        return {mutant for name in names for mutant in self._manifest(name).get("kills", ())}
+
     def read(self, names: list[str]) -> Iterator[Vector]:
         """Vectors by id, each when it is asked for.
 
         Raises
         ------
         UsageError
-            A file is missing or was changed, or a manifest has fields that this kit does not know.
+            A file is missing, was changed or is damaged, or a manifest is none that this kit knows.
         """
         for name in names:
-            check_manifest(name, self._manifest(name))
-            yield from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+            manifest = self._manifest(name)
+            with _damaged(self.folder / name):
+                check_manifest(name, manifest)
+                vector = from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+                for port, value in vector.inputs.items():
+                    if (
+                        not isinstance(value, np.ndarray | int | float | bytes)
+                        or np.asarray(value).dtype.kind not in "uifS"
+                    ):
+                        raise TypeError(f"the input {port} is no array of numbers")
+            yield vector
 
     def _manifest(self, name: str) -> Mapping[str, Any]:
         if MANIFEST not in self._parts[name]:
             raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
-        manifest: Mapping[str, Any] = json.loads(self._file(f"{name}/{MANIFEST}"))
+        data = self._file(f"{name}/{MANIFEST}")
+        with _damaged(self.folder / name):
+            manifest = json.loads(data)
+            if not isinstance(manifest, dict):
+                raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
         return manifest
 
     def _file(self, name: str) -> bytes:
@@ -182,6 +205,23 @@ class VectorFolder:
         return data
 
 
+@contextmanager
+def _damaged(vector: Path) -> Iterator[None]:
+    """Say of which vector it is that a file cannot be understood, whatever is wrong with it.
+
+    Raises
+    ------
+    UsageError
+        It cannot.
+    """
+    try:
+        yield
+    except UsageError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {GENERATE}") from None
+
+
 @cache
 def _schema() -> Mapping[str, Any]:
     schema: Mapping[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
@@ -189,14 +229,14 @@ def _schema() -> Mapping[str, Any]:
 
 
 def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
-    """Refuse fields that this kit does not know: it might judge without what they say.
+    """Refuse fields that this kit does not know, it might judge without what they say, and names of other ports.
 
-    `verify` holds manifests against the whole schema.
+    Names of inputs and outputs become names of files. `verify` holds manifests against the whole schema.
 
     Raises
     ------
     UsageError
-        The manifest has an unknown field or check, or is not that of the vector.
+        The manifest has an unknown field or check, is not that of the vector, or has not the ports of its stage.
     """
     kinds = _schema()["$defs"]
     problems = [f"the field {field}" for field in manifest.keys() - _schema()["properties"].keys()]
@@ -209,5 +249,12 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
     if problems:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip
-    if manifest["id"] != name:
-        raise UsageError(f"the manifest of {name} is that of {manifest['id']}")
+    if manifest["id"] != name or manifest["stage"] != name.split("/")[1]:
+        raise UsageError(f"the manifest of {name} is that of {manifest['id']}, stage {manifest['stage']}")
+    stage = stages()[name.split("/")[1]]
+    for kind, ports in (("inputs", stage.inputs), ("outputs", stage.outputs)):
+        if (found := set(manifest[kind])) != (known := {port.name for port in ports}):
+            raise UsageError(f"the manifest of {name} has the {kind} {', '.join(sorted(found))}; those of "
+                             f"{stage.name} are {', '.join(sorted(known))}")  # fmt: skip
+    if not isinstance(manifest["title"], str):
+        raise UsageError(f"the title in the manifest of {name} is {manifest['title']!r}, not a text")

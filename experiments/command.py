@@ -18,7 +18,7 @@ from experiments.results import read_all, record, write
 from gsvc_ref.cli.signals import termination_as_ctrl_c
 from gsvc_ref.cli.text import duration
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.report.page import write_page
+from gsvc_ref.files import write_text
 
 NAMES: Final = (
     "splats",
@@ -122,7 +122,7 @@ def write_index(folder: Path) -> list[dict[str, Any]]:
     records = read_all(folder, NAMES)
     if not records:
         raise UsageError(f"{folder} holds no results; run some experiments first")
-    write_page(page(records), folder / "index.html")
+    write_text(page(records), folder / "index.html")
     return records
 
 

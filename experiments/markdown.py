@@ -8,6 +8,7 @@ from typing import Any, Final
 from experiments.page import INTRODUCTION, TITLE
 from experiments.results import text_columns
 from gsvc_ref.cli.text import duration, plural
+from gsvc_ref.files import write_text
 
 LARGEST_FIGURE: Final = 60_000
 """Bytes of a figure that is kept with the sources."""
@@ -33,7 +34,7 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
         copied = Path(shutil.copyfile(folder / f"{name}.svg", figures / f"{name}.svg"))
         if (size := copied.stat().st_size) > LARGEST_FIGURE:
             say(f"{copied} has {size} bytes; figures that are kept should have at most {LARGEST_FIGURE}")
-    target.write_text(document(records, figures.name), encoding="utf-8")
+    write_text(document(records, figures.name), target)
 
 
 def document(records: Sequence[dict[str, Any]], figures: str) -> str:

@@ -9,6 +9,7 @@ from benchmarks.timing import environment
 from experiments.experiment import Experiment, Holds, Result, Run
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import write_text
 from gsvc_ref.rendering.workspace import thread_count
 
 FORMAT: Final = 1
@@ -97,7 +98,7 @@ def write(made: dict[str, Any], folder: Path) -> Path:
     """Write a record as ``NAME.json``; returns the path."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{made['name']}.json"
-    path.write_text(json.dumps(made, allow_nan=False, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+    write_text(json.dumps(made, allow_nan=False, ensure_ascii=False, indent=1) + "\n", path)
     return path
 
 

@@ -1,16 +1,25 @@
 """How gsvc_ref compiles: one typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
+import os
 import shutil
+import sys
 import types
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
-import numba
+from gsvc_ref._kernel_folder import ADVICE, chosen_folder, stale_folders
+from gsvc_ref.errors import UsageError
+
+try:
+    import numba
+except ValueError as error:
+    variables = ", ".join(name for name in os.environ if name.startswith("NUMBA_"))
+    reason = str(error).rstrip(".")
+    raise UsageError(f"Numba does not start ({reason}): correct or unset {variables}") from None
 
 from gsvc_ref._kernel_cache import FOLDER, KernelCache
-from gsvc_ref._kernel_folder import ADVICE, stale_folders
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -65,11 +74,23 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     return kernel(inline=True)(cast(Callable[P, R], twin))
 
 
+def _warn(sentence: str) -> None:
+    """Warn; where warnings are errors (``python -W error``) only tell it, for what is slow works all the same."""
+    try:
+        warnings.warn(sentence, stacklevel=3)
+    except Warning:
+        if sys.stderr is not None:
+            print(sentence, file=sys.stderr)
+
+
 def prepare_kernel_folder() -> None:
     """Remove the kernels of sources that are no more; warn if kernels cannot be kept."""
+    chosen = chosen_folder()
     if FOLDER is None:
-        warnings.warn(f"compiled kernels cannot be kept, so each start takes half a minute: {ADVICE}", stacklevel=2)
-    elif not FOLDER.is_dir():
+        _warn(f"compiled kernels cannot be kept, so each start takes half a minute: {ADVICE}")
+    elif chosen is not None and chosen != FOLDER:
+        _warn(f"compiled kernels cannot be kept in {chosen}, where NUMBA_CACHE_DIR says: they are kept in {FOLDER}")
+    if FOLDER is not None and not FOLDER.is_dir():
         for stale in stale_folders():
             shutil.rmtree(stale, ignore_errors=True)
 

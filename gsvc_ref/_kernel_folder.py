@@ -20,12 +20,28 @@ def kernel_folder() -> Path | None:
 
     Numba alone looks only at the file of the function that it loads, so after an edit of a kernel in another file, or
     an update, it would go on running what that kernel was. Here the folder's name changes with any of them.
-    NUMBA_CACHE_DIR, when set, is left alone.
+    NUMBA_CACHE_DIR, when set to a folder that can be used, is left alone.
     """
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(chosen)
+    chosen = chosen_folder()
+    if chosen is not None and _can_be_used(chosen):
+        return chosen
     base = _base()
     return base and base / f"{_prefix()}{_digest(*_sources())}"
+
+
+def chosen_folder() -> Path | None:
+    """What NUMBA_CACHE_DIR names, whether it can be used or not."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(chosen) if chosen else None
+
+
+def _can_be_used(folder: Path) -> bool:
+    """Whether kernels can be kept in a folder, which is made, or some are there, as in an image of a container."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return os.access(folder, os.W_OK) or any(folder.iterdir())
+    except OSError:
+        return False
 
 
 def stale_folders() -> list[Path]:

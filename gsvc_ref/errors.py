@@ -1,5 +1,7 @@
-"""The two exceptions that gsvc_ref raises on purpose: bad data and wrong use."""
+"""The two exceptions that gsvc_ref raises on purpose, bad data and wrong use, and a name for those of the system."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, Final, Literal
 
@@ -46,3 +48,14 @@ class GsvcError(Exception):
 
 class UsageError(ValueError):
     """A wrong argument: the message says what is allowed."""
+
+
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Let errors of the operating system that name no file, as those of writing, name this one."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = name
+        raise

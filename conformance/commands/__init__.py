@@ -10,6 +10,7 @@ from conformance.stage import Group, stages
 from conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import write_text
 
 
 def add_vectors(parser: ArgumentParser) -> None:
@@ -71,16 +72,11 @@ def count(text: str) -> int:
     return value
 
 
-def check_writable(path: Path | None) -> None:
-    """Refuse a file that cannot be written, before work is done for it.
-
-    Raises
-    ------
-    UsageError
-        It is a folder, or its folder does not exist.
-    """
-    if path is not None and (path.is_dir() or not path.parent.is_dir()):
-        raise UsageError(f"{path} cannot be written: give a file name in a folder that exists")
+def times(text: str) -> int:
+    """A whole number of times, at least once."""
+    if (value := count(text)) < 1:
+        raise ArgumentTypeError(f"{text!r} is less than 1")
+    return value
 
 
 def put_between(path: Path, begin: str, end: str, text: str) -> None:
@@ -95,4 +91,4 @@ def put_between(path: Path, begin: str, end: str, text: str) -> None:
     if content.count(begin) != 1 or content.count(end) != 1 or content.index(begin) > content.index(end):
         raise UsageError(f"{path} needs the line {begin!r} once, and after it the line {end!r} once")
     before, rest = content.split(begin)
-    path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}", encoding="utf-8")
+    write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}", path)

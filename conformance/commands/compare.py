@@ -9,6 +9,7 @@ from typing import Final
 from conformance.commands import put_between
 from conformance.report.comparison import Entry, comparison, read_speeds
 from conformance.report.json import read
+from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
 
 BEGIN: Final = "<!-- begin: python -m conformance compare -->"
@@ -40,7 +41,7 @@ def run(arguments: Namespace) -> int:
     if arguments.markdown:
         put_between(arguments.markdown, BEGIN, END, text)
     else:
-        print(text)
+        show(text)
     return 0
 
 

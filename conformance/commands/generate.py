@@ -7,7 +7,7 @@ from pathlib import Path
 from conformance.commands import add_vectors, count
 from conformance.vectors import SUMS, set_hash, sums_of
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural
+from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
 
 
@@ -56,12 +56,12 @@ def run(arguments: Namespace) -> int:
         else:
             found, many = [], generate.generate(arguments.vectors, on_case, jobs=arguments.jobs)
     for line in found:
-        print(line)
+        show(line)
     if arguments.check:
-        print("the vectors differ from what the cases make" if found else "the vectors are what the cases make")
-        print(f"SHA-256 of the set that they make: {hashlib.sha256(sums_of(made)).hexdigest()}")
+        show("the vectors differ from what the cases make" if found else "the vectors are what the cases make")
+        show(f"SHA-256 of the set that they make: {hashlib.sha256(sums_of(made)).hexdigest()}")
     elif arguments.full:
-        print(f"written to {arguments.full}; " + ("these hashes are not known" if found else "all hashes are known"))
+        show(f"written to {arguments.full}; " + ("these hashes are not known" if found else "all hashes are known"))
     else:
-        print(f"{plural(many, 'vector')} in {arguments.vectors}, SHA-256 of the set {set_hash(arguments.vectors)}")
+        show(f"{plural(many, 'vector')} in {arguments.vectors}, SHA-256 of the set {set_hash(arguments.vectors)}")
     return 1 if found else 0

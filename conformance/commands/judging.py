@@ -1,20 +1,23 @@
 """Judging as the options say, and all that is written of it: what the commands ``run`` and ``spec`` share."""
 
 import datetime
+import hashlib
 import json
 import platform
 import shlex
+import sys
 from argparse import ArgumentParser, Namespace
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 import gsvc_ref
-from conformance.commands import add_selection, add_vectors, check_writable, count, selection
+from conformance.commands import add_selection, add_vectors, count, selection, times
+from conformance.commands.outputs import check_outputs, write_files
 from conformance.implementations import Implementation, checked_environment
 from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
@@ -23,12 +26,10 @@ from conformance.runner import Judged, run_suite
 from conformance.selection import Selection, VectorFolder, matches
 from conformance.stage import DTYPES, Values
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
+from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural
+from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
-
-if TYPE_CHECKING:
-    from conformance.report.pictures import Picture
 
 SHOWN: Final = 10
 
@@ -40,6 +41,16 @@ def add_judging(parser: ArgumentParser) -> None:
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
     parser.add_argument("--waivers", type=Path, metavar="FILE", help='a JSON file {"id": "reason"} of known failures')
     parser.add_argument("--no-diagnosis", action="store_true", help="do not look for the probable cause of failures")
+    parser.add_argument(
+        "--repeat", type=times, default=1, metavar="N",
+        help="ask for each vector N times (1): answers that differ tell of a race, or of memory that is read "
+        "before it is written",
+    )  # fmt: skip
+    parser.add_argument(
+        "--order", type=whole, metavar="SEED",
+        help="ask in another order, by the SHA-256 of 'SEED ID': what a module keeps from the vector before shows; a "
+        "command is a new process for each vector, and keeps what it keeps in files only",
+    )  # fmt: skip
     outputs = parser.add_argument_group("output", "relative paths begin in the current folder")
     outputs.add_argument(
         "--show", type=count, default=SHOWN, metavar="N", help=f"describe at most N failures ({SHOWN})"
@@ -67,8 +78,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     """
     from conformance.report.pictures import PictureBook
 
-    for path in (arguments.json, arguments.junit, arguments.html):
-        check_writable(path)
+    aside = check_outputs(arguments.json, arguments.junit, arguments.html)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     folder = VectorFolder(arguments.vectors)
     chosen, waivers, book = selection(arguments), read_waivers(arguments.waivers), PictureBook()
@@ -77,33 +87,71 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
         forget(arguments.keep, names)
     done: list[Result] = []
     causes = Causes()
-    with ProgressDisplay(quiet=arguments.quiet) as display:
+    ended: BaseException | None = None
+    try:
+        with ProgressDisplay(quiet=arguments.quiet) as display:
 
-        def on_result(judged: Judged) -> None:
-            done.append(judged.result)
-            causes.add(judged)
-            display.update(progress_text(judged.result.stage, done), len(done), len(names))
-            if judged.result.outcome in FAULTS and arguments.keep:
-                keep_files(arguments.keep, judged)
-            if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
-                book.add(judged.vector, judged.outputs, judged.result)
+            def on_result(judged: Judged) -> None:
+                done.append(judged.result)
+                causes.add(judged)
+                display.update(progress_text(judged.result.stage, done), len(done), len(names))
+                if judged.result.outcome in FAULTS and arguments.keep:
+                    keep_files(arguments.keep, judged)
+                if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
+                    book.add(judged.vector, judged.outputs, judged.result)
 
-        vectors = folder.read(names)
-        run_suite(
-            implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
-            jobs=getattr(arguments, "jobs", 1),
-        )  # fmt: skip
-        display.update("looking for causes", len(names), len(names))
-        results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
-    notes += _waiver_notes(results, waivers, folder.names)
+            vectors = folder.read(names if arguments.order is None else shuffled(names, arguments.order))
+            run_suite(
+                implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
+                jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
+            )  # fmt: skip
+            display.update("looking for causes", len(names), len(names))
+            results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
+    except (Exception, KeyboardInterrupt) as error:  # what was judged must not be lost
+        if not done:
+            raise
+        results, notes, ended = done, [_end(error, len(done), len(names))], error
+    notes += [*_difference_notes(results), *_waiver_notes(results, waivers, folder.names)]
+    notes += [_order_note(arguments.order)] if arguments.order is not None else []
     again = shlex.join([*command, *_vectors_words(arguments)])
     around = environment(implementation.name, arguments.vectors)
-    report = Report(around, again, str(chosen), notes, results, runs_on)
-    print("\n".join(describe(report, arguments.show)))
-    for line in write_files(arguments, report, book.pictures()):
-        print(line)
-    print(f"\n{last_line(report)}")
+    place = {name: number for number, name in enumerate(names)}
+    results = sorted(results, key=lambda result: place[result.id])
+    report = Report(around, again, str(chosen), notes, results, runs_on, notes[0] if len(done) < len(names) else "")
+    written, refused = write_files(arguments, report, book.pictures())
+    show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
+    for fault in (ended, *refused):
+        if fault is not None:
+            raise fault
     return report.exit_code
+
+
+def _end(error: BaseException, count: int, total: int) -> str:
+    """Why a run ends early, after so many vectors."""
+    why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
+    return f"ended early, after {count} of {plural(total, 'vector')}: {why}"
+
+
+def shuffled(names: Iterable[str], seed: int) -> list[str]:
+    """Vectors in the order of the SHA-256 of ``SEED ID``: the same everywhere, whatever else is selected."""
+    return sorted(names, key=lambda name: hashlib.sha256(f"{seed} {name}".encode()).digest())
+
+
+def _order_note(seed: int) -> str:
+    return (
+        f"the vectors ran in the order of --order {seed}; what is wrong in one order only keeps something from the "
+        f"vector before"
+    )
+
+
+def _difference_notes(results: Iterable[Result]) -> Iterator[str]:
+    """The stages of which vectors pass with answers that differ."""
+    found = Counter(result.stage for result in results if result.outcome == "pass" and result.message)
+    for stage, number in found.items():
+        yield (
+            f"{stage}: {plural(number, 'vector')} gave different answers when asked again, each within what is "
+            f"allowed: an order of summation that changes from run to run does that"
+        )
 
 
 def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) -> tuple[list[str], dict[str, str]]:
@@ -207,23 +255,3 @@ def environment(name: str, vectors: Path) -> dict[str, str]:
         "Python": f"{platform.python_version()}, NumPy {np.__version__}",
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-
-
-def write_files(arguments: Namespace, report: Report, pictures: "dict[str, list[Picture]]") -> Iterator[str]:
-    """Write the files that were asked for, and say where each went."""
-    from conformance.report.json import to_text
-    from conformance.report.junit import junit_xml
-    from conformance.report.page import report_html
-    from gsvc_ref.report.page import write_page
-
-    if arguments.json:
-        write_page(to_text(report), arguments.json)
-        yield f"JSON: {arguments.json}"
-    if arguments.junit:
-        write_page(junit_xml(report), arguments.junit)
-        yield f"JUnit XML: {arguments.junit}"
-    if arguments.html:
-        write_page(report_html(report, pictures), arguments.html)
-        yield f"page: {arguments.html}"
-    if arguments.keep and report.faults:
-        yield f"inputs, outputs and expectations of what is wrong: {arguments.keep}"

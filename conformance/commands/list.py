@@ -10,7 +10,7 @@ from conformance.case import Case, cases
 from conformance.commands import add_selection, add_vectors, put_between, selection
 from conformance.selection import Selection, VectorFolder
 from conformance.stage import Port, Stage, stages
-from gsvc_ref.cli.text import print_json
+from gsvc_ref.cli.text import print_json, show
 from gsvc_ref.errors import UsageError
 
 BEGIN = "<!-- begin: python -m conformance list --markdown conformance/protocol.md -->"
@@ -35,7 +35,7 @@ def run(arguments: Namespace) -> int:
     chosen = selection(arguments)
     if arguments.markdown:
         if str(arguments.markdown) == "-":
-            print(markdown(arguments.vectors))
+            show(markdown(arguments.vectors))
         else:
             put_between(arguments.markdown, BEGIN, END, markdown(arguments.vectors))
     elif arguments.json or arguments.cases or chosen.flags:
@@ -46,14 +46,14 @@ def run(arguments: Namespace) -> int:
         if not listed:
             raise UsageError(f"no case is selected by {chosen}")
         if not arguments.json:
-            print("\n".join(f"{case.id}: {case.title}" for case in listed))
+            show(*(f"{case.id}: {case.title}" for case in listed))
         else:
             checks = checks_of(arguments.vectors)
             objects = {"stages": [_stage_object(stage, checks) for stage in stages().values()],
                        "cases": [_case_object(case) for case in listed]}  # fmt: skip
             print_json(objects)
     else:
-        print("\n".join(_lines(_selected(chosen, arguments.vectors))))
+        show(*_lines(_selected(chosen, arguments.vectors)))
     return 0
 
 

@@ -11,7 +11,7 @@ from conformance.commands import add_selection, add_vectors, selection
 from conformance.selection import VectorFolder
 from conformance.vectors import Vector
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json
+from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "A mutant is the decoder inside spec.md with one bug. Exit code 1: one of them survives all vectors."
+        "A mutant is the decoder inside spec.md with one bug. Exit code 1: one of them survives all vectors. With a "
+        "selection, only those count that change what its vectors run and that no other vector says to find."
     )
     add_vectors(parser)
     add_selection(parser)
@@ -32,7 +33,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run each mutant against the vectors that it can reach; 0 if all are found, else 1."""
+    """Run each mutant against the vectors that it can reach; 0 if all are found that count, else 1.
+
+    Raises
+    ------
+    UsageError
+        No mutant has such a name, or none changes what the selected vectors run.
+    """
     from conformance.mutants import all_mutants
 
     patterns = arguments.mutant or ["*"]
@@ -42,19 +49,36 @@ def run(arguments: Namespace) -> int:
             f"no mutant is called {' or '.join(patterns)}; there are {plural(len(all_mutants()), 'mutant')}"
         )
     folder = VectorFolder(arguments.vectors)
-    vectors = list(folder.read(folder.select(selection(arguments))))
+    names = folder.select(selection(arguments))
+    vectors = list(folder.read(names))
+    others = [name for name in folder.names if name not in set(names)]
+    elsewhere = folder.killed_by(others)
     found: dict[str, list[str]] = {}
+    left: list[str] = []
     with ProgressDisplay(quiet=arguments.quiet) as display:
         for done, mutant in enumerate(mutants):
             display.update(mutant.name, done, len(mutants))
-            found[mutant.name] = killers(mutant, vectors, everyone=arguments.all)
-            if not (found[mutant.name] or arguments.json):
-                print(f"{mutant.name} SURVIVES: {mutant.sentence}", flush=True)
+            by = killers(mutant, vectors, everyone=arguments.all)
+            if not by and others and (mutant.name in elsewhere or not _reached(mutant, vectors)):
+                left.append(mutant.name)
+                continue
+            found[mutant.name] = by
+            if not (by or arguments.json):
+                show(f"{mutant.name} SURVIVES: {mutant.sentence}")
+    if not found:
+        raise UsageError(f"none of {plural(len(mutants), 'mutant')} is one that the selected vectors are to find")
     if arguments.json:
         print_json(found)
     else:
-        print("\n".join(describe(found)))
+        show(*describe(found))
+        if left:
+            show(f"{plural(len(left), 'mutant')} left out: the vectors that are not selected are to find them")
     return 0 if all(found.values()) else 1
+
+
+def _reached(mutant: "Mutant", vectors: Iterable[Vector]) -> bool:
+    """Whether a mutant changes what some of the vectors run."""
+    return any(runs(vector) & mutant.touched() for vector in vectors)
 
 
 def killers(mutant: "Mutant", vectors: Iterable[Vector], *, everyone: bool) -> list[str]:

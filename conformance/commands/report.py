@@ -1,16 +1,20 @@
 """``report``: the HTML page or JUnit XML again, from the JSON of a run."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from conformance.commands import add_vectors, check_writable, count
+from conformance.commands import add_vectors, count
+from conformance.commands.outputs import check_outputs
 from conformance.process import read_output
 from conformance.report.console import describe, last_line
 from conformance.report.json import read
 from conformance.report.pictures import PictureBook
 from conformance.results import Report
 from conformance.selection import VectorFolder
+from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import write_text
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,17 +32,15 @@ def run(arguments: Namespace) -> int:
     """Write the files and show the report; the exit code of the run that it is about."""
     from conformance.report.junit import junit_xml
     from conformance.report.page import report_html
-    from gsvc_ref.report.page import write_page
 
-    check_writable(arguments.html)
-    check_writable(arguments.junit)
+    aside = check_outputs(arguments.junit, arguments.html)
     report = read(arguments.result)
     if arguments.html:
         pictures = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep else PictureBook()
-        write_page(report_html(report, pictures.pictures()), arguments.html)
+        write_text(report_html(report, pictures.pictures()), arguments.html)
     if arguments.junit:
-        write_page(junit_xml(report), arguments.junit)
-    print("\n".join([*describe(report, arguments.show), "", last_line(report)]))
+        write_text(junit_xml(report), arguments.junit)
+    show(*describe(report, arguments.show), "", last_line(report), file=sys.stderr if aside else None)
     return report.exit_code
 
 
@@ -49,6 +51,9 @@ def _pictures(report: Report, kept: Path, vectors: Path) -> PictureBook:
     results = {result.id: result for result in report.faults if (kept / result.id / "out").is_dir() and result.outputs}
     book = PictureBook()
     for vector in VectorFolder(vectors).read(list(results)):
-        outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.stage.outputs}
+        try:
+            outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.stage.outputs}
+        except ValueError as error:
+            raise UsageError(f"{kept / vector.id / 'out'}: {error}; keep the outputs again") from None
         book.add(vector, outputs, results[vector.id])
     return book

@@ -84,4 +84,4 @@ def _command(arguments: Namespace) -> list[str]:
         words += ["--module", arguments.module]
     else:
         words.append("--spec" if arguments.spec else "--reference")
-    return words
+    return [*words, *(["--repeat", str(arguments.repeat)] * (arguments.repeat > 1))]

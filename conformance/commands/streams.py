@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural
+from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
 
 
@@ -36,5 +36,5 @@ def run(arguments: Namespace) -> int:
             display.update(f"stream {number + 1} of {arguments.count}", number, arguments.count)
 
         write_streams(arguments.seed, arguments.count, arguments.folder, on_stream)
-    print(f"{plural(arguments.count, 'stream')} in {arguments.folder}")
+    show(f"{plural(arguments.count, 'stream')} in {arguments.folder}")
     return 0

@@ -8,7 +8,7 @@ from conformance.commands import add_vectors
 from conformance.selection import ALL_LEVELS, VectorFolder
 from conformance.stage import stages
 from conformance.vectors import set_hash
-from gsvc_ref.cli.text import plural, table
+from gsvc_ref.cli.text import plural, show, table
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -22,13 +22,13 @@ def run(arguments: Namespace) -> int:
     from conformance.coverage import verify
 
     names = VectorFolder(arguments.vectors).names
-    print("\n".join(counts(names)))
+    show(*counts(names))
     size = sum(path.stat().st_size for path in arguments.vectors.rglob("*") if path.is_file())
-    print(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
+    show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
     problems = verify(arguments.vectors)
     for problem in problems:
-        print(problem)
-    print(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
+        show(problem)
+    show(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
     return 1 if problems else 0
 
 

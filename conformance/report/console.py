@@ -18,6 +18,7 @@ MOST_CAUSES: Final = 3
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
     "failed": ("failed", ""),
+    "ended early": ("ended early", ", before all vectors were judged"),
     "nothing judged": ("nothing was judged", ": no vector passed, and none is wrong"),
 }
 

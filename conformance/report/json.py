@@ -16,6 +16,10 @@ from gsvc_ref.errors import UsageError
 FORMAT: Final = "gsvc-conformance-report/1"
 INFINITE: Final = "infinite"
 """How JSON has a ratio that is not finite."""
+TYPES: Final[Mapping[type, str]] = {
+    str: "a text", bool: "true or false", int: "a whole number", list: "a list", dict: "an object",
+}  # fmt: skip
+"""What to call the types of fields."""
 
 
 def to_text(report: Report) -> str:
@@ -40,7 +44,7 @@ def read(path: Path) -> Report:
     """
     try:
         return from_object(json.loads(path.read_text(encoding="utf-8")))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: {error}") from None
 
 
@@ -56,6 +60,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "command": report.command,
         "selection": report.selection,
         "notes": list(report.notes),
+        **_filled(ended=report.ended),
         "classes": [
             {**_summary_object(group), "verdict": group.verdict, "reason": group.reason} for group in report.groups()
         ],
@@ -98,35 +103,103 @@ def from_object(value: Any) -> Report:
     UsageError
         It is something else.
     """
-    try:
-        if value["format"] != FORMAT:
-            raise UsageError(f"the format is {value['format']!r}, not {FORMAT!r}")
-        results = [_from_result(entry) for entry in value["results"]]
-        fields = (value["environment"], value["command"], value["selection"], value["notes"])
-        return Report(*fields, results, value.get("runs_on", {}))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"this is not a report that `run --json` wrote ({type(error).__name__}: {error})") from None
+    if not isinstance(value, dict) or value.get("format") != FORMAT:
+        found = value.get("format") if isinstance(value, dict) else type(value).__name__
+        raise UsageError(f"this is not a report that `run --json` wrote: the format is {found!r}, not {FORMAT!r}")
+    report = _Entry(value, "the report")
+    return Report(
+        report.texts("environment"), report.text("command"), report.text("selection"), report.list_of_texts("notes"),
+        [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
+        report.texts("runs_on", {}), report.text("ended", ""),
+    )  # fmt: skip
 
 
-def _from_result(entry: Mapping[str, Any]) -> Result:
-    if entry["outcome"] not in OUTCOMES or entry["id"].count("/") != 2:
-        raise UsageError(f"{entry['id']!r} has the outcome {entry['outcome']!r}; there are {', '.join(OUTCOMES)}")
+def _from_result(entry: "_Entry") -> Result:
+    name = entry.text("id")
+    if entry.get("outcome", str) not in OUTCOMES or name.count("/") != 2:
+        raise UsageError(f"{name!r} has the outcome {entry.get('outcome', str)!r}; there are {', '.join(OUTCOMES)}")
     outputs = tuple(
         OutputResult(
-            out["name"], out["check"], out["passed"], out.get("message", ""), _from_ratio(out.get("ratio")),
-            None if out.get("place") is None else tuple(out["place"]), out.get("wrong", 0),
+            out.text("name"), out.text("check"), out.get("passed", bool), out.text("message", ""), _from_ratio(out),
+            _from_place(out), out.get("wrong", int, 0),
         )
-        for out in entry.get("outputs", ())
+        for out in (_Entry(output, f"an output of {name}") for output in entry.get("outputs", list, []))
     )  # fmt: skip
     return Result(
-        entry["id"], entry["title"], entry["class"], entry["outcome"], entry.get("message", ""), outputs,
-        tuple(entry.get("causes", ())), entry.get("log", ""), entry["seconds"],
+        name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
+        tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"),
     )  # fmt: skip
+
+
+class _Entry:
+    """An object of JSON whose fields must be of the types that are asked for.
+
+    Raises
+    ------
+    UsageError
+        It is none, or a field is missing or of another type; the message names the field.
+    """
+
+    def __init__(self, value: Any, name: str) -> None:
+        self._name = name
+        if not isinstance(value, dict):
+            raise UsageError(f"{name} is {value!r}; it must be an object, as `run --json` wrote it")
+        self._value = value
+
+    def get(self, field: str, kind: type, default: Any = None) -> Any:
+        """A field; `default`, unless it is None, stands for one that is left out."""
+        found = self._value.get(field, default)
+        if not isinstance(found, kind) or (isinstance(found, bool) and kind is not bool):
+            raise self.refusal(field, TYPES[kind])
+        return found
+
+    def refusal(self, field: str, what: str) -> UsageError:
+        """The error for a field that is something else."""
+        found = repr(self._value[field]) if field in self._value else "missing"
+        return UsageError(f"{field} of {self._name} is {found}; it must be {what}, as `run --json` wrote it")
+
+    def text(self, field: str, default: str | None = None) -> str:
+        """A text."""
+        return str(self.get(field, str, default))
+
+    def number(self, field: str) -> float:
+        """A finite number that is not negative."""
+        found = self._value.get(field)
+        if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
+            raise self.refusal(field, "a number")
+        return float(found)
+
+    def texts(self, field: str, default: dict[str, str] | None = None) -> dict[str, str]:
+        """Texts by name."""
+        found: dict[str, str] = self.get(field, dict, default)
+        if not all(isinstance(text, str) for text in found.values()):
+            raise self.refusal(field, "an object of texts")
+        return found
+
+    def list_of_texts(self, field: str, default: list[str] | None = None) -> list[str]:
+        """Several texts."""
+        found: list[str] = self.get(field, list, default)
+        if not all(isinstance(text, str) for text in found):
+            raise self.refusal(field, "a list of texts")
+        return found
+
+    def __contains__(self, field: str) -> bool:
+        return self._value.get(field) is not None
 
 
 def _to_ratio(ratio: float | None) -> float | str | None:
     return ratio if ratio is None or math.isfinite(ratio) else INFINITE
 
 
-def _from_ratio(value: Any) -> float | None:
-    return math.inf if value == INFINITE else value
+def _from_ratio(entry: _Entry) -> float | None:
+    if "ratio" not in entry:
+        return None
+    return math.inf if entry.get("ratio", object) == INFINITE else entry.number("ratio")
+
+
+def _from_place(entry: _Entry) -> tuple[int, ...] | None:
+    if "place" not in entry:
+        return None
+    if not all(isinstance(index, int) for index in entry.get("place", list)):
+        raise entry.refusal("place", "a list of whole numbers")
+    return tuple(entry.get("place", list))

@@ -42,4 +42,4 @@ def keep_files(folder: Path, judged: Judged) -> None:
         write_inputs(home / part, values)
     for part, values in (("expected", refusals), ("out", texts)):
         for name, text in values.items():
-            (home / part / f"{name}.txt").write_text(text, encoding="utf-8")
+            (home / part / f"{name}.txt").write_text(text, encoding="utf-8", errors="backslashreplace")

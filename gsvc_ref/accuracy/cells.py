@@ -10,6 +10,7 @@ from gsvc_ref.accuracy.measure import Spread
 from gsvc_ref.accuracy.results import GroupResult, Ladder, Step
 from gsvc_ref.accuracy.rungs import Group, Kind
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import write_text
 
 BEST_MARK: Final = "*"
 
@@ -182,7 +183,7 @@ def update_markdown(path: Path, ladder: Ladder) -> None:
     text = path.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]
-    path.write_text(f"{before}{BEGIN}\n\n{markdown(ladder)}\n{END}{after}", encoding="utf-8")
+    write_text(f"{before}{BEGIN}\n\n{markdown(ladder)}\n{END}{after}", path)
 
 
 def ladder_object(ladder: Ladder) -> dict[str, Any]:

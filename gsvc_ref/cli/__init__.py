@@ -6,12 +6,10 @@ away.
 """
 
 import gc
-import os
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from io import TextIOWrapper
+from contextlib import contextmanager
 from typing import Final, NoReturn
 
 from gsvc_ref import __version__
@@ -20,7 +18,7 @@ from gsvc_ref.cli.compare import add_command as add_compare
 from gsvc_ref.cli.decode import add_command as add_decode
 from gsvc_ref.cli.demo import add_command as add_demo
 from gsvc_ref.cli.encode import add_command as add_encode
-from gsvc_ref.cli.errors import EXIT_USAGE, guarded, say
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
 from gsvc_ref.cli.scene import add_command as add_scene
 from gsvc_ref.cli.signals import termination_as_ctrl_c
@@ -34,7 +32,8 @@ class Parser(ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and exit."""
-        self.exit(EXIT_USAGE, f"{self.prog}: {message}; see {self.prog} --help\n")
+        say(self.prog, f"{message}; see {self.prog} --help")
+        self.exit(EXIT_USAGE)
 
 
 def build_parser() -> Parser:
@@ -56,12 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv
         The arguments without the program's name; None takes those of the process.
     """
-    if sys.stderr is None:  # closed; `print` would take standard output, which may carry a stream
-        sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (for as long as the process lives)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a file name may hold what the terminal cannot show
-            with suppress(OSError):
-                stream.reconfigure(errors="backslashreplace")
+    prepare_streams()
     with rare_collections():
         return guarded("gsvc", lambda: _run(argv))
 

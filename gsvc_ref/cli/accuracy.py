@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from gsvc_ref.cli.arguments import positive, whole
 from gsvc_ref.cli.files import STDIO, check_input, check_output
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import duration, print_json, table
+from gsvc_ref.cli.text import duration, print_json, show, table
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref import accuracy
     from gsvc_ref.accuracy.cells import check_markers, update_markdown
     from gsvc_ref.accuracy.rungs import check_names
-    from gsvc_ref.report.page import write_page
+    from gsvc_ref.files import write_text
 
     groups = accuracy.GROUP_NAMES if arguments.group is None else arguments.group
     check_names(groups)
@@ -74,15 +74,15 @@ def run(arguments: Namespace) -> int:
         check_markers(Path(arguments.markdown))
     ladder = measure(_source(arguments), groups, arguments)
     if page is not None:
-        write_page(accuracy.ladder_html(ladder, command_line(arguments)), page)
+        write_text(accuracy.ladder_html(ladder, command_line(arguments)), page)
     if arguments.markdown is not None:
         update_markdown(Path(arguments.markdown), ladder)
     if arguments.json:
         print_json(accuracy.ladder_object(ladder))
     else:
-        print("\n".join(describe(ladder)))
+        show(*describe(ladder))
         if page is not None:
-            print(f"\n{page}: plots and tables to look at in a browser")
+            show(f"\n{page}: plots and tables to look at in a browser")
     return 0
 
 

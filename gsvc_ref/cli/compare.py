@@ -19,7 +19,7 @@ from gsvc_ref.cli.files import (
     open_stream,
 )
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, table
+from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, show, table
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def run(arguments: Namespace) -> int:
             if arguments.json:
                 print_json(comparison_object(comparison, a, b, first))
             else:
-                print("\n".join(describe(comparison, a, b, first, brief=arguments.quiet)))
+                show(*describe(comparison, a, b, first, brief=arguments.quiet))
     for message in damage:
         say(COMMAND, message)
     return EXIT_DATA if damage else 0

@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
+import gsvc_ref._jit  # noqa: F401  (before Numba: it says what is wrong with Numba's variables)
+
+# isort: split
 from numba.core import event
 
 from gsvc_ref.cli.errors import say

@@ -20,7 +20,7 @@ from gsvc_ref.cli.files import (
     open_stream,
 )
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import per_second, plural
+from gsvc_ref.cli.text import per_second, plural, show
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
@@ -117,11 +117,11 @@ def _report(arguments: Namespace, writer: "VideoWriter", notes: list[str]) -> No
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     name, video = display_name(arguments.output, "standard output"), writer.format
     frames_of = f"{plural(writer.frames_written, 'frame')} of {video.width}x{video.height}"
-    print(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
+    show(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
     start, _ = arguments.frames
     numbering = [f"names count from frame {start}"] if start and Path(arguments.output).is_dir() else []
     for note in [*notes, *writer.notes, *numbering]:
-        print(f"  note: {note}", file=out)
+        show(f"  note: {note}", file=out)
 
 
 def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace, gaps: Gaps | None) -> "VideoWriter | None":

@@ -14,7 +14,7 @@ from gsvc_ref.cli.encode import progress_callback, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.info import bit_lines
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, duration
+from gsvc_ref.cli.text import decibel, describe_format, duration, show
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class Demo:
 
     def _print(self, *lines: str) -> None:
         if not self.arguments.quiet:
-            print("\n".join(lines), flush=True)
+            show(*lines)
 
     @contextmanager
     def _timed(self, step: str) -> Iterator[None]:

@@ -12,7 +12,7 @@ from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, duration, plural, print_json, to_json
+from gsvc_ref.cli.text import decibel, describe_format, duration, plural, print_json, show, to_json
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -148,8 +148,8 @@ def _encode(arguments: Namespace) -> int:
             raise
         if talkative:
             for note in report.notes[told:]:
-                print(f"  note: {note}", file=out)
-            print("\n".join(summary(arguments.output, report, compiled=notice.said)), file=out)
+                show(f"  note: {note}", file=out)
+            show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
@@ -174,10 +174,10 @@ def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: Text
     """Say what is encoded, what was assumed about it, and how."""
     video = reader.format
     described = describe_settings(settings, video.width, video.height)  # which may refuse them
-    print(f"{display_name(name)}: {describe_format(video)}", file=out)
+    show(f"{display_name(name)}: {describe_format(video)}", file=out)
     for note in reader.notes:
-        print(f"  note: {note}", file=out)
-    print(f"settings: {described}", file=out, flush=True)
+        show(f"  note: {note}", file=out)
+    show(f"settings: {described}", file=out)
 
 
 def describe_settings(settings: "Settings", width: int, height: int) -> str:

@@ -6,9 +6,11 @@ import sys
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from io import TextIOWrapper
 from typing import Final
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.cli.text import show
+from gsvc_ref.errors import GsvcError, UsageError, naming
 
 EXIT_DATA: Final = 1
 EXIT_USAGE: Final = 2
@@ -38,7 +40,17 @@ ADVICE: Final = {
 def say(command: str, message: str) -> None:
     """Write a line to standard error that begins with the command."""
     with suppress(OSError, ValueError):  # nowhere is left to complain when standard error is closed
-        print(f"{command}: {message}", file=sys.stderr, flush=True)
+        show(f"{command}: {message}", file=sys.stderr)
+
+
+def prepare_streams() -> None:
+    """Let standard output and error bear whatever is printed: what they cannot show, and that they are closed."""
+    if sys.stderr is None:  # closed; `print` would take standard output, which may carry a stream
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (for as long as the process lives)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a file name may hold what the terminal cannot show
+            with suppress(OSError, ValueError):
+                stream.reconfigure(errors="backslashreplace")
 
 
 def guarded(command: str, action: Callable[[], int]) -> int:
@@ -54,7 +66,8 @@ def guarded(command: str, action: Callable[[], int]) -> int:
     try:
         status = action()
         if sys.stdout is not None:
-            sys.stdout.flush()  # here, where a full disk or a closed pipe can still be reported
+            with naming("standard output"):
+                sys.stdout.flush()  # here, where a full disk or a closed pipe can still be reported
         return status
     except (Exception, KeyboardInterrupt) as error:
         if os.environ.get(DEBUG_VARIABLE, "0") not in ("", "0"):

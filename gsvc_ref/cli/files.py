@@ -37,7 +37,9 @@ def check_input(name: str, *, folder_allowed: bool = False) -> None:
         It does not exist, is a folder where none is allowed, or is a terminal.
     """
     if name == STDIO:
-        if sys.stdin is None or sys.stdin.isatty():
+        if sys.stdin is None:
+            raise UsageError("- reads from standard input, which is closed: pipe something in, or give a file")
+        if sys.stdin.isatty():
             raise UsageError("- reads from standard input, which is a terminal: pipe something in, or give a file")
         return
     if folder_allowed and is_scene_name(name):
@@ -58,7 +60,9 @@ def check_output(name: str, source: str, *, folder_allowed: bool = False) -> Non
         Its folder does not exist, it is a folder where none is allowed, a terminal, or the input itself.
     """
     if name == STDIO:
-        if sys.stdout is None or sys.stdout.isatty():
+        if sys.stdout is None:
+            raise UsageError("- writes to standard output, which is closed: pipe it somewhere, or give a file")
+        if sys.stdout.isatty():
             raise UsageError("- writes to standard output, which is a terminal: pipe it somewhere, or give a file")
         return
     path = Path(name)

@@ -8,7 +8,7 @@ from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import check_input, display_name, open_stream
-from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, table
+from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, show, table
 from gsvc_ref.errors import GsvcError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def run(arguments: Namespace) -> int:
         if arguments.decisions:
             decisions, note = stream_decisions(summary)
             lines += ["", *(decision_lines(decisions) if note is None else [f"note: {note}"])]
-        print("\n".join(lines))
+        show(*lines)
     for line in damage:
         say(COMMAND, line)
     return EXIT_DATA if damage else 0

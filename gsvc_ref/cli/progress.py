@@ -5,6 +5,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TextIO
 
@@ -131,14 +132,16 @@ class ProgressDisplay:
         self._next = now + INTERVAL_S
 
     def _show(self, text: str, share: float | None) -> None:
-        if self._line is None:
-            self._line = self._open_line(self._stream)
-        self._line.show(text, share)
+        with suppress(OSError, ValueError):  # the terminal is gone, or code that is judged has closed the stream
+            if self._line is None:
+                self._line = self._open_line(self._stream)
+            self._line.show(text, share)
 
     def close(self) -> None:
         """Clear the line; harmless when there is none."""
         if self._line is not None:
-            self._line.clear()
+            with suppress(OSError, ValueError):
+                self._line.clear()
             self._line = None
 
     def __enter__(self) -> Self:

@@ -9,7 +9,7 @@ from gsvc_ref.cli.arguments import size, whole
 from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, print_json, table
+from gsvc_ref.cli.text import describe_format, print_json, show, table
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -88,11 +88,8 @@ def _list(arguments: Namespace) -> int:
         for name, scene in scenes.items()
     ]
     lines = table(["scene", "size", "frames", "1/s"], rows)
-    print(
-        "\n".join(
-            f"{line}  {title}" for line, title in zip(lines, ["", *(s.title for s in scenes.values())], strict=True)
-        )
-    )
+    titles = ["", *(scene.title for scene in scenes.values())]
+    show(*(f"{line}  {title}" for line, title in zip(lines, titles, strict=True)))
     return 0
 
 
@@ -117,7 +114,7 @@ def _print(arguments: Namespace) -> int:
 
     if arguments.scene is None or arguments.scene.endswith(SCENE_SUFFIX):
         raise UsageError("--print needs the name of a built-in scene, such as gsvc scene --print pan")
-    print(scene_text(arguments.scene.removeprefix(SCENE_PREFIX)), end="")
+    show(scene_text(arguments.scene.removeprefix(SCENE_PREFIX)).removesuffix("\n"))
     return 0
 
 
@@ -127,7 +124,7 @@ def _effects(arguments: Namespace) -> int:
     if arguments.json:
         print_json(reference_object())
     else:
-        print("\n".join(reference_lines()))
+        show(*reference_lines())
     return 0
 
 
@@ -143,7 +140,7 @@ def _gallery(arguments: Namespace) -> int:
     with ProgressDisplay(quiet=arguments.quiet) as display:
         write_gallery(path, on_progress=display.update)
     if not arguments.quiet:
-        print(f"{path}: pictures and descriptions of all built-in scenes; open it in a browser")
+        show(f"{path}: pictures and descriptions of all built-in scenes; open it in a browser")
     return 0
 
 
@@ -219,9 +216,9 @@ def _report(scene: "Scene", arguments: Namespace, writer: "VideoWriter", keys: l
     if arguments.quiet:
         return
     out = sys.stderr if arguments.output == STDIO else sys.stdout
-    print(f"{display_name(arguments.output, 'standard output')}: {describe_format(writer.format)}", file=out)
-    print(f"  {scene.title}", file=out)
+    show(f"{display_name(arguments.output, 'standard output')}: {describe_format(writer.format)}", file=out)
+    show(f"  {scene.title}", file=out)
     for note in writer.notes:
-        print(f"  note: {note}", file=out)
+        show(f"  note: {note}", file=out)
     if arguments.truth is not None:
-        print(f"{arguments.truth}: {', '.join(keys)}", file=out)
+        show(f"{arguments.truth}: {', '.join(keys)}", file=out)

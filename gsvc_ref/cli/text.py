@@ -1,17 +1,41 @@
-"""Numbers, tables and JSON as the commands print them."""
+"""Numbers, tables and JSON as the commands print them, and what of others' text they let through."""
 
 import json
 import math
+import re
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TextIO
+
+from gsvc_ref.errors import naming
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
 
 CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
+
+
+COMMANDING: Final = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""Characters that tell a terminal what to do, turn the direction of writing, or are none (bytes in names of files)."""
+
+
+def printable(text: str) -> str:
+    r"""Text of unknown origin (logs, titles, tags, names of files) for a terminal or a report: ESC becomes ``\x1b``.
+
+    Only newlines and tabs are let through of what is no visible character.
+    """
+    return COMMANDING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def show(*lines: str, file: TextIO | None = None) -> None:
+    """Print lines, of which nothing commands the terminal: everything that commands print goes through here."""
+    with naming("standard output" if file in (None, sys.stdout) else "standard error"):
+        print(printable("\n".join(lines)), file=file, flush=True)
 
 
 def plural(count: int, noun: str) -> str:
@@ -103,4 +127,4 @@ def to_json(value: Any) -> Any:
 
 def print_json(value: Any) -> None:
     """Print a result as strict JSON on standard output."""
-    print(json.dumps(to_json(value), allow_nan=False, indent=2))
+    show(json.dumps(to_json(value), allow_nan=False, indent=2))

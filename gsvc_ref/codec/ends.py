@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import PartialFile, VideoFormat, VideoReader, VideoSource, open_video
+from gsvc_ref.files import NamingWriter, check_parent, complete_file, still_named, try_lock
+from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
 from gsvc_ref.video.format import check_frame
-from gsvc_ref.video.partial import check_parent, remove_leftovers
 
 Frame = NDArray[np.unsignedinteger[Any]]
 Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat]
@@ -67,29 +67,19 @@ def opened_target(target: Target, *, live: bool) -> Iterator[BinaryIO]:
         yield target
         return
     if str(target) == "-":
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
+        output = NamingWriter(sys.stdout.buffer, "standard output")
+        yield cast(BinaryIO, output)
+        output.flush()
         return
     path = Path(target)
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
-    if path.exists() and not path.is_file():  # a pipe or device has no name to take at the end
-        with path.open("wb") as device:
-            yield device
-        return
-    if live:
-        with _live_file(path) as file:
-            yield file
-        return
-    part = PartialFile(path)
-    try:
-        remove_leftovers(part.target.parent, part.target.name)
-        with part.path.open("w+b") as file:
-            yield file
-        part.commit(durable=True)
-    except BaseException:
-        part.discard()
-        raise
+    with _live_file(path) if live and not _is_device(path) else complete_file(path, durable=True) as file:
+        yield file
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not path.is_file()
 
 
 class LiveFile(FileIO):
@@ -115,12 +105,31 @@ class LiveFile(FileIO):
 
 @contextmanager
 def _live_file(path: Path) -> Iterator[BinaryIO]:
-    """The file itself; an old one loses its contents at the first write, and one without any is not left behind."""
+    """The file itself; an old one loses its contents at the first write, and one without any is not left behind.
+
+    Raises
+    ------
+    UsageError
+        Another encode is writing to it.
+    """
     check_parent(path)
     existed = path.exists()
-    with LiveFile(path) as file:
+    with _locked(path) as file:
         try:
-            yield cast(BinaryIO, file)
+            yield cast(BinaryIO, NamingWriter(cast(BinaryIO, file), str(path)))
         finally:
             if not (file.begun or existed):
                 path.unlink(missing_ok=True)
+
+
+def _locked(path: Path) -> LiveFile:
+    """The file with a lock that lasts until it is closed, where files can be locked: two encodes would mix."""
+    while True:
+        file = LiveFile(path)
+        locked = try_lock(cast(BinaryIO, file))
+        if locked is False:
+            file.close()
+            raise UsageError(f"another encode writes to {path}: wait for its end, or give another output")
+        if locked is None or still_named(cast(BinaryIO, file), path):
+            return file
+        file.close()  # the one who had locked it has just removed it

@@ -81,7 +81,11 @@ def parallel_region(threads: int) -> Iterator[None]:
         safe = _numba.threading_layer() != "workqueue"
     except ValueError:  # no parallel kernel has run yet
         safe = False
-    before = _numba.get_num_threads()
+    try:
+        before = _numba.get_num_threads()  # which starts the threads
+    except ValueError as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise UsageError(f"Numba cannot start its threads ({reason}): unset NUMBA_THREADING_LAYER") from None
     _numba.set_num_threads(min(threads, _numba.config.NUMBA_NUM_THREADS))
     try:
         with nullcontext() if safe else _WORKQUEUE_LOCK:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 
+from gsvc_ref.files import write_text
 from gsvc_ref.report.charts import (
     STATES,
     bits_chart,
@@ -32,25 +33,7 @@ def write_report(data: ReportData, path: str | Path) -> None:
     OSError
         The file cannot be written.
     """
-    write_page(report_html(data), path)
-
-
-def write_page(page: str, path: str | Path) -> None:
-    """Write a page to a file, which takes its name only when it is complete.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
-    target = Path(path)
-    unfinished = target.with_name(target.name + ".part")
-    try:
-        unfinished.write_text(page, encoding="utf-8")
-        unfinished.replace(target)
-    except BaseException:
-        unfinished.unlink(missing_ok=True)
-        raise
+    write_text(report_html(data), path)
 
 
 def report_html(data: ReportData) -> str:

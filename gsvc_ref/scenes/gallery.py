@@ -11,7 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.report.page import document, write_page
+from gsvc_ref.files import write_text
+from gsvc_ref.report.page import document
 from gsvc_ref.report.pictures import animation_uri, png_uri
 from gsvc_ref.scenes.clip import Clip
 from gsvc_ref.scenes.description import Scene
@@ -91,7 +92,7 @@ def write_gallery(path: str | Path, on_progress: Progress = lambda text, done, t
             "<h2>Made by</h2><pre>gsvc scene --gallery</pre>",
         ],
     )
-    write_page(page, path)
+    write_text(page, path)
 
 
 def gallery_scenes() -> dict[str, Scene]:

@@ -33,10 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import check_parent, complete_file
 from gsvc_ref.scenes.clip import Clip
 from gsvc_ref.scenes.description import Scene
 from gsvc_ref.scenes.effect import F8, Canvas
-from gsvc_ref.video.partial import PartialFile, check_parent
 
 Move = Callable[[F8, F8, Canvas, int], tuple[F8, F8] | None]
 
@@ -198,12 +198,6 @@ def write_truth(scene: Scene, path: str | Path, on_frame: Callable[[int], None] 
         on_frame(number)
         known.append(truth(clip, number))
     arrays: dict[str, Any] = {key: np.stack([frame.pop(key) for frame in known]) for key in sorted(known[0])}
-    part = PartialFile(Path(path))
-    try:
-        with part.path.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        part.commit()
-    except BaseException:
-        part.discard()
-        raise
+    with complete_file(Path(path)) as file:
+        np.savez_compressed(file, **arrays)
     return list(arrays)

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import PartialFile
 from gsvc_ref.scenes.names import SCENE_SUFFIX, is_scene_name
 from gsvc_ref.video import images, libav, libav_writer, y4m
 from gsvc_ref.video.color import frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
-from gsvc_ref.video.partial import PartialFile
 from gsvc_ref.video.png import decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import MAGIC

@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.errors import GsvcError, UsageError, naming
+from gsvc_ref.files import PartialFile, check_parent, remove_leftovers
 from gsvc_ref.video import png
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
-from gsvc_ref.video.partial import PartialFile, check_parent, remove_leftovers
 from gsvc_ref.video.png import PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 
@@ -149,7 +149,8 @@ def missing_numbers(names: Sequence[str]) -> list[str]:
 def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:
     partial = PartialFile(target)
     try:
-        partial.path.write_bytes(encode_png(frame, video.bit_depth, video.color))
+        with naming(str(target)):
+            partial.path.write_bytes(encode_png(frame, video.bit_depth, video.color))
         partial.commit()
     except BaseException:
         partial.discard()

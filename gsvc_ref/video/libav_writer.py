@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import UsageError, naming
+from gsvc_ref.files import PartialFile, remove_leftovers
 from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
 from gsvc_ref.video.format import ChromaFormat, Frame, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
-from gsvc_ref.video.partial import PartialFile, remove_leftovers
 from gsvc_ref.video.stream import VideoWriter
 
 CONTAINERS: Final = {".mp4": "mp4", ".mkv": "matroska", ".mov": "mov", ".webm": "webm"}
@@ -76,7 +76,8 @@ class LibavWriter(VideoWriter):
     def _explained_errors(self) -> Iterator[None]:
         """Pass on errors of the system, such as a full disk; the rest means that the encoder refuses the format."""
         try:
-            yield
+            with naming(str(self._target)):
+                yield
         except OSError:
             raise
         except self._av.FFmpegError as error:

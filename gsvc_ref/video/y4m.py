@@ -8,10 +8,10 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.errors import GsvcError, UsageError, naming
+from gsvc_ref.files import PartialFile, remove_leftovers
 from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import Frame, VideoFormat
-from gsvc_ref.video.partial import PartialFile, remove_leftovers
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import MAGIC, format_header, malformed, parse_header, planar_format
 
@@ -55,6 +55,7 @@ class Y4mReader(VideoReader):
         if not line:
             raise malformed(name, "it is empty")
         if not line.startswith(MAGIC):
+            _refuse_stream(line, name)
             raise malformed(name, f"it does not begin with {MAGIC.decode()}")
         if not line.endswith(b"\n"):
             raise malformed(name, f"its header is cut off, or longer than {MAX_LINE} bytes")
@@ -71,8 +72,7 @@ class Y4mReader(VideoReader):
         number = 0
         while (line := self._stream.readline(MAX_LINE + 1)) != b"":
             if not (line.startswith((b"FRAME\n", b"FRAME ")) and line.endswith(b"\n")):
-                found = line[:16].decode("ascii", "backslashreplace")
-                raise malformed(self._name, f"frame {number} must begin with FRAME, found {found!r}")
+                raise malformed(self._name, f"frame {number} {_no_frame(line)}")
             yield self._convert(self._samples(number))
             number += 1
 
@@ -109,6 +109,39 @@ class Y4mReader(VideoReader):
             self._stream.close()
 
 
+def _refuse_stream(line: bytes, name: str) -> None:
+    """Refuse a GSVC stream, which a pipe may hold as well as y4m.
+
+    Raises
+    ------
+    UsageError
+        It is one; the message says what to do.
+    """
+    from gsvc_ref.bitstream.chunks import MAGIC as STREAM_MAGIC  # which imports the compiler
+
+    if STREAM_MAGIC.startswith(line):
+        raise UsageError(
+            f"{name} holds a GSVC stream, and a pipe is read as y4m: save it to a file, or decode it on the way "
+            f"(gsvc decode - -)"
+        )
+
+
+def _no_frame(line: bytes) -> str:
+    """What is wrong with a line in the place of the header of a frame."""
+    found = line[:16].decode("ascii", "backslashreplace")
+    if not line.startswith((b"FRAME\n", b"FRAME ")):
+        return f"must begin with FRAME, found {found!r}"
+    if len(line) > MAX_LINE:
+        return f"has a header of more than {MAX_LINE} bytes, the most that is read"
+    return "is cut off in its header"
+
+
+def _name_of(file: BinaryIO) -> str:
+    """What to call a file that the caller opened."""
+    name = getattr(file, "name", "the output")
+    return "standard output" if name == "<stdout>" else str(name)
+
+
 class Y4mWriter(VideoWriter):
     """Writes y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
 
@@ -135,6 +168,7 @@ class Y4mWriter(VideoWriter):
             self.notes.append("y4m holds no R'G'B': written as 4:4:4 in limited range, exact to a few steps")
         self._partial: PartialFile | None = None
         self._owned = isinstance(target, Path)
+        self._name = str(target) if isinstance(target, Path) else _name_of(target)
         if not isinstance(target, Path):
             self._stream = target
         elif target.is_file() or not target.exists():
@@ -153,7 +187,8 @@ class Y4mWriter(VideoWriter):
         rest = memoryview(data)
         try:
             while rest:  # an unbuffered file may take less than it is given
-                rest = rest[self._stream.write(rest) :]
+                with naming(self._name):
+                    rest = rest[self._stream.write(rest) :]
         except BaseException:
             self.abort()
             raise
@@ -166,9 +201,10 @@ class Y4mWriter(VideoWriter):
             self._write_all(plane.astype(little, copy=False).reshape(-1).view(np.uint8).data)
 
     def _finish(self) -> None:
-        self._stream.flush()
-        if self._owned:
-            self._stream.close()
+        with naming(self._name):
+            self._stream.flush()
+            if self._owned:
+                self._stream.close()
         if self._partial:
             self._partial.commit()
 

@@ -1,4 +1,6 @@
 import importlib
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -23,3 +25,16 @@ def toys(monkeypatch) -> dict:
 def folder(toys, tmp_path) -> Path:
     """Vectors of the toy stages."""
     return toy_stages.write_vectors(tmp_path / "vectors")
+
+
+@pytest.fixture
+def toy_module(monkeypatch) -> Callable[..., str]:
+    """Puts functions into an importable module and returns its name."""
+
+    def make(**changes) -> str:
+        module = type(sys)("toy_implementation")
+        vars(module).update({**toy_stages.REFERENCE, **changes})
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        return module.__name__
+
+    return make

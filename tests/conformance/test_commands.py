@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 import toy_stages
-from toy_stages import INPUTS, REFERENCE, good_program, write_program
+from toy_stages import INPUTS, good_program, write_program
 
 from conformance import reference
 from conformance.__main__ import COMMANDS, main
@@ -20,19 +20,6 @@ from conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
 QUIET = ["--quiet", "--no-diagnosis"]
-
-
-@pytest.fixture
-def toy_module(monkeypatch):
-    """Puts functions into an importable module and returns its name."""
-
-    def make(**changes) -> str:
-        module = type(sys)("toy_implementation")
-        vars(module).update({**REFERENCE, **changes})
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-        return module.__name__
-
-    return make
 
 
 def wrong_halves(values):

@@ -169,7 +169,7 @@ def test_junit(report):
     failure = root.find(".//failure")
     assert failure.get("message") == "fail: scaled is inf"
     assert "looks like a factor of two" in failure.text
-    assert root.find(".//system-out").text == "before\ufffd\ufffd[31m the end"
+    assert root.find(".//system-out").text == r"before\x00\x1b[31m the end"
     assert suites["parse"].get("time") == "1.500"
 
 

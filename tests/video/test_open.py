@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import PartialFile
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
-from gsvc_ref.video.partial import PartialFile
 
 VIDEO = VideoFormat(6, 4, Fraction(25), 8, "444", ColorDescription(1, 1, 1, False, 0))
 FRAME = np.full((4, 6, 3), 90, np.uint8)

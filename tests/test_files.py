@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from gsvc_ref.files import PartialFile, remove_leftovers
 from gsvc_ref.video import ColorDescription, VideoFormat, libav_writer, open_writer, y4m
-from gsvc_ref.video.partial import PartialFile, remove_leftovers
 
 VIDEO = VideoFormat(16, 16, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
 
@@ -20,7 +20,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="permissions and locks of 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gsvc_ref.video.partial import PartialFile
+from gsvc_ref.files import PartialFile
 for name in sys.argv[1:]:
     part = PartialFile(Path(name))
     part.path.write_bytes(b"half")

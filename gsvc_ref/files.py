@@ -1,12 +1,16 @@
-"""Files that stand under their final name only when they are complete."""
+"""Files that stand under their final name only when they are complete, and the writing of text of all kinds."""
 
 import os
 import re
 import stat
-from contextlib import suppress
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final, Literal, TextIO, cast
+
+from gsvc_ref.errors import naming
 
 MOST_NAME_BYTES: Final = 100
 """Of the target's name in the temporary one, so that a name as long as a file may have leaves room for the rest."""
@@ -56,7 +60,7 @@ class PartialFile:
             except FileExistsError:
                 continue
             locked = try_lock(file)
-            if locked and _stands(file, path):  # another process may have removed it as a leftover just before
+            if locked and still_named(file, path):  # another process may have removed it as a leftover just before
                 self._lock = file
                 return path
             file.close()
@@ -93,6 +97,96 @@ class PartialFile:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
+
+
+@contextmanager
+def complete_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
+    """A file to write, which takes its name when the block ends well; a pipe or device is written to at once.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder of the path does not exist.
+    OSError
+        The file cannot be written; the error names it.
+    """
+    if path.exists() and not path.is_file():  # it has no name to take at the end, and must not be replaced
+        with _named(path, path, "wb") as device:
+            yield device
+        return
+    part = PartialFile(path)
+    try:
+        remove_leftovers(part.target.parent, part.target.name)
+        with _named(part.path, path, "w+b") as file:
+            yield file
+        part.commit(durable=durable)
+    except BaseException:
+        part.discard()
+        raise
+
+
+def write_text(text: str, path: str | Path) -> None:
+    r"""Write a page, a report, any text as UTF-8: to a complete file, a device, a pipe, or a standard stream.
+
+    What is no Unicode, as in names of files, is written as an escape such as ``\udcff``.
+
+    Raises
+    ------
+    OSError
+        As `complete_file`.
+    """
+    data = text.encode("utf-8", "backslashreplace")
+    if (stream := standard_stream(path)) is not None:
+        with naming("standard output"):
+            stream.flush()
+            stream.buffer.write(data)
+            stream.buffer.flush()
+    else:
+        with complete_file(Path(path)) as file:
+            file.write(data)
+
+
+def standard_stream(path: str | Path) -> TextIO | None:
+    """Standard output or standard error, if a path means it: ``-``, ``/dev/stdout``, or the file that it goes to."""
+    if str(path) == "-":
+        return sys.stdout
+    found = _status(Path(path))
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # closed, or of a test
+            if found is not None and os.path.samestat(os.fstat(stream.fileno()), found):
+                return stream
+    return None
+
+
+class NamingWriter:
+    """A binary file to write whose errors name it, and only these: not what the caller does meanwhile."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file, self._name = file, name
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def write(self, data: Any) -> int:
+        """Write."""
+        with naming(self._name):
+            return self._file.write(data)
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        with naming(self._name):
+            self._file.flush()
+
+
+@contextmanager
+def _named(path: Path, name: Path, mode: Literal["wb", "w+b"]) -> Iterator[BinaryIO]:
+    """An open file whose errors, those of the last flush too, have a name that the user knows."""
+    file = path.open(mode)
+    try:
+        yield cast(BinaryIO, NamingWriter(file, str(name)))
+    finally:
+        with naming(str(name)):
+            file.close()
 
 
 def remove_leftovers(folder: Path, name: str | None = None) -> None:
@@ -136,7 +230,7 @@ def _short(name: str) -> str:
     return name
 
 
-def _stands(file: BinaryIO, path: Path) -> bool:
+def still_named(file: BinaryIO, path: Path) -> bool:
     """Whether an open file still has its name."""
     found = _status(path)
     return found is not None and os.path.samestat(os.fstat(file.fileno()), found)

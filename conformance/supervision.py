@@ -1,0 +1,177 @@
+"""Runs a program for some seconds so that nothing of it stays: no process, and of its output what people read.
+
+A process that a program started ends with the program's process group. One that made a group or session of its own
+is found on Linux: whoever loses its parent there becomes a child of the kit (PR_SET_CHILD_SUBREAPER).
+"""
+
+import ctypes
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Final
+
+LOG_BYTES: Final = 4096
+"""How much of a process's output is kept: the beginning and the end, each about a half."""
+CUT: Final = "\n[...]\n"
+"""Stands between them."""
+INTERVAL_S: Final = 0.1
+"""How often what a program writes is measured."""
+PATIENCE_S: Final = 2.0
+"""How long to wait for processes that were killed: one that sleeps in a driver may take its time."""
+MARK: Final = "GSVC_CONFORMANCE_RUN"
+"""Variable of the environment by which the processes of a program are told from those of its neighbours."""
+PR_SET_CHILD_SUBREAPER: Final = 36
+"""Of Linux, see prctl(2)."""
+
+_starting = threading.Lock()
+_programs: set[int] = set()
+"""Process numbers of the programs that run; changed under the lock only."""
+_others: set[int] = set()
+"""Children that the kit had before the first of these programs began; nothing of them is touched."""
+
+
+class Log:
+    """The beginning and the end of what is printed: some runtimes print the message first, others last."""
+
+    def __init__(self) -> None:
+        self._first = self._last = b""
+        self._size = 0
+
+    def add(self, data: bytes) -> None:
+        """Take note of what was printed next."""
+        self._size += len(data)
+        self._first += data[: LOG_BYTES - len(self._first)]
+        self._last = (self._last + data)[-_HALF:]
+
+    def __str__(self) -> str:
+        if self._size <= LOG_BYTES:
+            return _text(self._first)
+        return _text(self._first[:_HALF]) + CUT + _text(self._last)
+
+
+_HALF: Final = (LOG_BYTES - len(CUT)) // 2
+
+
+def _text(data: bytes) -> str:
+    return data.decode(errors="replace").strip()
+
+
+def run_program(
+    words: list[str], timeout: float, log: Log, variables: dict[str, str], check: Callable[[], object]
+) -> int | None:
+    """Run a program to its end, and end whatever it started; its exit status, or None over the time.
+
+    Parameters
+    ----------
+    words
+        The program and its arguments.
+    timeout
+        In seconds.
+    log
+        Takes what it prints.
+    variables
+        Of its environment, besides the kit's own.
+    check
+        Is called again and again while it runs; what it raises ends the program.
+
+    Raises
+    ------
+    OSError
+        It cannot be started.
+    """
+    mark = secrets.token_hex(8)
+    with _starting:
+        _adopt()
+        process = subprocess.Popen(
+            words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            env={**os.environ, **variables, MARK: mark}, start_new_session=True,
+        )  # fmt: skip
+        _programs.add(process.pid)
+    assert process.stdout is not None
+    reader = threading.Thread(target=_read, args=(process.stdout, log), daemon=True)
+    reader.start()
+    try:
+        return _wait(process, timeout, check)
+    finally:
+        _kill(process)
+        with _starting:
+            _programs.discard(process.pid)
+        _kill_strays(mark)
+        reader.join(PATIENCE_S)  # it ends with the last process that may print
+
+
+def _wait(process: "subprocess.Popen[bytes]", timeout: float, check: Callable[[], object]) -> int | None:
+    end = time.monotonic() + timeout
+    while (left := end - time.monotonic()) > 0:
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(min(left, INTERVAL_S))
+        check()
+    return None
+
+
+def _read(printed: IO[bytes], log: Log) -> None:
+    with printed:
+        while data := os.read(printed.fileno(), 1 << 16):
+            log.add(data)
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    """End a program with its process group."""
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        with suppress(ProcessLookupError, PermissionError):  # nobody is left; macOS says so of a group of zombies
+            os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _adopt() -> None:
+    """Become the parent of all descendants whose parents end, where that can be done, and note who is none of them."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    if not _programs:
+        _others.clear()
+        _others.update(_children())
+
+
+def _children() -> Iterator[int]:
+    """The children of the kit, where Linux lists them."""
+    with suppress(OSError):
+        for task in Path("/proc/self/task").iterdir():
+            with suppress(OSError):  # the thread has just ended
+                yield from map(int, (task / "children").read_text().split())
+
+
+def _kill_strays(mark: str) -> None:
+    """End what a program left behind; each that ends may leave children of its own.
+
+    A process that hides its environment is known by being nobody else's: while other programs run it may be theirs,
+    and ends with the last of them.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        with _starting:
+            strays = [child for child in _children() if child not in _programs and child not in _others]
+            strays = [child for child in strays if not _programs or _has_mark(child, mark)]
+            for stray in strays:
+                with suppress(ProcessLookupError, ChildProcessError):
+                    os.kill(stray, signal.SIGKILL)
+                    os.waitpid(stray, os.WNOHANG)
+        if not strays:
+            return
+        time.sleep(0.001)
+
+
+def _has_mark(process: int, mark: str) -> bool:
+    try:
+        return f"{MARK}={mark}".encode() in Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
+    except OSError:  # it has just ended, or belongs to another user
+        return False
