@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from conformance.diagnosis.altered import altered_candidates
 from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.layouts import NOTHING_WRITTEN, layout_cause, never_written
 from conformance.diagnosis.places import place_candidates
@@ -48,11 +49,12 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         if name in empty:
             told[name] = Look([empty[name]], whole=True)
             continue
-        for part in parts(failure):
+        found = parts(failure)
+        altered = altered_candidates(failure, found)
+        for part in found:
             wrong_parts[name, part.name] = part
-            strong[name, part.name] = list(_accounts(failure, part))
-            if not strong[name, part.name]:
-                strong[name, part.name], weak[name, part.name] = _placed(failure, part)
+            lost, weak[name, part.name] = _placed(part), _places(failure, part)
+            strong[name, part.name] = [*_accounts(failure, part), *altered, *lost]
     for table, strongly in ((strong, True), (weak, False)):
         for (name, _), sentence in _chosen(table, wrong_parts, passed).items():
             sentences = told[name].strong if strongly else told[name].weak
@@ -74,20 +76,21 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
     if (sentence := layout_cause(value, part.given, names)) and NOTHING_WRITTEN not in sentence:
         yield Candidate(sentence)
         return
-    factors = list(ratio_candidates(part, failure.vector.inputs))
-    yield from factors
-    if not factors:
-        yield from sum_candidates(failure, part)
+    yield from ratio_candidates(part, failure.vector.inputs)
+    yield from sum_candidates(failure, part)
 
 
-def _placed(failure: Failure, part: Part) -> tuple[list[Candidate], list[Candidate]]:
-    """The places of errors: those that tell a lost part, and those that only tell where to look."""
-    found = list(region_candidates(part))
-    weak = [*place_candidates(failure, part), *column_candidates(part)]
+def _placed(part: Part) -> list[Candidate]:
+    """The places of a part that was lost."""
+    if not part.right.shape or len(part.right) < SMALL:
+        return []
     lost = not part.mine[part.wrong].any() or np.isnan(part.mine[part.wrong]).all()
-    if found and lost and len(part.right) >= SMALL:
-        return found, weak
-    return [], [*weak, *found]
+    return list(region_candidates(part)) if lost else []
+
+
+def _places(failure: Failure, part: Part) -> list[Candidate]:
+    """What tells only where to look."""
+    return [*place_candidates(failure, part), *column_candidates(part), *region_candidates(part)]
 
 
 def _empty(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, str]:
@@ -113,24 +116,30 @@ def _varied(value: object) -> bool:
 def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
     """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
     support: Counter[str] = Counter()
-    foresees = {}
+    foresees, least = {}, {}
     homes: defaultdict[str, set[str]] = defaultdict(set)
     for (_, output), candidates in table.items():
         for candidate in {c.sentence: c for c in candidates}.values():
             support[candidate.sentence] += 1
             foresees[candidate.sentence] = candidate.foresees
+            least[candidate.sentence] = candidate.least
             homes[candidate.sentence].add(output)
 
     def against(sentence: str) -> int:
         shown = foresees[sentence]
         if shown is None:
             return 0
-        shapes = [v.expected[o].value.shape for v in passed for o in homes[sentence] if _varied(v.expected[o].value)]
-        shapes += [part.right.shape for key, part in wrong.items()
+        values = [v.expected[o].value for v in passed for o in homes[sentence] if _varied(v.expected[o].value)]
+        values += [part.right for key, part in wrong.items()
                    if key[1] in homes[sentence] and sentence not in {c.sentence for c in table.get(key, ())}]  # fmt: skip
-        return sum(shown(shape) for shape in shapes)
+        return sum(shown(value) for value in values)
 
-    fair = {s for s, number in support.items() if number >= LEAST_SHARE * (number + against(s))}
+    outputs = Counter(output for _, output in wrong)
+    fair = {
+        s for s, number in support.items()
+        if number >= least[s] * sum(outputs[output] for output in homes[s])
+        and number >= LEAST_SHARE * (number + against(s))
+    }  # fmt: skip
     chosen = {}
     for key, candidates in table.items():
         sentences = [candidate.sentence for candidate in candidates if candidate.sentence in fair]

@@ -95,8 +95,6 @@ def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tup
 def _along(noun: str, index: Array) -> Iterator[tuple[str, F8]]:
     """What can happen to terms that are counted."""
     size = int(index.max()) + 1
-    if size < 2:
-        return
     yield f"the last of the {noun} left out", 1.0 * (index < size - 1)
     yield f"the first of the {noun} left out", 1.0 * (index > 0)
     for block in BLOCKS:
