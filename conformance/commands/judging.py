@@ -11,20 +11,22 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 import gsvc_ref
 from conformance.commands import add_selection, add_vectors, count, selection, times
 from conformance.commands.outputs import check_outputs, write_files
+from conformance.diagnosis.failures import Failure
 from conformance.implementations import Implementation, checked_environment
 from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
 from conformance.selection import Selection, VectorFolder, matches
-from conformance.stage import DTYPES, Values
+from conformance.stage import DTYPES
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
@@ -32,6 +34,7 @@ from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
 
 SHOWN: Final = 10
+NOTHING: Final = np.zeros(0)
 
 
 def add_judging(parser: ArgumentParser) -> None:
@@ -165,8 +168,9 @@ class Causes:
     """Collects what the search for causes needs, stage by stage, and finds them."""
 
     def __init__(self) -> None:
-        self._failures: defaultdict[str, list[tuple[Vector, Values]]] = defaultdict(list)
+        self._failures: defaultdict[str, list[Failure]] = defaultdict(list)
         self._passed: defaultdict[str, list[Vector]] = defaultdict(list)
+        self._buffers: dict[tuple[str, str], NDArray[Any]] = {}
 
     def add(self, judged: Judged) -> None:
         """Take note of a vector."""
@@ -174,25 +178,38 @@ class Causes:
         if judged.result.outcome == "pass":
             self._passed[name].append(judged.vector)
         elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
-            self._failures[name].append((judged.vector, judged.outputs))
+            before = {port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.stage.outputs}
+            self._failures[name].append(Failure(judged.vector, judged.outputs, before))
+        self._write_buffers(judged)
+
+    def _write_buffers(self, judged: Judged) -> None:
+        """Keep what buffers would hold now that no vector clears: each output over the one before."""
+        for name, value in (judged.outputs or {}).items():
+            if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+                key, flat = (judged.vector.stage.name, name), value.ravel()
+                beyond = self._buffers.get(key, NOTHING)[flat.size :]
+                self._buffers[key] = np.concatenate([flat, beyond]) if beyond.size else flat
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""
-        from conformance.diagnosis import EXAMINED, bugs_for, diagnose
+        from conformance.diagnosis import EXAMINED, LARGEST, bugs_for, diagnose, examined
 
         causes: dict[str, list[str]] = {}
         notes = []
         for stage, failures in self._failures.items():
             causes |= diagnose(failures, self._passed[stage])
-            examined = [vector for vector, _ in failures[:EXAMINED]]
-            if open_ones := [vector for vector in examined if not causes.get(vector.id)]:
+            seen = [failure.vector for failure in examined(failures)]
+            if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
                 tried = len({bug.name for vector in open_ones for bug in bugs_for(vector)})
                 notes.append(
-                    f"{stage}: no known bug gives exactly what {len(open_ones)} of {plural(len(examined), 'failure')} "
+                    f"{stage}: no known bug gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
                     f"gave ({tried} tried)"
                 )
             if len(failures) > EXAMINED:
-                notes.append(f"causes were looked for in the first {EXAMINED} of {len(failures)} failures of {stage}")
+                notes.append(
+                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}: "
+                    f"the {EXAMINED - LARGEST} smallest and the {LARGEST} largest"
+                )
         return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
 
 

@@ -15,6 +15,8 @@ END_LINES: Final = 3
 LONGEST: Final = 240
 """Characters of such a line."""
 MOST_CAUSES: Final = 3
+RARE: Final = 0.25
+"""What less of the examined failures of its stages look like is no probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
     "failed": ("failed", ""),
@@ -77,6 +79,8 @@ def cause_lines(report: Report) -> list[str]:
     explained: set[str] = set()
     lines: list[str] = []
     for cause, results in sorted(like.items(), key=lambda entry: -len(entry[1])):
+        if _rare(results, failures):
+            continue
         if not explained.issuperset(result.id for result in results) and len(lines) < MOST_CAUSES:
             explained.update(result.id for result in results)
             places = [
@@ -85,6 +89,12 @@ def cause_lines(report: Report) -> list[str]:
             ]
             lines.append(f"{cause} ({', '.join(places)})")
     return lines
+
+
+def _rare(results: Sequence[Result], failures: Mapping[str, int]) -> bool:
+    """Whether so few of the failures look like this that it is not told of all."""
+    examined = sum(min(failures[stage], EXAMINED) for stage in {result.stage for result in results})
+    return len(results) < RARE * examined
 
 
 def stage_table(report: Report) -> list[str]:

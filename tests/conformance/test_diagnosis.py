@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from conformance import diagnosis
-from conformance.diagnosis import _both, diagnose
+from conformance.diagnosis import catalogue, diagnose
+from conformance.diagnosis.catalogue import _both
 from conformance.mutants import all_mutants, answer, called, kills
 from conformance.selection import VectorFolder
 from conformance.vectors import VECTORS
@@ -133,6 +133,6 @@ def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
     (told,) = diagnose(failures, passed).values()
     assert told == [bug.sentence]
     without = tuple(other for other in all_mutants() if other != bug)
-    monkeypatch.setattr(diagnosis, "all_mutants", lambda: without)
+    monkeypatch.setattr(catalogue, "all_mutants", lambda: without)
     (told,) = diagnose(failures, passed).values()
     assert told == []

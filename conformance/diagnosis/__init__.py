@@ -1,0 +1,134 @@
+"""What wrong outputs look like: a diagnosis that says what it can tell, and nothing else.
+
+The generic looks come first, since they need to know no bug: an output that nothing was written to, what the vector
+before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
+the catalogue of known bugs is asked, both ways. Where neither says anything, it is told where the errors are.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from conformance.diagnosis import catalogue
+from conformance.diagnosis.catalogue import bugs_for
+from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
+from conformance.diagnosis.looks import Look, generic_looks
+from conformance.diagnosis.places import common_condition, output_sentence
+from conformance.diagnosis.ratios import spread
+from conformance.diagnosis.streams import refusal_sentence
+from conformance.expectations import Bounded, Refusal
+from conformance.vectors import Vector
+
+__all__ = ["EXAMINED", "Failure", "bugs_for", "diagnose", "examined"]
+
+EXAMINED: Final = 12
+"""Failures of a stage that are looked at: those with the smallest inputs, and the largest ones."""
+
+LARGEST: Final = 3
+"""So many of these are the largest."""
+
+TOLD: Final = 3
+"""So many sentences are told of one failure."""
+
+COARSE: Final = 2.0**-6
+"""Relative errors of at most so much may be those of arithmetic."""
+
+ALIKE: Final = 40.0
+"""Relative errors of arithmetic are alike: nine tenths are at most so many times the median."""
+
+FORMATS: Final = {8: "bfloat16", 11: "binary16"}
+"""Formats by their significant bits."""
+
+
+def examined(failures: Sequence[Failure]) -> list[Failure]:
+    """The failures that are looked at, the simplest first."""
+    ordered = sorted(failures, key=lambda failure: input_size(failure.vector))
+    return ordered if len(ordered) <= EXAMINED else [*ordered[: EXAMINED - LARGEST], *ordered[-LARGEST:]]
+
+
+def input_size(vector: Vector) -> int:
+    """The bytes of a vector's inputs."""
+    return sum(
+        value.nbytes if isinstance(value, np.ndarray) else len(value) if isinstance(value, bytes) else 8
+        for value in vector.inputs.values()
+    )
+
+
+def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
+    """What the failures of one stage look like.
+
+    Parameters
+    ----------
+    failures
+        All of the stage; those that `examined` chooses are looked at.
+    passed
+        Vectors of the stage that were answered rightly.
+
+    Returns
+    -------
+    dict[str, list[str]]
+        By the id of a vector, at most `TOLD` sentences, the better ones first.
+    """
+    chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
+    looks = generic_looks(chosen, passed)
+    unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
+    named = catalogue.named(unnamed, passed)
+    common = common_condition([Failure(*failure).vector for failure in failures], passed)
+    return {
+        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id, []), common)
+        for failure in chosen
+    }
+
+
+def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[str]:
+    """The sentences of one failure: what it is, or at least where."""
+    told = [*look.strong[:2], *bugs]
+    if not told:
+        told = _not_numbers(failure) or [*look.weak[:1]] or _imprecision(failure)
+    if not told or told == look.weak[:1]:
+        told += [sentence for sentence in (refusal_sentence(failure), common, _outputs(failure)) if sentence]
+    return list(dict.fromkeys(told))[:TOLD]
+
+
+def _outputs(failure: Failure) -> str:
+    return output_sentence(failure.vector, failure.outputs)
+
+
+def _not_numbers(failure: Failure) -> list[str]:
+    """A sentence for outputs whose wrong elements are all NaN, or infinite."""
+    found = parts(failure)
+    if len(found) != len(wrong_outputs(failure.vector, failure.outputs)) or not found:
+        return []
+    if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
+        return []
+    return ["0 times infinity or infinity minus infinity (mask the factors, not the product), or an overflow"]
+
+
+def _imprecision(failure: Failure) -> list[str]:
+    """A sentence for outputs whose relative errors are small, of both signs, and alike everywhere."""
+    found = parts(failure)
+    if any(isinstance(failure.vector.expected[name], Refusal) for name in wrong_outputs(*failure[:2])) or not found:
+        return []
+    bits = [_bits(part) for part in found]
+    if not all(bits):
+        return []
+    least = min(bits)
+    kind = f", as in {FORMATS[least]}" if least in FORMATS else ""
+    return [f"errors of arithmetic with few bits: about {least} bits are right everywhere{kind} (half precision, "
+            "a fast exp or division)"]  # fmt: skip
+
+
+def _bits(part: Part) -> int:
+    """How many bits of an output are right, alike everywhere; 0 if it is not so."""
+    errors = spread(part)
+    if not isinstance(part.expectation, Bounded) or errors is None or errors.size < 16:
+        return 0
+    some = errors[errors > 0]
+    if some.size < errors.size / 2 or part.wrong.mean() < 0.25:
+        return 0
+    signs = np.sign(part.mine - part.right)[abs(part.right) > 0]
+    middle = float(np.median(some))
+    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or abs(float(signs.mean())) > 0.8:
+        return 0
+    return round(-np.log2(2 * middle))

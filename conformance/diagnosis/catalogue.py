@@ -1,0 +1,190 @@
+"""Known bugs that an implementation looks like, asked both ways.
+
+A bug *explains* a failure if it gives nearly all elements that are wrong, and nearly all elements that it gets wrong
+were given. Small numbers agree by chance, so a bug must fit the whole stage: one that would fail vectors that the
+implementation passes fits badly. Where a failure is only a refusal or a few wrong elements, bugs that have nothing in
+common agree: then it is told that they end in the same refusal, not that one of them is there.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
+from conformance.expectations import Refusal
+from conformance.mutants import Mutant, all_mutants, answer, called
+from conformance.stage import Values
+from conformance.vectors import Vector
+
+LEAST_FIT: Final = 0.5
+"""Bugs that fit the stage worse are not named."""
+
+LEAST_FIT_OF_FEW: Final = 0.9
+"""The same of bugs that explain only failures that tell little."""
+
+FEW: Final = 4
+"""So few wrong elements tell little."""
+
+MOST: Final = 2
+"""So many bugs are named."""
+
+MOST_ALIKE: Final = 4
+"""So many bugs that cannot be told apart are named."""
+
+PAIRED: Final = 3
+"""Failures that no bug explains for which pairs of bugs are tried."""
+
+FIRST_OF_PAIR: Final = 2
+"""So many bugs, those that give most, are tried together with each other one."""
+
+LEAST_WRONG: Final = 20
+"""Wrong elements that a pair must explain: fewer agree with one of so many by chance."""
+
+MISSING: Final = 2
+"""Failures of which nothing but a part is missing that a bug must explain: a part may be missing for many reasons."""
+
+CAPACITY: Final = "capacity"
+"""The flag of vectors that are too large for bugs to be tried on them."""
+
+
+def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, list[str]]:
+    """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each."""
+    passed = list(passed)
+    found = {failure.vector.id: _explanations(failure) for failure in failures}
+    _name_pairs([failure for failure in failures if not found[failure.vector.id]], found)
+    explained = Counter(mutant for mutants in found.values() for mutant in mutants)
+    fit = _fit(explained, failures, passed)
+    lost = Counter(
+        mutant for failure in failures if _missing_part(failure) for mutant in found[failure.vector.id]
+    )  # fmt: skip
+    plain = {mutant for failure in failures if not _tells_little(failure) for mutant in found[failure.vector.id]}
+    plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
+    likely = {mutant for mutant in fit if fit[mutant] >= (LEAST_FIT if mutant in plain else LEAST_FIT_OF_FEW)}
+    ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
+    told = {}
+    for failure in failures:
+        these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
+        sure = [mutant for mutant in these if mutant in plain]
+        if sure:
+            told[failure.vector.id] = _best(sure, fit)[:MOST]
+        else:
+            told[failure.vector.id] = [] if _missing_part(failure) else _alike(_best(these, fit), failure)
+    return told
+
+
+def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterable[Vector]) -> dict[Mutant, float]:
+    """Of the vectors that a bug would fail, the fraction that it explains."""
+    vectors = [*passed, *(failure.vector for failure in failures)]
+    foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
+    return {
+        mutant: number / max(number, *(foreseen[name] for name in mutant.name.split("+")))
+        for mutant, number in explained.items()
+    }
+
+
+def _tells_little(failure: Failure) -> bool:
+    """Whether all that is wrong is a refusal, with what came before it, or a few elements."""
+    vector, outputs, _ = failure
+    wrong = wrong_outputs(vector, outputs)
+    refused = any(isinstance(vector.expected[name], Refusal) and outputs.get(name) for name in wrong)
+    found = 0
+    for name in wrong:
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
+            whole = mine.shape == expectation.value.shape
+            found += count(expectation, mine) if whole else 0 if refused else mine.size
+    return found < FEW
+
+
+def _missing_part(failure: Failure) -> bool:
+    """Whether all that is wrong is 0."""
+    vector, outputs, _ = failure
+    for name in wrong_outputs(vector, outputs):
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray):
+            return False
+        if mine.shape != expectation.value.shape or mine[wrong_elements(expectation, mine)].any():
+            return False
+    return True
+
+
+def _best(ranked: Sequence[Mutant], fit: Mapping[Mutant, float]) -> list[str]:
+    """The sentences of the bugs that fit about as well as the first."""
+    return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
+
+
+def _alike(sentences: list[str], failure: Failure) -> list[str]:
+    """What is said of bugs that a failure does not tell apart."""
+    if not sentences:
+        return []
+    refused = any(isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
+                  for name in wrong_outputs(failure.vector, failure.outputs))  # fmt: skip
+    if not refused and len(sentences) == 1:
+        return sentences
+    others = f"; and {len(sentences) - MOST_ALIKE} others" if len(sentences) > MOST_ALIKE else ""
+    which = "; ".join(sentences[:MOST_ALIKE]) + others
+    if refused:
+        return [f"a refusal in which known bugs end, too, if it is none of your own: {which}"]
+    return [f"one of {len(sentences)} known bugs not told apart here, or another one: {which}"]
+
+
+def _explanations(failure: Failure) -> list[Mutant]:
+    """The bugs that explain one failure; where none refuses at the same bit, those that name the same rule."""
+    vector, outputs, _ = failure
+    texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
+    for told in (outputs, {**outputs, **texts}):
+        found = [mutant for mutant in bugs_for(vector) if _share(vector, told, mutant) >= EXPLAINED]
+        if found or not texts:
+            return found
+    return []
+
+
+def bugs_for(vector: Vector) -> list[Mutant]:
+    """The bugs that a vector can show: those that it is known to find, or all that it leads to; none of a large one."""
+    if CAPACITY in vector.manifest.get("flags", ()):
+        return []
+    kills = vector.manifest.get("kills")
+    if kills is not None:
+        return [mutant for mutant in all_mutants() if mutant.name in kills]
+    run = called(vector.stage, vector.inputs)
+    return [mutant for mutant in all_mutants() if run & mutant.touched()]
+
+
+def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> None:
+    """Name two bugs together for failures that no one of them explains."""
+    pairs: list[Mutant] = []
+    for vector, outputs, _ in failures:
+        these = [pair for pair in pairs if _share(vector, outputs, pair) >= EXPLAINED]
+        if not these and len(pairs) < PAIRED:
+            these = _pairs(vector, outputs)[:1]
+            pairs += these
+        found[vector.id] = these
+
+
+def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
+    """The pairs of bugs that explain a failure, the best first."""
+    wrong = sum(count(vector.expected[name], outputs.get(name)) for name in wrong_outputs(vector, outputs))
+    if wrong < LEAST_WRONG:
+        return []
+    bugs = sorted(bugs_for(vector), key=lambda bug: -_share(vector, outputs, bug))
+    tried = [_both(a, b) for place, a in enumerate(bugs[:FIRST_OF_PAIR]) for b in bugs[place + 1 :]]
+    shares = {pair: _share(vector, outputs, pair) for pair in tried}
+    return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
+
+
+def _both(a: Mutant, b: Mutant) -> Mutant:
+    return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
+
+
+def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
+    """How far a bug gives what was given, both ways."""
+    theirs = _answer(mutant, vector)
+    return 0.0 if theirs is None else share(vector, outputs, theirs)
+
+
+@lru_cache(maxsize=4096)
+def _answer(mutant: Mutant, vector: Vector) -> Values | None:
+    return answer(mutant, vector.stage, vector.inputs)

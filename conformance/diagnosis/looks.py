@@ -1,0 +1,148 @@
+"""The generic looks, and what of them is told: of several accounts of one failure that which most failures share."""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from conformance.diagnosis.altered import altered_candidates
+from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
+from conformance.diagnosis.layouts import NOTHING_WRITTEN, layout_cause, never_written
+from conformance.diagnosis.places import place_candidates
+from conformance.diagnosis.ratios import ratio_candidates
+from conformance.diagnosis.regions import Candidate, column_candidates, region_candidates
+from conformance.diagnosis.stale import stale_candidates
+from conformance.diagnosis.sums import sum_candidates
+from conformance.names import columns
+from conformance.vectors import Vector
+
+LEAST_SHARE: Final = 0.5
+"""Of the vectors that would show an account, the fraction that must show it."""
+
+SMALL: Final = 8
+"""In an output with fewer items a place says little."""
+
+Key = tuple[str, str]
+"""The id of a vector and an output."""
+
+
+@dataclass
+class Look:
+    """What is told of one failure: accounts of all that is wrong, and mere places; `whole` if no bug need be asked."""
+
+    strong: list[str] = field(default_factory=list)
+    weak: list[str] = field(default_factory=list)
+    whole: bool = False
+
+
+def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, Look]:
+    """What the failures of one stage look like without a bug in mind, by the id of a vector."""
+    told = {failure.vector.id: Look() for failure in failures}
+    empty = _empty(failures, passed)
+    strong: dict[Key, list[Candidate]] = {}
+    weak: dict[Key, list[Candidate]] = {}
+    wrong_parts = {}
+    for failure in failures:
+        name = failure.vector.id
+        if name in empty:
+            told[name] = Look([empty[name]], whole=True)
+            continue
+        found = parts(failure)
+        altered = altered_candidates(failure, found)
+        for part in found:
+            wrong_parts[name, part.name] = part
+            lost, weak[name, part.name] = _placed(part), _places(failure, part)
+            strong[name, part.name] = [*_accounts(failure, part), *altered, *lost]
+    for table, strongly in ((strong, True), (weak, False)):
+        for (name, _), sentence in _chosen(table, wrong_parts, passed).items():
+            sentences = told[name].strong if strongly else told[name].weak
+            if sentence not in sentences:
+                sentences.append(sentence)
+    for failure in failures:
+        look = told[failure.vector.id]
+        look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
+    return told
+
+
+def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
+    """Accounts of all that is wrong in one output, the simplest first; of the first kind that has any."""
+    names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
+    if found := list(stale_candidates(failure, part)):
+        yield from found
+        return
+    value = part.expectation.value
+    if (sentence := layout_cause(value, part.given, names)) and NOTHING_WRITTEN not in sentence:
+        yield Candidate(sentence)
+        return
+    yield from ratio_candidates(part, failure.vector.inputs)
+    yield from sum_candidates(failure, part)
+
+
+def _placed(part: Part) -> list[Candidate]:
+    """The places of a part that was lost."""
+    if not part.right.shape or len(part.right) < SMALL:
+        return []
+    lost = not part.mine[part.wrong].any() or np.isnan(part.mine[part.wrong]).all()
+    return list(region_candidates(part)) if lost else []
+
+
+def _places(failure: Failure, part: Part) -> list[Candidate]:
+    """What tells only where to look."""
+    return [*place_candidates(failure, part), *column_candidates(part), *region_candidates(part)]
+
+
+def _empty(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, str]:
+    """Outputs that nothing was written to, by id; none where others are written, since a picture may be empty."""
+    found = {}
+    for vector, outputs, _ in failures:
+        wrong = wrong_outputs(vector, outputs)
+        arrays = [(vector.expected[name].value, outputs.get(name)) for name in wrong]
+        told = [never_written(a, b) for a, b in arrays
+                if isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and a.shape == b.shape]  # fmt: skip
+        if told and len(told) == len(wrong) and all(told):
+            found[vector.id] = told[0]
+    others = len(found) < len(failures)
+    writes = others or any(_varied(e.value) for vector in passed for e in vector.expected.values())
+    return {} if writes else found
+
+
+def _varied(value: object) -> bool:
+    """Whether an output is an array with different elements."""
+    return isinstance(value, np.ndarray) and value.size > 0 and bool((value != value.flat[0]).any())
+
+
+def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
+    """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
+    support: Counter[str] = Counter()
+    foresees, least = {}, {}
+    homes: defaultdict[str, set[str]] = defaultdict(set)
+    for (_, output), candidates in table.items():
+        for candidate in {c.sentence: c for c in candidates}.values():
+            support[candidate.sentence] += 1
+            foresees[candidate.sentence] = candidate.foresees
+            least[candidate.sentence] = candidate.least
+            homes[candidate.sentence].add(output)
+
+    def against(sentence: str) -> int:
+        shown = foresees[sentence]
+        if shown is None:
+            return 0
+        values = [v.expected[o].value for v in passed for o in homes[sentence] if _varied(v.expected[o].value)]
+        values += [part.right for key, part in wrong.items()
+                   if key[1] in homes[sentence] and sentence not in {c.sentence for c in table.get(key, ())}]  # fmt: skip
+        return sum(shown(value) for value in values)
+
+    outputs = Counter(output for _, output in wrong)
+    fair = {
+        s for s, number in support.items()
+        if number >= least[s] * sum(outputs[output] for output in homes[s])
+        and number >= LEAST_SHARE * (number + against(s))
+    }  # fmt: skip
+    chosen = {}
+    for key, candidates in table.items():
+        sentences = [candidate.sentence for candidate in candidates if candidate.sentence in fair]
+        if sentences:
+            chosen[key] = max(sentences, key=lambda s: (support[s], -sentences.index(s)))
+    return chosen

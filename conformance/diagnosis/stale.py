@@ -1,0 +1,41 @@
+"""What the vector before left behind: buffers that are not cleared, or not overwritten."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from conformance.diagnosis.failures import EXPLAINED, Failure, Part
+from conformance.diagnosis.regions import Candidate
+
+DISTINCT: Final = 6
+"""So many different numbers do not agree by chance."""
+
+SHARE: Final = 0.4
+"""Of the failures so many must show it: pictures of two vectors may be alike."""
+
+
+def stale_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
+    """Whether wrong elements are what an uncleared buffer held there, or have it added."""
+    old = failure.before.get(part.name)
+    if old is None or old.size == 0:
+        return
+    reach = min(old.size, part.right.size)
+    old, right, mine, wrong = (
+        np.asarray(a, np.float64).ravel()[:reach] for a in (old, part.right, part.mine, part.wrong)
+    )
+    wrong = wrong > 0
+    if reach < EXPLAINED * part.right.size and np.flatnonzero(part.wrong.ravel() & True).max() >= reach:
+        return
+    if not wrong.any() or len(np.unique(old[wrong])) < DISTINCT or (old[wrong] != 0).mean() < EXPLAINED / 2:
+        return
+    slack = part.slack(part.right).ravel()[:reach]
+    if (abs(mine - old)[wrong] <= slack[wrong]).mean() >= EXPLAINED:
+        yield Candidate("what the vector before left in the same buffer: elements that are not written", None, SHARE)
+    added = old + right
+    if part.given.dtype.kind == "u":
+        added = np.minimum(added, float(np.iinfo(part.given.dtype).max))
+    changed = abs(added - right) > slack
+    near = abs(mine - added) <= 2 * slack + 1e-6 * abs(old)
+    if changed.any() and near[changed].mean() >= EXPLAINED and near[wrong].mean() >= EXPLAINED:
+        yield Candidate("results added to what the vector before left: a buffer that is not cleared", None, SHARE)

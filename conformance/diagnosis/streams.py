@@ -1,0 +1,42 @@
+"""Refusals: where in a stream an implementation stopped, by the name of the syntax element."""
+
+from functools import lru_cache
+from typing import Any
+
+from conformance.diagnosis.failures import Failure
+from conformance.expectations import Refusal
+
+
+def refusal_sentence(failure: Failure) -> str:
+    """What was refused, and at which element; '' where the refusals are right or tell too little."""
+    for name, expectation in failure.vector.expected.items():
+        given = failure.outputs.get(name)
+        if not isinstance(expectation, Refusal) or not isinstance(given, str) or expectation.judge(given).passed:
+            continue
+        if not given:
+            return f"a check that is not made ({' '.join(expectation.value.split()[:2])})"
+        words = given.split()
+        rule = f" by {words[1]}" if len(words) > 1 else ""
+        at = element_at(failure.vector.inputs["stream"], int(words[2])) if len(words) > 2 and words[2].isdigit() else ""
+        told = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
+        return f"{told}{rule}{f' at {at}' if at else ''}"
+    return ""
+
+
+@lru_cache(maxsize=256)
+def element_at(stream: bytes, bit: int) -> str:
+    """The syntax element of a stream that a bit belongs to, without its plane's number; '' if it is not reached."""
+    from gsvc_ref.bitstream import StreamReader
+    from gsvc_ref.errors import GsvcError
+
+    names: list[tuple[int, int, str]] = []
+
+    def note(element: Any) -> None:
+        names.append((element.bit, element.bits, element.name))
+
+    try:
+        for _ in StreamReader(stream, trace=note):
+            pass
+    except GsvcError:
+        pass
+    return next((name for first, bits, name in names if first <= bit < first + max(bits, 1)), "")

@@ -1,0 +1,120 @@
+"""What the elements of inputs and outputs are called: ``splat 2, l21`` in place of ``[2, 3]``."""
+
+import re
+from typing import Final
+
+from conformance.stage import Port, Stage
+
+SPLAT: Final = ("x", "y", "l11", "l21", "l22", "red", "green", "blue", "w")
+"""Columns of parameters, their gradients, and values with a weight (spec.md 8 and 10.3)."""
+
+CHANNELS: Final = ("red", "green", "blue")
+CHOLESKY: Final = ("l11", "l21", "l22")
+QUANTIZER: Final = ("scale", "offset")
+BLOCK: Final = ("frame", "block (0 intra, 1 inter)", "splats", "positions_present", "cholesky_present",
+                "quantizer_present", "colors_present", "codebooks_present")  # fmt: skip
+"""Columns of `blocks` of read_stream."""
+
+ITEMS: Final = {
+    "N": "splat", "n": "splat", "M": "splat", "H": "row", "T": "frame", "count": "symbol", "lanes": "lane", "P": "splat",
+    "n or 0": "splat",
+}  # fmt: skip
+"""What an axis of ports counts, by its letter."""
+
+ITEMS_OF_PORTS: Final = {
+    "values": "element", "bits": "element", "words": "word", "blocks": "block", "quantizers": "quantiser",
+    "codebook_sizes": "codebook", "codewords": "codeword", "codebooks": "codeword", "sums": "codeword",
+    "survivors": "survivor", "rates": "iteration", "key_frames": "entry", "counts": "entry", "iterations": "entry",
+}  # fmt: skip
+"""The same of ports for which the letter would be misleading: the first axis."""
+
+
+def port_of(stage: Stage, output: str) -> Port:
+    """The port of an output; raises StopIteration if there is none."""
+    return next(port for port in stage.outputs if port.name == output)
+
+
+def dimensions(port: Port) -> tuple[str, ...]:
+    """The letters of a port's axes: ``("H", "W", "3")``."""
+    return tuple(letter.strip() for letter in port.shape.strip("()").split(",") if letter.strip())
+
+
+def item(stage: Stage, output: str) -> str:
+    """What the first axis of an output counts: ``splat``, ``row``, ``frame``, ``codeword``, ..."""
+    port = port_of(stage, output)
+    letters = dimensions(port)
+    if output == "header":
+        return "element"
+    if output == "counts" and letters[:1] == ("K",) and stage.name == "rvq_update":
+        return "codeword"
+    if output == "survivors" and stage.name == "read_stream":
+        return "splat"
+    if letters[:1] in (("T",), ("H",)) or (len(letters) > 1 and letters[0] == "N"):
+        return ITEMS[letters[0]]
+    return ITEMS_OF_PORTS.get(output, ITEMS.get(letters[0] if letters else "", "entry"))
+
+
+def columns(stage: Stage, output: str, size: int | None = None) -> tuple[str, ...]:
+    """The names of the last axis of an output, or none; `size` is needed where the port's shape has a letter."""
+    letters = dimensions(port_of(stage, output))
+    if output == "header":
+        from conformance.stages.bitstream import HEADER_ELEMENTS
+
+        return tuple(HEADER_ELEMENTS)
+    if len(letters) < 2:
+        return ()
+    last = int(letters[-1]) if letters[-1].isdigit() else size
+    if output == "blocks":
+        return BLOCK
+    if output == "quantizers":
+        return QUANTIZER
+    if output == "positions":
+        return SPLAT[:2]
+    if last in (8, 9):
+        return SPLAT[:last]
+    if last == 3 and (output == "cholesky" or stage.name.startswith("lsq_")):
+        return CHOLESKY
+    return CHANNELS if last == 3 and letters[-1] == "3" else ()
+
+
+def element(stage: Stage, output: str, place: tuple[int, ...], shape: tuple[int, ...] | None = None) -> str:
+    """The name of one element of an output.
+
+    Parameters
+    ----------
+    stage, output
+        Of which it is one.
+    place
+        Its indices; none for a single number.
+    shape
+        Of the output, if it is known.
+    """
+    if not place:
+        return output
+    names = columns(stage, output, shape[-1] if shape else None)
+    if output == "header":
+        return names[place[0]] if place[0] < len(names) else f"element {place[0]}"
+    letters = dimensions(port_of(stage, output))
+    parts = []
+    for axis, (letter, index) in enumerate(zip(letters, place, strict=False)):
+        if letter in ("H", "h"):
+            parts.append(f"pixel (x {place[axis + 1]}, y {index})")
+        elif axis > 0 and axis == len(letters) - 1 and letter not in ("W", "w"):
+            parts.append(names[index] if index < len(names) else f"{'stage' if letter == 'M' else 'column'} {index}")
+        elif output == "quantizers" and axis == 1:
+            parts.append(CHOLESKY[index] if index < len(CHOLESKY) else f"column {index}")
+        elif axis == 0:
+            parts.append(f"{item(stage, output)} {index}")
+    return ", ".join(parts)
+
+
+def told(stage: Stage, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:
+    """A judgement's sentence with names in place of indices."""
+    if place:
+        message = message.replace(f"at {list(place)}", f"at {element(stage, output, place, shape)}")
+    names = columns(stage, output, shape[-1] if shape else None)
+
+    def named(found: re.Match[str]) -> str:
+        return ", ".join(names[int(found[1]) : int(found[2]) + 1]) or found[0]
+
+    return re.sub(r"columns (\d+)\.\.(\d+)", named, message)

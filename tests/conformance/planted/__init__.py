@@ -1,0 +1,159 @@
+"""Bugs that are none of the catalogue's own, and what a report says of each: is it named, and rightly?
+
+    python -m planted                      # all, from tests/conformance
+    python -m planted --area gradients
+
+A bug is the code of spec.md with a patch, or with something done to its inputs or outputs. `right` is what a right name
+or place must say, in the first probable cause of the report; a bug of which nothing is said is neither right nor wrong.
+A third of the bugs, those whose name has a CRC-32 divisible by 3, is held back: no sentence of the kit was written with
+a look at what the kit says of them.
+"""
+
+import re
+import zlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+
+from conformance import spec
+from conformance.commands.judging import Causes
+from conformance.implementations import ModuleImplementation
+from conformance.report.console import cause_lines
+from conformance.results import Report
+from conformance.runner import Judged, judge_vector
+from conformance.selection import VectorFolder
+from conformance.vectors import VECTORS, Vector
+
+Verdict = Literal["right", "nothing", "wrong", "not caught"]
+Function = Callable[..., dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A bug.
+
+    Attributes
+    ----------
+    name, area
+        A name and the folder of reports that it belongs to.
+    stages
+        The stages that it is judged by; it is in no other.
+    right
+        A pattern that a right name or place has.
+    functions
+        Makes the functions of these stages, afresh.
+    """
+
+    name: str
+    area: str
+    stages: tuple[str, ...]
+    right: str
+    functions: Callable[[], dict[str, Function]]
+
+    @property
+    def held_back(self) -> bool:
+        """Whether it is in the third that is not looked at."""
+        return zlib.crc32(self.name.encode()) % 3 == 0
+
+
+@dataclass(frozen=True)
+class Said:
+    """What the report says of a bug."""
+
+    bug: Planted
+    verdict: Verdict
+    lines: tuple[str, ...]
+
+
+def patched(area: str, name: str, stages: str, right: str, *patches: tuple[str, str]) -> Planted:
+    """A bug as changes of spec.md's code."""
+    names = tuple(stages.split())
+    return Planted(name, area, names, right, lambda: {stage: spec.namespace(patches)[stage] for stage in names})
+
+
+def after(
+    area: str, name: str, stages: str, right: str, change: Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]]
+) -> Planted:
+    """A bug that changes the right outputs, as `change(outputs, inputs)` does."""
+
+    def wrapped(stage: str) -> Function:
+        function = spec.namespace()[stage]
+        return lambda **inputs: {**(out := function(**inputs)), **change({k: _own(v) for k, v in out.items()}, inputs)}
+
+    names = tuple(stages.split())
+    return Planted(name, area, names, right, lambda: {stage: wrapped(stage) for stage in names})
+
+
+def before(area: str, name: str, stages: str, right: str, change: Callable[..., dict[str, Any]]) -> Planted:
+    """A bug that changes the inputs, as `change(inputs)` does."""
+
+    def wrapped(stage: str) -> Function:
+        function = spec.namespace()[stage]
+        return lambda **inputs: function(**{**inputs, **change({k: _own(v) for k, v in inputs.items()})})
+
+    names = tuple(stages.split())
+    return Planted(name, area, names, right, lambda: {stage: wrapped(stage) for stage in names})
+
+
+def _own(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value
+
+
+@cache
+def vectors_of(stage: str) -> tuple[Vector, ...]:
+    """The vectors of a stage."""
+    folder = VectorFolder(VECTORS)
+    return tuple(folder.read([name for name in folder.names if name.split("/")[1] == stage]))
+
+
+def judged(bug: Planted) -> list[Judged]:
+    """The bug, judged by the vectors of its stages in their order."""
+    implementation = ModuleImplementation(bug.name, bug.functions())
+    with np.errstate(all="ignore"):
+        return [judge_vector(implementation, vector) for stage in bug.stages for vector in vectors_of(stage)]
+
+
+def said(bug: Planted) -> Said:
+    """What the report says of a bug, and whether it is right."""
+    causes, results = Causes(), []
+    for entry in judged(bug):
+        causes.add(entry)
+        results.append(entry.result)
+    report = Report({}, "", "", [], causes.find(results)[0])
+    lines = tuple(cause_lines(report))
+    if not report.faults:
+        return Said(bug, "not caught", ())
+    if not lines:
+        return Said(bug, "nothing", ())
+    return Said(bug, "right" if re.search(bug.right, lines[0]) else "wrong", lines)
+
+
+@cache
+def all_bugs() -> tuple[Planted, ...]:
+    """All of them, area by area."""
+    from planted import bitstream, color, gradients, quantization, rendering, training
+
+    return tuple(
+        bug for module in (rendering, gradients, training, quantization, color, bitstream) for bug in module.BUGS
+    )
+
+
+def table(found: Iterable[Said]) -> list[str]:
+    """Counts by area, of the bugs that were looked at and of those held back."""
+    found = list(found)
+    lines = [f"{'':28}{'bugs':>6}{'caught':>8}{'right':>8}{'nothing':>9}{'wrong':>7}"]
+    for third, held in (("tuned", False), ("held back", True)):
+        of_third = [one for one in found if one.bug.held_back == held]
+        for area in dict.fromkeys(one.bug.area for one in of_third):
+            lines.append(_row(f"{third}, {area}", [one for one in of_third if one.bug.area == area]))
+        lines.append(_row(f"{third}, all", of_third))
+    return [*lines, _row("all", found)]
+
+
+def _row(title: str, found: list[Said]) -> str:
+    count = {verdict: sum(one.verdict == verdict for one in found) for verdict in ("right", "nothing", "wrong")}
+    caught = sum(one.verdict != "not caught" for one in found)
+    return f"{title:28}{len(found):6}{caught:8}{count['right']:8}{count['nothing']:9}{count['wrong']:7}"

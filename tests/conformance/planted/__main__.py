@@ -1,0 +1,22 @@
+"""The table over all planted bugs, and what is said of those that are not named rightly."""
+
+import sys
+from argparse import ArgumentParser
+
+from planted import all_bugs, said, table
+
+parser = ArgumentParser(prog="python -m planted", description=__doc__)
+parser.add_argument("--area", default="", help="only bugs of this area")
+parser.add_argument("--name", default="", help="only bugs whose name has this text")
+parser.add_argument("--all", action="store_true", help="tell of those named rightly, too")
+parser.add_argument("--tuned", action="store_true", help="without the third that is held back")
+arguments = parser.parse_args()
+found = []
+for bug in all_bugs():
+    if arguments.area in bug.area and arguments.name in bug.name and not (arguments.tuned and bug.held_back):
+        found.append(said(bug))
+        if arguments.all or found[-1].verdict != "right":
+            print(f"{found[-1].verdict.upper()}: {bug.area}, {bug.name} (to be told: {bug.right})")
+            print("".join(f"    {line}\n" for line in found[-1].lines), end="", flush=True)
+print("\n".join(table(found)))
+sys.exit(0)
