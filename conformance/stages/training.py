@@ -26,7 +26,7 @@ DOT = 0.125
 
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
-    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-19).
+    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-4).
 
     Multiplying by a rounded 2 / (H W) has two roundings, fewer than the quotient that is allowed for.
     """
@@ -119,7 +119,7 @@ def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: 
         once = exact(1 + change, COMPONENTS)
         each = exact(factor) * once * once
         of_each = exact(min(each.near, 1.0)) if change > 0 else each
-        return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).power(distinct_halvings)
+        return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).raised(distinct_halvings)
 
     lowest, exactly, highest = (product(change) for change in (-EPS, 0.0, EPS))
     value = certain(exactly)
@@ -198,7 +198,7 @@ def adan_oracle(
 def _correction(beta: float, k: I8) -> Expansion:
     """1 - beta^k for k (n, 1)."""
     distinct_k, inverse = np.unique(k, return_inverse=True)
-    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).power(distinct_k)
+    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).raised(distinct_k)
     return (exact(1.0) - powers)[inverse.reshape(k.shape)]
 
 

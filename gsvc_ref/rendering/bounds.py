@@ -64,7 +64,7 @@ def gamma(k: ArrayLike) -> F8:
 
 
 def additions(terms: ArrayLike, rows: ArrayLike = 0, columns: ArrayLike = 0) -> F8:
-    """The most additions D that a term of a sum takes part in, spec.md (13-19).
+    """The most additions D that a term of a sum takes part in, spec.md (13-4).
 
     Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of pixels
     may also go by rows and then columns.
