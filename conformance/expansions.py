@@ -377,7 +377,7 @@ def chunks(count: int, size: int = 4096) -> Iterator[slice]:
 
 def _collected(parts: F8, radius: F8, most: int) -> Expansion:
     """The sum of parts in at most `most` components."""
-    kept = []
+    kept: list[F8] = []
     while len(parts) and len(kept) < most:
         errors = []
         while (count := len(parts)) > 1:

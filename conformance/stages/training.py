@@ -118,7 +118,7 @@ def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: 
         """The rates where every rounding changes a number by a factor of 1 + change."""
         once = exact(1 + change, COMPONENTS)
         each = exact(factor) * once * once
-        of_each = exact(min(each.near, 1.0)) if change > 0 else each
+        of_each = exact(np.minimum(each.near, 1.0)) if change > 0 else each
         return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).raised(distinct_halvings)
 
     lowest, exactly, highest = (product(change) for change in (-EPS, 0.0, EPS))
@@ -164,12 +164,9 @@ def adan_oracle(
     subtractions are covered as well as one. Near n = 0 the root's error is the difference of roots, against which
     stands epsilon.
     """
-    all_steps = steps
     first, inverse, _ = distinct(parameters, gradients, m, v, n, previous, steps)
-    parameters, gradients, m, v, n, previous, steps = (
-        rows[first] for rows in (parameters, gradients, m, v, n, previous, steps)
-    )
-    k = steps[:, None] + 1
+    parameters, gradients, m, v, n, previous = (rows[first] for rows in (parameters, gradients, m, v, n, previous))
+    k = steps[first, None] + 1
     b1, b2, b3 = rounded_once(beta1), rounded_once(beta2), rounded_once(beta3)
     c1, c2, c3 = (rounded_once(_correction(beta, np.ones((1, 1), np.int64))) for beta in (beta1, beta2, beta3))
     g = given(gradients) * given(units)
@@ -191,7 +188,7 @@ def adan_oracle(
         "v": expected(new_v[inverse]),
         "n": expected(new_n[inverse]),
         "previous": expected(g[inverse]),
-        "steps": Exact(all_steps + 1),
+        "steps": Exact(steps + 1),
     }
 
 

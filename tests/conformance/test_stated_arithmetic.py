@@ -68,7 +68,18 @@ def test_every_module_of_stages_is_looked_at():
 
 
 @pytest.mark.parametrize(
-    "line", ["np.exp(x)", "a @ b", "x.sum()", "a ** b", "a ** 0.5", "np.linalg.norm(x)", "x **= 3", "np.add.reduce(x)", "from numpy import exp"]
+    "line",
+    [
+        "np.exp(x)",
+        "a @ b",
+        "x.sum()",
+        "a ** b",
+        "a ** 0.5",
+        "np.linalg.norm(x)",
+        "x **= 3",
+        "np.add.reduce(x)",
+        "from numpy import exp",
+    ],
 )
 def test_others_are_found(line):
     assert unstated(line)
