@@ -206,7 +206,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
     u1, u2, d1, d2 = abs(pixels.u1), abs(pixels.u2), errors.delta_1, errors.delta_2
     either = pixels.covered | errors.band
     rows, columns = (np.count_nonzero(either.any(axis=axis)) for axis in (1, 0))
-    order = gamma(additions(np.count_nonzero(either), rows, columns) + 4)
+    order = gamma(additions(np.count_nonzero(either), int(rows), int(columns)) + 4)
     d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
 
     def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:
