@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.distinct import distinct
 from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from conformance.stage import Values, numbered, stage
@@ -215,8 +216,9 @@ def edge_margins(parameters: F4, width: int, height: int) -> F8:
     -------
     (N,) f8: the least |sigma - ln 255| over its error (`gsvc_ref.rendering.bounds`) of any pixel of the frame.
     """
-    margins = np.full(len(parameters), np.inf)
-    for n, _, pixels, errors in error_footprints(parameters, width, height):
+    first, inverse, _ = distinct(parameters)
+    margins = np.full(len(first), np.inf)
+    for n, _, pixels, errors in error_footprints(parameters[first], width, height):
         error = errors.d_sigma + EPS * SUPPORT_SIGMA + ETA
         margins[n] = np.min(abs(pixels.sigma - SUPPORT_SIGMA) / error)
-    return margins
+    return np.asarray(margins[inverse])
