@@ -20,12 +20,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 FAR: Final = 2.0**-29
-"""How much of a bound the kit's own oracle, in binary64, may use.
+"""How much of a bound the kit's own oracle may use.
 
-The bounds are sums of terms that are proportional to eps = 2^-23 or to higher powers of it, one for each operation, or
-cover an underflow. The oracle performs the same operations to the nearest binary64, where each is off by at most
-2^-53 = 2^-30 eps, and nothing underflows: it is within 2^-30 of the bound, and 2^-29 leaves a factor 2 for what the
-bound rounds itself. A decision of coverage within the rounding of binary64 would be an exception; no case has one.
+Its values are the true ones, rounded once to binary64: off by 2^-53 of themselves at most, where bounds allow for eps =
+2^-23 at least. That is 2^-30 of the bound; 2^-29 leaves a factor 2 for what the bound rounds itself. Nothing is left of
+it where terms cancel and the bound is that of the magnitudes.
 """
 
 Variant = Callable[..., Mapping[str, Any]]
