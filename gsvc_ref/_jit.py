@@ -1,6 +1,5 @@
 """How gsvc_ref compiles: one typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
-import os
 import shutil
 import sys
 import types
@@ -9,17 +8,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
-from gsvc_ref._kernel_folder import ADVICE, chosen_folder, stale_folders
-from gsvc_ref.errors import UsageError
-
-try:
-    import numba
-except ValueError as error:
-    variables = ", ".join(name for name in os.environ if name.startswith("NUMBA_"))
-    reason = str(error).rstrip(".")
-    raise UsageError(f"Numba does not start ({reason}): correct or unset {variables}") from None
-
+from gsvc_ref._compiler import numba
 from gsvc_ref._kernel_cache import FOLDER, KernelCache
+from gsvc_ref._kernel_folder import ADVICE, chosen_folder, stale_folders
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gsvc_ref.files import PartialFile, remove_leftovers
+from gsvc_ref.files import PartialFile, complete_file, remove_leftovers, write_text
 from gsvc_ref.video import ColorDescription, VideoFormat, libav_writer, open_writer, y4m
 
 VIDEO = VideoFormat(16, 16, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
@@ -180,3 +180,114 @@ def test_an_interrupt_while_leftovers_are_removed_leaves_no_file_of_its_own(tmp_
     with pytest.raises(KeyboardInterrupt):
         open_writer(tmp_path / ("x.y4m" if module is y4m else "x.mkv"), VIDEO)
     assert list(tmp_path.iterdir()) == []
+
+
+DEVICE_TEXT = "a page\n"
+
+
+def made_device(path: Path) -> Path:
+    """Another null device, where this user may make one."""
+    try:
+        os.mknod(path, stat.S_IFCHR | 0o600, os.stat("/dev/null").st_rdev)
+    except (OSError, AttributeError):
+        pytest.skip("only root makes devices")
+    return path
+
+
+@posix
+def test_text_goes_to_a_device_and_leaves_it_one(tmp_path):
+    """The machine's null device was replaced by a report."""
+    path = made_device(tmp_path / "null")
+    write_text(DEVICE_TEXT, path)
+    assert stat.S_ISCHR(path.stat().st_mode)
+    assert names(tmp_path) == ["null"]
+
+
+@posix
+def test_text_goes_through_a_pipe(tmp_path):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with subprocess.Popen(["cat", str(path)], stdout=subprocess.PIPE, text=True) as reader:
+        write_text(DEVICE_TEXT, path)
+        assert reader.communicate(timeout=60)[0] == DEVICE_TEXT
+    assert stat.S_ISFIFO(path.stat().st_mode)
+
+
+@posix
+def test_text_follows_a_link_and_leaves_it_one(tmp_path):
+    (tmp_path / "link").symlink_to("target")
+    for text in ("first", "second"):  # the target is made, then replaced
+        write_text(text, tmp_path / "link")
+        assert (tmp_path / "target").read_text() == text
+    assert (tmp_path / "link").is_symlink()
+    assert names(tmp_path) == ["link", "target"]
+
+
+@posix
+def test_a_link_that_was_planted_beside_a_page_is_not_followed(tmp_path):
+    precious = tmp_path / "precious"
+    precious.write_text("precious")
+    for name in ("page.html.part", f".page.html.{os.getpid()}-0.part", f".page.html.{os.getpid()}-1.part"):
+        (tmp_path / name).symlink_to(precious)
+    write_text(DEVICE_TEXT, tmp_path / "page.html")
+    assert precious.read_text() == "precious"
+    assert (tmp_path / "page.html").read_text() == DEVICE_TEXT
+    assert not (tmp_path / "page.html").is_symlink()
+
+
+def test_a_page_that_cannot_be_completed_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "page.html"
+    write_text("old", path)
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "Input/output error")))
+    with pytest.raises(OSError, match="Input/output"):
+        write_text("new", path)
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["page.html"]
+
+
+def test_text_that_is_no_unicode_is_written_with_escapes(tmp_path):
+    write_text("a\udcffb\n", tmp_path / "page")
+    assert (tmp_path / "page").read_bytes() == b"a\\udcffb\n"
+
+
+WRITES = """
+import sys
+from gsvc_ref.files import write_text
+print("before")
+write_text("the page\\n", sys.argv[1])
+print("after")
+"""
+
+
+@posix
+@pytest.mark.parametrize("name", ["-", "/dev/stdout", "/dev/fd/1"])
+@pytest.mark.parametrize("to", ["pipe", "file"])
+def test_text_for_standard_output_goes_there_in_its_turn(tmp_path, name, to):
+    """With output in a file, the file was replaced by the page, and what was printed was lost."""
+    with (tmp_path / "out").open("w+b") as file:
+        target = file if to == "file" else subprocess.PIPE
+        run = subprocess.run([sys.executable, "-c", WRITES, name], stdout=target, timeout=60, check=True)
+        file.seek(0)
+        assert (run.stdout or file.read()) == b"before\nthe page\nafter\n"
+    assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+def test_a_full_disk_has_the_name_of_the_file(monkeypatch):
+    with pytest.raises(OSError, match="No space left on device: '/dev/full'"):
+        write_text(DEVICE_TEXT, "/dev/full")
+    with pytest.raises(OSError, match="No space left on device: '/dev/full'"), complete_file(Path("/dev/full")) as file:
+        file.write(bytes(1 << 20))  # more than is held back
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        with pytest.raises(OSError, match="No space left on device: 'standard output'"):
+            write_text(DEVICE_TEXT, "-")
+        monkeypatch.undo()
+        with pytest.raises(OSError, match="No space left"):
+            full.close()
+
+
+def test_an_error_of_the_caller_is_not_that_of_the_file(tmp_path):
+    with pytest.raises(OSError, match="Broken") as caught, complete_file(tmp_path / "x"):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+    assert caught.value.filename is None

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-import gsvc_ref._jit  # noqa: F401  (before Numba: it says what is wrong with Numba's variables)
+import gsvc_ref._compiler  # noqa: F401  (before Numba: it says what is wrong with Numba's variables)
 
 # isort: split
 from numba.core import event

@@ -66,7 +66,7 @@ def encode(
     GsvcError
         The source cannot be read, or has no frames.
     UsageError
-        The settings do not fit the source, or a frame its format.
+        The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
     IncompleteEncodeError
         One of these two came after at least one complete frame; `report` tells what was saved.
     OSError

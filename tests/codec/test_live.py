@@ -1,6 +1,7 @@
 """A stream that is written live is, at every moment, decodable up to its last complete frame."""
 
 import io
+import os
 import random
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 from codec_cases import Counting, complete_frames, encoded, fast, same, video_format, waves
 
 from gsvc_ref.bitstream import StreamWriter
-from gsvc_ref.codec import IncompleteEncodeError, Stream, decode, encode
+from gsvc_ref.codec import IncompleteEncodeError, Stream, decode, encode, ends
 from gsvc_ref.errors import GsvcError, UsageError
 
 SMALL = video_format(24, 16)
@@ -178,3 +179,39 @@ def test_the_writer_flushes_what_it_has_been_given(tmp_path: Path):
     with Stream(path) as stream:
         ends = [frame.offset + frame.size for frame in stream]
     assert {size for frame, size in sizes if frame} <= set(ends)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
+def test_of_two_encodes_to_one_file_the_second_is_refused(tmp_path):
+    """Both ended well, and their frames stood mixed in the file."""
+    path = tmp_path / "clip.gsvc"
+    refused = []
+
+    def second(progress):
+        if path.exists() and not refused:
+            with pytest.raises(UsageError, match=r"another encode writes to .*clip\.gsvc: wait for its end") as caught:
+                encode((CLIP, SMALL), path, fast(), live=True)
+            refused.append(caught.value)
+
+    encode((CLIP, SMALL), path, fast(), live=True, progress=second)
+    assert refused
+    assert same(list(decode(path)), list(decode(encoded(CLIP, fast())[1])))
+    encode((CLIP, SMALL), path, fast(), live=True)  # when the first has ended, the file is free
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
+def test_a_file_that_its_encode_removes_is_made_anew(tmp_path, monkeypatch):
+    """Between the opening and the lock, the encode that held the file may end without a frame, and remove it."""
+    path = tmp_path / "clip.gsvc"
+    tries = []
+
+    def lock(file, try_lock=ends.try_lock):
+        tries.append(file)
+        if len(tries) == 1:
+            path.unlink()
+        return try_lock(file)
+
+    monkeypatch.setattr(ends, "try_lock", lock)
+    encode((CLIP, SMALL), path, fast(), live=True)
+    assert len(tries) == 2
+    assert len(list(decode(path))) == 5

@@ -16,6 +16,7 @@ from conformance import reference
 from conformance.__main__ import COMMANDS, main
 from conformance.commands import list as listing
 from conformance.report.json import from_object
+from conformance.selection import VectorFolder
 from conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
@@ -484,6 +485,35 @@ def test_mutants(folder, monkeypatch, capsys):
     assert main([*words, "--mutant", "found-*", "--level", "core", "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"found-early": ["core/scale/by_two"], "found-late": []}
     assert main([*words, "--mutant", "none"]) == 2
+
+
+def test_mutants_of_a_selection_are_those_that_it_is_to_find(folder, monkeypatch, capsys):
+    """All others survived it, and the exit code was 1."""
+    mutants = (
+        ToyMutant("of-paint", {"paint"}),
+        ToyMutant("of-both", {"paint", "halve"}),
+        ToyMutant("claimed", {"halve"}),
+        ToyMutant("alive", {"halve"}),
+    )
+    killed = {"of-both": "core/halve/one_to_six"}
+    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
+    monkeypatch.setattr("conformance.mutants.called", lambda stage, inputs: frozenset({stage.name}))
+    monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
+    monkeypatch.setattr(
+        VectorFolder, "killed_by", lambda self, names: {"claimed"} if "core/scale/by_two" in names else {}
+    )
+    words = ["mutants", "--vectors", str(folder), "--quiet", "--stage", "halve"]
+    assert main([*words, "--mutant", "*[bd]*"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "of-both: core/halve/one_to_six",
+        "",
+        "1 mutant: every mutant is found",
+        "1 mutant left out: the vectors that are not selected are to find them",
+    ]
+    assert main([*words]) == 1
+    assert "alive SURVIVES" in capsys.readouterr().out
+    assert main([*words, "--mutant", "of-paint"]) == 2
+    assert "none of 1 mutant is one that the selected vectors are to find" in capsys.readouterr().err
 
 
 def test_streams_asks_for_sensible_numbers(tmp_path):

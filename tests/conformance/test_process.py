@@ -113,6 +113,7 @@ GOOD = b"{'descr': '<i8', 'fortran_order': False, 'shape': (2,), }\n"
 BAD_HEADERS = {
     "shape": header(GOOD.replace(b"2,", b"3,")) + bytes(16),
     "negative": header(GOOD.replace(b"2,", b"-1,-2")) + bytes(16),
+    "true": header(GOOD.replace(b"2,", b"True,")) + bytes(8),
     "no-length": header(GOOD.replace(b"2,", b"0,10**30")) + bytes(16),
     "giant": header(GOOD.replace(b"2,", b"0, 1" + b"0" * 30)),
     "short": header(GOOD) + bytes(15),

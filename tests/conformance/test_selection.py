@@ -1,13 +1,16 @@
 """Which vectors are run, and that they are what SHA256SUMS and the schema say."""
 
+import hashlib
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import toy_stages
 from toy_stages import INPUTS
 
+from conformance.__main__ import main
 from conformance.expectations import Exact
 from conformance.selection import Selection, VectorFolder, check_manifest
 from conformance.vectors import SUMS, files_of, from_files
@@ -66,6 +69,89 @@ def test_unknown_manifest_fields_are_refused(folder, change, named):
     check_manifest(manifest["id"], manifest)
     with pytest.raises(UsageError, match=named):
         check_manifest(manifest["id"], change(manifest) or manifest)
+
+
+def with_sums(folder, extra=b""):
+    """The folder, with the sums of what it holds now."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.*"))
+    lines = (f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in names)
+    (folder / "SHA256SUMS").write_bytes("".join(lines).encode() + extra)
+    return folder
+
+
+def changed(text=None, **change):
+    """What writes the manifest of a vector anew: a text, or some of its fields."""
+
+    def write(path):
+        manifest = json.loads(path.read_text())
+        for kind, entries in change.items():
+            manifest[kind] = entries(manifest[kind]) if callable(entries) else entries
+        path.write_text(json.dumps(manifest) if text is None else text)
+
+    return write
+
+
+def renamed(old, new):
+    return lambda entries: {new if name == old else name: entry for name, entry in entries.items()}
+
+
+def pickled(path):
+    np.save(path.with_name("values.npy"), np.array([{}], object), allow_pickle=True)
+
+
+def zipped(path):
+    with path.with_name("values.npy").open("wb") as file:
+        np.savez(file, values=np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (changed(inputs=renamed("values", "/tmp/x/evil")), "has the inputs /tmp/x/evil, factor; those of scale are"),
+        (changed(inputs=renamed("values", "../../evil")), "those of scale are factor, values"),
+        (changed(outputs=renamed("scaled", "other")), "has the outputs other; those of scale are scaled"),
+        (changed(stage="halve"), "is that of core/scale/by_two, stage halve"),
+        (changed(stage="nothing"), "stage nothing"),
+        (changed(id="core/scale/other"), "is that of core/scale/other"),
+        (changed(title=5), "the title in the manifest of core/scale/by_two is 5, not a text"),
+        (changed("[]"), "manifest.json holds list, not an object"),
+        (changed("{"), "cannot be read"),
+        (changed("[" * 100_000), "cannot be read"),
+        (changed(inputs=[]), "cannot be read"),
+        (changed(inputs=lambda entries: dict.fromkeys(entries, 5)), "cannot be read"),
+        (changed(inputs=lambda entries: {name: {"file": "../../../../etc/hostname"} for name in entries}), "cannot be"),
+        (changed(inputs=lambda entries: {name: {"value": "text"} for name in entries}), "is no array of numbers"),
+        (changed(outputs=lambda entries: {name: {} for name in entries}), "cannot be read"),
+        (pickled, "cannot be read"),
+        (zipped, "is no array of numbers"),
+    ],
+)
+def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkeypatch, capsys, change, words):
+    """Code 2 and a sentence: names of inputs became names of files, and what was no manifest was a fault of the kit."""
+    change(folder / "core/scale/by_two/manifest.json")
+    with_sums(folder)
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["run", "--vectors", str(folder), "--impl", "true", "--stage", "scale", "--case", "*/by_two"]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert sorted(tmp_path.rglob("*")) == before
+    assert not Path("/tmp/x").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (b"\xff\n", "SHA256SUMS is damaged"),
+        (b"no sum\n", "SHA256SUMS is damaged"),
+        (b"0  core/scale/../manifest.json\n", "core/scale/.. is a vector of a level or stage that this kit does not"),
+        (b"0  core/scale/.hidden/manifest.json\n", "core/scale/.hidden is a vector"),
+        (b"0  /core/scale/manifest.json\n", "/core/scale is a vector"),
+    ],
+)
+def test_sums_that_are_none(folder, capsys, line, words):
+    with_sums(folder, line)
+    assert main(["run", "--vectors", str(folder), "--impl", "true"]) == 2
+    assert words in capsys.readouterr().err
 
 
 def test_an_output_may_have_the_name_of_an_input(toys):

@@ -258,6 +258,12 @@ def test_any_header_is_read_or_refused(rest, tail):
             assert frame.shape[2] == 3
 
 
+def test_a_header_of_a_frame_that_is_too_long_is_told_as_that():
+    reader = open_video(io.BytesIO(PLAIN + b"FRAME " + b"x" * 5000 + b"\n" + FRAME))
+    with pytest.raises(GsvcError, match="frame 0 has a header of more than 4096 bytes"):
+        list(reader)
+
+
 @pytest.mark.parametrize("cut", range(1, len(FRAME)))
 def test_a_cut_frame_comes_after_the_complete_ones(cut):
     reader = open_video(io.BytesIO(PLAIN + 2 * FRAME + FRAME[:cut]))
