@@ -18,10 +18,10 @@ _HALF_PI: Final = (1.570796325802803, 9.920935739593517e-10, 5.721188726109832e-
 """pi / 2 in three pieces; the products of the first two by whole numbers up to 2^26 are exact."""
 
 _EXP: Final = tuple(1 / math.factorial(n) for n in range(14))
-_SIN: Final = tuple((-1) ** n / math.factorial(2 * n + 1) for n in range(9))
-_COS: Final = tuple((-1) ** n / math.factorial(2 * n) for n in range(9))
+_SIN: Final = tuple((1, -1)[n % 2] / math.factorial(2 * n + 1) for n in range(9))
+_COS: Final = tuple((1, -1)[n % 2] / math.factorial(2 * n) for n in range(9))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(12))
-_ARCTAN: Final = tuple((-1) ** n / (2 * n + 1) for n in range(13))
+_ARCTAN: Final = tuple((1, -1)[n % 2] / (2 * n + 1) for n in range(13))
 _STEPS: Final = 8
 """The arc tangent is a polynomial around the multiples of an eighth, whose arc tangents are known."""
 

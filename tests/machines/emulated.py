@@ -33,6 +33,15 @@ exec chroot "$ROOT" /usr/bin/env -i PATH=/usr/bin:/bin HOME=/tmp LANG=C.UTF-8 PY
 """In the namespaces: qemu for programs of the other processor, then the command in its root."""
 
 
+PHOTOGRAPHS: Final = """
+from pathlib import Path
+import numpy, PIL.Image
+def __getattr__(name):
+    return lambda: numpy.asarray(PIL.Image.open(Path(__file__).with_name(name + ".png")))
+"""
+"""A package skimage.data in few words."""
+
+
 class CannotRunError(Exception):
     """Why a machine cannot run here, and what to do."""
 
@@ -115,6 +124,8 @@ class Emulator:
                 run(["dpkg-deb", "-x", str(package), str(self.root)], self.folder)
             for wheel in self._wheels():
                 zipfile.ZipFile(wheel).extractall(self.root / "site")
+            if not self.processor.wheels:
+                self._photographs()
             (self.root / "ready").touch()
 
     def command(self, words: Sequence[str], settings: Sequence[str] = ()) -> tuple[list[str], dict[str, str]]:
@@ -164,6 +175,17 @@ class Emulator:
         install = ["apt-get", "install", "--quiet=2", "--yes", "--download-only"]
         run([*install, *self.processor.packages], state, environment)
         return sorted((state / "cache/archives").glob("*.deb"))
+
+    def _photographs(self) -> None:
+        """The picture files of this machine's scikit-image; Debian's package of it would bring a hundred others."""
+        import skimage.data
+
+        data = self.root / "site/skimage/data"
+        data.mkdir(parents=True)
+        (data.parent / "__init__.py").touch()
+        (data / "__init__.py").write_text(PHOTOGRAPHS)
+        for name in ("astronaut", "chelsea", "coffee"):
+            shutil.copy(Path(skimage.data.__file__).with_name(f"{name}.png"), data)
 
     def _wheels(self) -> list[Path]:
         """PyPI's wheels for the root's Python."""
