@@ -142,9 +142,7 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
     if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * _product(shape):
         raise ValueError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
     if dtype.str.startswith(">"):
-        raise ValueError(
-            f"{name} has numbers of type {dtype.str}, the most significant byte first; it must be the last"
-        )
+        raise ValueError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
     flat = np.frombuffer(data, dtype, offset=file.tell())
     try:
         return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")

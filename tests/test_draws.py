@@ -108,6 +108,8 @@ SMALL = np.concatenate([np.linspace(-700, 700, 999), np.linspace(-2, 2, 2001)])
     [
         (portable.exp, math.exp, (SMALL,), 0),
         (portable.log, math.log, (POSITIVE,), 2**-51),
+        (portable.log2, math.log2, (POSITIVE,), 2**-50),
+        (portable.log10, math.log10, (POSITIVE,), 2**-50),
         (portable.sin, math.sin, (ANGLES,), 2**-51),
         (portable.cos, math.cos, (ANGLES,), 2**-51),
         (portable.arctan2, math.atan2, (ANGLES, ANGLES[::-1]), 2**-50),
@@ -126,6 +128,8 @@ def test_functions_have_their_values(function, known, places, absolute):
 def test_values_that_must_be_exact():
     assert (portable.exp(0), portable.log(1), portable.sin(0), portable.cos(0)) == (1, 0, 0, 1)
     assert portable.power(3.0, 0) == 1
+    assert [portable.whole_power(0.5, k) for k in (0, 1, 7, 1074)] == [1, 0.5, 2**-7, 2**-1074]
+    assert portable.whole_power(0.9, 10) == pytest.approx(0.9**10, rel=1e-14)
     assert portable.exp(-1e4) == 0
     assert portable.arctan2([0, 0, 1, -1, 0], [0, 1, 0, 0, -1]).tolist() == [
         0, 0, math.pi / 2, -math.pi / 2, math.pi,
