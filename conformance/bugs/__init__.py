@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from conformance.bugs import bitstream, color, gradients, quantization, reconstruction, rendering, training
+from conformance.bugs import bitstream, color, gradients, quantization, reconstruction, reductions, rendering, training
 from conformance.mutants import Mutant
 
 MUTANTS: Final[tuple[Mutant, ...]] = (
@@ -10,6 +10,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     *reconstruction.MUTANTS,
     *rendering.MUTANTS,
     *gradients.MUTANTS,
+    *reductions.MUTANTS,
     *training.MUTANTS,
     *quantization.MUTANTS,
     *color.MUTANTS,

@@ -18,15 +18,16 @@ from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
 from conformance.diagnosis.streams import refusal_sentence
 from conformance.expectations import Bounded, Refusal
+from conformance.stage import input_size
 from conformance.vectors import Vector
 
-__all__ = ["EXAMINED", "Failure", "bugs_for", "diagnose", "examined"]
+__all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
 
 EXAMINED: Final = 12
-"""Failures of a stage that are looked at: those with the smallest inputs, and the largest ones."""
+"""Failures of a stage that are looked at, from the smallest inputs to the largest."""
 
-LARGEST: Final = 3
-"""So many of these are the largest."""
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", catalogue.ALIKE)
+"""How sentences begin that say where errors are, not what they are."""
 
 TOLD: Final = 3
 """So many sentences are told of one failure."""
@@ -42,17 +43,11 @@ FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 
 
 def examined(failures: Sequence[Failure]) -> list[Failure]:
-    """The failures that are looked at, the simplest first."""
-    ordered = sorted(failures, key=lambda failure: input_size(failure.vector))
-    return ordered if len(ordered) <= EXAMINED else [*ordered[: EXAMINED - LARGEST], *ordered[-LARGEST:]]
-
-
-def input_size(vector: Vector) -> int:
-    """The bytes of a vector's inputs."""
-    return sum(
-        value.nbytes if isinstance(value, np.ndarray) else len(value) if isinstance(value, bytes) else 8
-        for value in vector.inputs.values()
-    )
+    """The failures that are looked at, of all sizes, the simplest first."""
+    ordered = sorted(failures, key=lambda failure: input_size(failure.vector.inputs))
+    if len(ordered) <= EXAMINED:
+        return ordered
+    return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
 
 
 def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
@@ -73,7 +68,8 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
     chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
     looks = generic_looks(chosen, passed)
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
-    named = catalogue.named(unnamed, passed)
+    accounted = {name for name, look in looks.items() if look.strong}
+    named = catalogue.named(unnamed, passed, accounted)
     common = common_condition([Failure(*failure).vector for failure in failures], passed)
     return {
         failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id, []), common)

@@ -21,8 +21,8 @@ from conformance.vectors import Vector
 LEAST_SHARE: Final = 0.5
 """Of the vectors that would show an account, the fraction that must show it."""
 
-SMALL: Final = 8
-"""In an output with fewer items a place says little."""
+SMALL: Final = 16
+"""In an output with fewer elements a place says little."""
 
 Key = tuple[str, str]
 """The id of a vector and an output."""
@@ -55,15 +55,28 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
             wrong_parts[name, part.name] = part
             lost, weak[name, part.name] = _placed(part), _places(failure, part)
             strong[name, part.name] = [*_accounts(failure, part), *altered, *lost]
+        if exchanged := _exchanged(failure, found):
+            told[name].strong.append(exchanged)
+        if altered and not found:
+            told[name].strong.append(altered[0].sentence)
     for table, strongly in ((strong, True), (weak, False)):
-        for (name, _), sentence in _chosen(table, wrong_parts, passed).items():
-            sentences = told[name].strong if strongly else told[name].weak
-            if sentence not in sentences:
-                sentences.append(sentence)
+        for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
+            (told[name].strong if strongly else told[name].weak).append(sentence)
     for failure in failures:
         look = told[failure.vector.id]
         look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
     return told
+
+
+def _by_vector(chosen: dict[Key, str], wrong: dict[Key, Part]) -> Iterator[tuple[str, str]]:
+    """Each vector with its sentences; they say which outputs they are of where they are not of all."""
+    homes: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for (name, output), sentence in chosen.items():
+        homes[name, sentence].append(output)
+    for (name, sentence), outputs in homes.items():
+        several = len(next(part for key, part in wrong.items() if key[0] == name).stage.outputs) > 1
+        everywhere = len(outputs) == sum(key[0] == name for key in wrong) > 1
+        yield name, f"{sentence} (of {', '.join(outputs)})" if several and not everywhere else sentence
 
 
 def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
@@ -74,15 +87,25 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
         return
     value = part.expectation.value
     if (sentence := layout_cause(value, part.given, names)) and NOTHING_WRITTEN not in sentence:
-        yield Candidate(sentence)
+        where = [names[place] for place in np.flatnonzero(part.wrong)] if part.name == "header" else []
+        yield Candidate(f"{sentence}: {', '.join(where)}" if where else sentence)
         return
     yield from ratio_candidates(part, failure.vector.inputs)
     yield from sum_candidates(failure, part)
 
 
+def _exchanged(failure: Failure, found: Sequence[Part]) -> str:
+    """Two outputs that stand in each other's place; '' if there are none."""
+    for place, a in enumerate(found):
+        for b in found[place + 1 :]:
+            if a.right.shape == b.right.shape and a.agrees(b.right) and b.agrees(a.right):
+                return f"outputs {a.name} and {b.name} exchanged"
+    return ""
+
+
 def _placed(part: Part) -> list[Candidate]:
     """The places of a part that was lost."""
-    if not part.right.shape or len(part.right) < SMALL:
+    if part.right.size < SMALL:
         return []
     lost = not part.mine[part.wrong].any() or np.isnan(part.mine[part.wrong]).all()
     return list(region_candidates(part)) if lost else []

@@ -71,7 +71,7 @@ def size_hint(k: int) -> str:
 
 def axes(part: Part) -> list[Axis]:
     """The axes of an output that is no table's columns: its items, and for pictures rows, columns and all pixels."""
-    letters = [letter.upper() for letter in dimensions(next(p for p in part.stage.outputs if p.name == part.name))]
+    letters = [letter.upper() for letter in dimensions(part.stage, part.name)]
     if not ("H" in letters and "W" in letters):
         return [_axis(f"{item(part.stage, part.name)}s", lambda s, g: g[0])] if part.right.shape else []
     y, x = letters.index("H"), letters.index("W")
@@ -93,8 +93,7 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
     """What the place of the wrong elements looks like, the most telling first; nothing where all are wrong."""
     if part.right.size < 2 or not part.right.shape:
         return
-    state, seen = _content(part)
-    whose = f" of {part.name}" if len(part.stage.outputs) > 1 else ""
+    state, seen = content(part)
     for axis in axes(part):
         index = axis.index(part.right.shape)
         size = int(index.max()) + 1
@@ -102,11 +101,11 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
         if wrong.sum() and (visible & ~wrong).any():
             for words, where in _shapes(wrong, visible | wrong):
                 sentence = words.replace("NOUN", axis.noun).replace("IS", f"are {state}")
-                yield Candidate(sentence + whose, _would_show(axis, where))
+                yield Candidate(sentence, _would_show(axis, where))
     yield from _edges(part, state, seen)
 
 
-def _content(part: Part) -> tuple[str, Mask]:
+def content(part: Part) -> tuple[str, Mask]:
     """What the wrong elements hold, and which elements could show it."""
     held = part.mine[part.wrong]
     with np.errstate(invalid="ignore"):
@@ -200,7 +199,6 @@ def _edges(part: Part, state: str, seen: Mask) -> Iterator[Candidate]:
 def column_candidates(part: Part) -> Iterator[Candidate]:
     """The columns or channels that alone are wrong, by name; nothing where all are."""
     names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
-    whose = f" (of {part.name})" if len(part.stage.outputs) > 1 else ""
     if part.name == "header":
         yield Candidate(f"errors in {', '.join(names[place] for place in np.flatnonzero(part.wrong))} alone")
         return
@@ -210,4 +208,5 @@ def column_candidates(part: Part) -> Iterator[Candidate]:
     able = part.differs(np.zeros(part.right.shape)).reshape(-1, len(names)).any(axis=0)
     if not bad[able].all():
         listed = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
-        yield Candidate(f"errors in {listed} alone{whose}")
+        state = content(part)[0]
+        yield Candidate(f"{listed} {state}" if state in ("0", "NaN") else f"errors in {listed} alone")

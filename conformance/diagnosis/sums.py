@@ -29,13 +29,12 @@ def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     total = terms.finish(terms.base + terms.terms.sum(axis=0))
     if not flat.wrong.any() or (~(abs(total - flat.right) <= flat.slack(total) + flat.allowed)).mean() > 0.1:
         return  # the right output is not this sum, as where a dead codeword is replaced
-    what = f" (of {part.name})" if len(part.stage.outputs) > 1 else ""
     for sentence, weights in _weights(terms):
-        if flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
-            yield Candidate(sentence + what)
-    yield from (Candidate(sentence + what) for sentence in _prefixes(terms, flat))
-    yield from (Candidate(sentence + what) for sentence in _stored(terms, flat))
-    yield from (Candidate(sentence + what) for sentence in _solved(terms, flat))
+        if (terms.size is None or weights.any()) and flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
+            yield Candidate(sentence)
+    yield from (Candidate(sentence) for sentence in _prefixes(terms, flat))
+    yield from (Candidate(sentence) for sentence in _stored(terms, flat))
+    yield from (Candidate(sentence) for sentence in _solved(terms, flat))
 
 
 def _flat(part: Part, chosen: Array) -> Part:

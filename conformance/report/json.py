@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary
+from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary, Table
 from gsvc_ref.errors import UsageError
 
 FORMAT: Final = "gsvc-conformance-report/1"
@@ -73,14 +73,27 @@ def _result_object(result: Result) -> dict[str, Any]:
     outputs = [
         {"name": out.name, "check": out.check, "passed": out.passed,
          **_filled(message=out.message, ratio=_to_ratio(out.ratio),
-                   place=None if out.place is None else list(out.place), wrong=out.wrong)}
+                   place=None if out.place is None else list(out.place), wrong=out.wrong, refused=out.refused)}
         for out in result.outputs
     ]  # fmt: skip
     return {
         "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
-        **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log),
+        **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log,
+                  table=_table_object(result.table), size=result.size),
         "seconds": round(result.seconds, 3),
     }  # fmt: skip
+
+
+def _table_object(table: Table | None) -> dict[str, Any] | None:
+    if table is None:
+        return None
+    return {"title": table.title, "columns": list(table.columns), "rows": [list(row) for row in table.rows]}
+
+
+def _from_table(entry: Mapping[str, Any] | None) -> Table | None:
+    if entry is None:
+        return None
+    return Table(entry["title"], tuple(entry["columns"]), tuple(tuple(row) for row in entry["rows"]))
 
 
 def _filled(**fields: Any) -> dict[str, Any]:
@@ -115,12 +128,14 @@ def _from_result(entry: Mapping[str, Any]) -> Result:
         OutputResult(
             out["name"], out["check"], out["passed"], out.get("message", ""), _from_ratio(out.get("ratio")),
             None if out.get("place") is None else tuple(out["place"]), out.get("wrong", 0),
+            out.get("refused", ""),
         )
         for out in entry.get("outputs", ())
     )  # fmt: skip
     return Result(
         entry["id"], entry["title"], entry["class"], entry["outcome"], entry.get("message", ""), outputs,
         tuple(entry.get("causes", ())), entry.get("log", ""), entry["seconds"],
+        _from_table(entry.get("table")), entry.get("size", 0),
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ BUGS = (
     before(AREA, "partial tiles lost", STAGE, "whole tile of 16x16", weighted(lambda y, x, s: (y < s[0] // 16 * 16) & (x < s[1] // 16 * 16))),
     before(AREA, "first tile only", STAGE, "tiles of 16x16 from 1|rows of pixels from 16|columns of pixels from 16|tile", weighted(lambda y, x, s: (y < 16) & (x < 16))),
     before(AREA, "lower half lost", STAGE, "lower half|rows of pixels from", weighted(lambda y, x, s: y < s[0] // 2)),
-    before(AREA, "half warps lost", STAGE, "second half of each warp|second half of each 32", weighted(lambda y, x, s: (y % 16 * 16 + x % 16) % 32 < 16)),
+    before(AREA, "half warps lost", STAGE, "second half of each warp|second half of each 32|every second of the rows", weighted(lambda y, x, s: (y % 16 * 16 + x % 16) % 32 < 16)),
     before(AREA, "lane 31 lost", STAGE, "last of each 32 threads|every 32th", weighted(lambda y, x, s: (y % 16 * 16 + x % 16) % 32 != 31)),
     before(AREA, "first 256 pixels", STAGE, "pixels, row after row, from 256", weighted(lambda y, x, s: y * s[1] + x < 256)),
     before(AREA, "last partial block of 64 pixels", STAGE, "partial block of 64", weighted(lambda y, x, s: y * s[1] + x < s[0] * s[1] // 64 * 64)),
