@@ -35,7 +35,7 @@ TOLD: Final = 3
 COARSE: Final = 2.0**-6
 """Relative errors of at most so much may be those of arithmetic."""
 
-ALIKE: Final = 40.0
+ALIKE: Final = 8.0
 """Relative errors of arithmetic are alike: nine tenths are at most so many times the median."""
 
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
@@ -83,7 +83,7 @@ def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[st
     if not told:
         told = _not_numbers(failure) or [*look.weak[:1]] or _imprecision(failure)
     if not told or told == look.weak[:1]:
-        told += [sentence for sentence in (refusal_sentence(failure), common, _outputs(failure)) if sentence]
+        told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
     return list(dict.fromkeys(told))[:TOLD]
 
 

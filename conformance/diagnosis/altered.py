@@ -19,20 +19,50 @@ Change = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 MOST_BYTES: Final = 1_000_000
 """Larger inputs are not tried again and again."""
 
+SMALL: Final = 64
+"""Outputs of fewer integers agree with some altered input by chance: then all failures must show it."""
+
+ALL: Final = 0.9
+"""All failures, or nearly so."""
+
 SECONDS: Final = 2.0
 """A trial that takes longer is given up."""
 
 
-def altered_candidates(failure: Failure, found: list[Part]) -> list[Candidate]:
-    """Which altered inputs give all that was given, in every output."""
-    vector = failure.vector
-    if not found and not any(
-        isinstance(failure.outputs.get(name), np.ndarray) for name in wrong_outputs(vector, failure.outputs)
-    ):
-        return []
-    if sum(value.nbytes for value in vector.inputs.values() if isinstance(value, np.ndarray)) > MOST_BYTES:
-        return []
-    return [Candidate(sentence) for sentence, theirs in _trials(vector) if _same(failure, found, theirs)]
+def altered_candidates(failure: Failure, part: Part) -> list[Candidate]:
+    """Which altered inputs give a wrong output."""
+    least = ALL if part.given.dtype.kind in "iu" and part.right.size < SMALL else 0.0
+    return [
+        Candidate(sentence, None, least)
+        for sentence, theirs in _tried(failure.vector)
+        if _same(part, theirs.get(part.name))
+    ]
+
+
+def altered_form(failure: Failure) -> list[str]:
+    """Which altered inputs give outputs of just the shapes and values that were given, where these have wrong shapes."""
+    wrong = wrong_outputs(failure.vector, failure.outputs)
+    return [
+        sentence for sentence, theirs in _tried(failure.vector)
+        if wrong and all(_equal_arrays(theirs.get(name), failure.outputs.get(name)) for name in wrong)
+    ]  # fmt: skip
+
+
+def _tried(vector: Vector) -> list[tuple[str, Values]]:
+    size = sum(value.nbytes for value in vector.inputs.values() if isinstance(value, np.ndarray))
+    return _trials(vector) if size <= MOST_BYTES else []
+
+
+def _same(part: Part, theirs: Any) -> bool:
+    """Whether an output agrees; what is the same everywhere accounts for nothing."""
+    if not isinstance(theirs, np.ndarray) or theirs.shape != part.right.shape or theirs.dtype != part.given.dtype:
+        return False
+    varied = theirs.size == 1 or bool((theirs != theirs.flat[0]).any())
+    return varied and part.agrees(theirs.astype(np.float64))
+
+
+def _equal_arrays(theirs: Any, mine: Any) -> bool:
+    return isinstance(theirs, np.ndarray) and isinstance(mine, np.ndarray) and np.array_equal(theirs, mine)
 
 
 @lru_cache(maxsize=128)
@@ -58,27 +88,6 @@ def _outputs(stage: str, inputs: Values, change: Change) -> Values | None:
 
 def _equal(a: Any, b: Any) -> bool:
     return np.array_equal(a, b) if isinstance(a, np.ndarray) else bool(a == b)
-
-
-def _same(failure: Failure, found: list[Part], theirs: Values) -> bool:
-    """Whether every wrong output agrees, and every right one stays right."""
-    wrong = {part.name: part for part in found}
-    for name, expectation in failure.vector.expected.items():
-        other = theirs.get(name)
-        if name in wrong:
-            part = wrong[name]
-            if not isinstance(other, np.ndarray) or other.shape != part.right.shape or other.dtype != part.given.dtype:
-                return False
-            if not (other != other.flat[0]).any() or not part.agrees(other.astype(np.float64)):
-                return False  # what is the same everywhere accounts for nothing
-        elif not expectation.judge(other).passed and not _equal_arrays(other, failure.outputs.get(name)):
-            return False
-    return True
-
-
-def _equal_arrays(theirs: Any, mine: Any) -> bool:
-    """Whether an output of a wrong shape is the same."""
-    return isinstance(theirs, np.ndarray) and isinstance(mine, np.ndarray) and np.array_equal(theirs, mine)
 
 
 def _changes(inputs: Mapping[str, Any]) -> Iterator[tuple[str, Change]]:

@@ -96,7 +96,7 @@ def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterab
     vectors = [*passed, *(failure.vector for failure in failures)]
     foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
     return {
-        mutant: number / max(number, *(foreseen[name] for name in mutant.name.split("+")))
+        mutant: number / max(number, foreseen[mutant.name])  # of two bugs at once nothing is foreseen
         for mutant, number in explained.items()
     }
 

@@ -12,10 +12,10 @@ from conformance.vectors import Vector
 
 Conditions = Iterator[tuple[str, Any]]
 
-COMMON: Final = 0.5
+COMMON: Final = 0.75
 """A condition that more of all elements meet says nothing."""
 
-FEWEST: Final = 2
+FEWEST: Final = 3
 """So many vectors must fail, and pass, for what they have in common to be told."""
 
 

@@ -82,9 +82,9 @@ def factor_name(factor: float, sizes: Mapping[str, float]) -> str:
     for name, size in sizes.items():
         for sign in (1, -1):
             if size not in (0.0, 1.0) and _close(factor, sign * size):
-                return f"{'-' * (sign < 0)}{name} times the right numbers ({factor:.6g})"
+                return f"{'-' * (sign < 0)}{name} times the right numbers"
             if size not in (0.0, 1.0) and _close(factor, sign / size):
-                return f"{'-' * (sign < 0)}1/({name}) times the right numbers ({factor:.6g})"
+                return f"{'-' * (sign < 0)}1/({name}) times the right numbers"
     return f"numbers times {factor:.6g}"
 
 

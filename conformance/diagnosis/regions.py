@@ -45,11 +45,15 @@ class Candidate(NamedTuple):
         Whether a vector that expects an array would show it, too; None: not known.
     least
         Of the failures of the stage the fraction that must show it.
+    telling
+        How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
+        number agrees with one of many accounts by chance.
     """
 
     sentence: str
     foresees: Callable[[F8], bool] | None = None
     least: float = 0.0
+    telling: float = 1.0
 
 
 class Axis(NamedTuple):
@@ -100,6 +104,9 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
         wrong, visible = (np.bincount(index[mask].ravel(), minlength=size) > 0 for mask in (part.wrong, seen))
         if wrong.sum() and (visible & ~wrong).any():
             for words, where in _shapes(wrong, visible | wrong):
+                whole = part.wrong[(part.wrong | seen) & where(index, size)]
+                if state != "wrong" and whole.mean() < EXPLAINED:
+                    continue
                 sentence = words.replace("NOUN", axis.noun).replace("IS", f"are {state}")
                 yield Candidate(sentence, _would_show(axis, where))
     yield from _edges(part, state, seen)
@@ -137,7 +144,7 @@ def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Callable[[NDArray
         if start <= size - 1 <= first:
             yield "the last of the NOUN IS", lambda i, n: i == n - 1
         for k in sorted({first, *_round(start, first)}, key=lambda k: (k & (k - 1) != 0, k % LEAST_BLOCK != 0, k)):
-            if 1 < k < size - 1:
+            if 1 < k < size:
                 yield f"NOUN from {k} on IS{size_hint(k)}", lambda i, n, k=k: i >= k
         for block in BLOCKS:
             if size % block and start <= size // block * block <= first and size > block:
@@ -208,5 +215,8 @@ def column_candidates(part: Part) -> Iterator[Candidate]:
     able = part.differs(np.zeros(part.right.shape)).reshape(-1, len(names)).any(axis=0)
     if not bad[able].all():
         listed = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
-        state = content(part)[0]
+        state, k = content(part)[0], int(np.argmax(bad))
+        if names[0] == "stage 0" and k and bad[k:].all():
+            yield Candidate(f"stages from {k} on are {state}")
+            return
         yield Candidate(f"{listed} {state}" if state in ("0", "NaN") else f"errors in {listed} alone")

@@ -29,12 +29,12 @@ def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     total = terms.finish(terms.base + terms.terms.sum(axis=0))
     if not flat.wrong.any() or (~(abs(total - flat.right) <= flat.slack(total) + flat.allowed)).mean() > 0.1:
         return  # the right output is not this sum, as where a dead codeword is replaced
+    counts = 0.5 if len(flat.right) == 1 else 1.0
     for sentence, weights in _weights(terms):
-        if (terms.size is None or weights.any()) and flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
-            yield Candidate(sentence)
-    yield from (Candidate(sentence) for sentence in _prefixes(terms, flat))
-    yield from (Candidate(sentence) for sentence in _stored(terms, flat))
-    yield from (Candidate(sentence) for sentence in _solved(terms, flat))
+        if flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
+            yield Candidate(sentence, telling=counts * weights.any())
+    for sentence in (*_prefixes(terms, flat), *_stored(terms, flat), *_solved(terms, flat)):
+        yield Candidate(sentence, telling=counts)
 
 
 def _flat(part: Part, chosen: Array) -> Part:
@@ -97,7 +97,7 @@ def _along(noun: str, index: Array) -> Iterator[tuple[str, F8]]:
     yield f"the last of the {noun} left out", 1.0 * (index < size - 1)
     yield f"the first of the {noun} left out", 1.0 * (index > 0)
     for block in BLOCKS:
-        if size % block and size > block:
+        if size % block:
             yield f"the last partial block of {block} of the {noun} left out", 1.0 * (index < size // block * block)
     yield f"the last of the {noun} taken twice", 1.0 + (index == size - 1)
     yield f"the first of the {noun} taken twice", 1.0 + (index == 0)

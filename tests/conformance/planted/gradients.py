@@ -103,7 +103,7 @@ BUGS = (
     patched(AREA, "l22 by v1", STAGE, "l22", ("of_l22 = np.sum(q * v2 * u2)", "of_l22 = np.sum(q * v1 * u2)")),
     patched(AREA, "l11 by v2", STAGE, "l11", ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * v2 * u1)")),
     patched(AREA, "mu not through l21", STAGE, "l21|\\bx\\b", ("    v1 = (u1 - l21 * v2) / l11\n    of_x = np.sum(q * v1)", "    v1 = (u1 - l21 * v2) / l11\n    of_x = np.sum(q * u1 / l11)")),
-    patched(AREA, "a store of the last pixel", STAGE, "last of the pixels alone|store|last pixel", (SUMS, "    of_x = (q * v1)[-1] if len(q) else 0.0\n")),
+    patched(AREA, "a store of the last pixel", STAGE, "last of the pixels alone|store|last pixel|last covered pixel alone", (SUMS, "    of_x = (q * v1)[-1] if len(q) else 0.0\n")),
     patched(AREA, "only splats inside", STAGE, "outside", ("        if drawn.all():\n            gradients[n] = splat_gradient(splat, residual.astype(np.float64))", "        if drawn.all() and 0 <= splat[0] <= residual.shape[1] and 0 <= splat[1] <= residual.shape[0]:\n            gradients[n] = splat_gradient(splat, residual.astype(np.float64))")),
     patched(AREA, "support of one half", STAGE, "support|ellipse|covered|cut", ("covered = sigma <= LN_255\n    u1 = u1[covered]", "covered = sigma <= 2.77\n    u1 = u1[covered]")),
     after(AREA, "weights dL/dw without c", "weighted_gradients", "\\bw\\b", lambda out, i: (out["gradients"].__setitem__(np.s_[:, 8], i["gradients"][:, 5:8].sum(axis=1)), out)[1]),
