@@ -38,6 +38,9 @@ COARSE: Final = 2.0**-6
 ALIKE: Final = 8.0
 """Relative errors of arithmetic are alike: nine tenths are at most so many times the median."""
 
+ONE_SIDED: Final = 0.8
+"""What is nearly always too large is no rounding; cut numbers are always too small."""
+
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 """Formats by their significant bits."""
 
@@ -102,7 +105,7 @@ def _not_numbers(failure: Failure) -> list[str]:
 
 
 def _imprecision(failure: Failure) -> list[str]:
-    """A sentence for outputs whose relative errors are small, of both signs, and alike everywhere."""
+    """A sentence for outputs whose relative errors are small, and alike everywhere."""
     found = parts(failure)
     if any(isinstance(failure.vector.expected[name], Refusal) for name in wrong_outputs(*failure[:2])) or not found:
         return []
@@ -123,8 +126,8 @@ def _bits(part: Part) -> int:
     some = errors[errors > 0]
     if some.size < errors.size / 2 or part.wrong.mean() < 0.25:
         return 0
-    signs = np.sign(part.mine - part.right)[abs(part.right) > 0]
+    away = np.sign(part.mine - part.right)[abs(part.right) > 0] * np.sign(part.right)[abs(part.right) > 0]
     middle = float(np.median(some))
-    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or abs(float(signs.mean())) > 0.8:
+    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or float(away.mean()) > ONE_SIDED:
         return 0
     return round(-np.log2(2 * middle))

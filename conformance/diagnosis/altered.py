@@ -32,8 +32,9 @@ SECONDS: Final = 2.0
 def altered_candidates(failure: Failure, part: Part) -> list[Candidate]:
     """Which altered inputs give a wrong output."""
     least = ALL if part.given.dtype.kind in "iu" and part.right.size < SMALL else 0.0
+    counts = 1.0 if part.right.size > 1 else 0.5 if part.mine.any() else 0.0
     return [
-        Candidate(sentence, None, least)
+        Candidate(sentence, None, least, counts)
         for sentence, theirs in _tried(failure.vector)
         if _same(part, theirs.get(part.name))
     ]

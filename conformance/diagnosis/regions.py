@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from conformance.diagnosis.failures import EXPLAINED, F8, Array, Mask, Part
 from conformance.names import columns, dimensions, item
 
-BLOCKS: Final = (256, 128, 64, 32, 16, 8, 4)
-"""Usual sizes of blocks of threads, warps and vectors: the last one may be partial."""
+BLOCKS: Final = (32, 64, 128, 256, 16, 8, 4)
+"""Usual sizes of warps, blocks of threads and vectors: the last one may be partial. The most usual ones come first."""
 
 PERIODS: Final = (2, 3, 4, 8, 16, 32, 64, 128, 256)
 """Distances at which single lanes, threads or rows are lost."""

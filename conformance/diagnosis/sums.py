@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.failures import F8, Array, Failure, Part
-from conformance.diagnosis.regions import BLOCKS, PERIODS, TILES, Candidate, size_hint
+from conformance.diagnosis.regions import BLOCKS, LEAST_BLOCK, PERIODS, TILES, Candidate, size_hint
 from conformance.diagnosis.terms import Terms, names_of, terms_of
 
 MOST_TOLD: Final = 8
@@ -118,7 +118,7 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
         order = np.argsort(groups, kind="stable")
         ends = np.flatnonzero(np.diff(groups[order])) + 1
         if len(flat.right) == 1:  # one number agrees with one of many by chance
-            ends = np.array([end for end in ends if groups[order[end]] % BLOCKS[3] == 0], np.int64)
+            ends = np.array([end for end in ends if groups[order[end]] % LEAST_BLOCK == 0], np.int64)
         reach = np.cumsum(table[order], axis=0)[ends - 1] if len(ends) else np.zeros((0, table.shape[1]))
         fits = [k for k, total in enumerate(reach) if flat.agrees(terms.finish(terms.base + total))]
         numbers = sorted((int(groups[order[ends[k]]]) for k in fits), key=_roundness)
@@ -133,7 +133,7 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
 
 
 def _roundness(k: int) -> tuple[bool, bool, int]:
-    return k & (k - 1) != 0, k % BLOCKS[3] != 0, k
+    return k & (k - 1) != 0, k % LEAST_BLOCK != 0, k
 
 
 def _groups(terms: Terms) -> Iterator[tuple[str, Array]]:
