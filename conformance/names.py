@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from conformance.stage import Port, Stage
+from conformance.stage import Stage
 
 SPLAT: Final = ("x", "y", "l11", "l21", "l22", "red", "green", "blue", "w")
 """Columns of parameters, their gradients, and values with a weight (spec.md 8 and 10.3)."""
@@ -29,20 +29,15 @@ ITEMS_OF_PORTS: Final = {
 """The same of ports for which the letter would be misleading: the first axis."""
 
 
-def port_of(stage: Stage, output: str) -> Port:
-    """The port of an output; raises StopIteration if there is none."""
-    return next(port for port in stage.outputs if port.name == output)
-
-
-def dimensions(port: Port) -> tuple[str, ...]:
-    """The letters of a port's axes: ``("H", "W", "3")``."""
-    return tuple(letter.strip() for letter in port.shape.strip("()").split(",") if letter.strip())
+def dimensions(stage: Stage, output: str) -> tuple[str, ...]:
+    """The letters of an output's axes: ``("H", "W", "3")``; none where the stage has no such output."""
+    shape = next((port.shape for port in stage.outputs if port.name == output), "")
+    return tuple(letter.strip() for letter in shape.strip("()").split(",") if letter.strip())
 
 
 def item(stage: Stage, output: str) -> str:
     """What the first axis of an output counts: ``splat``, ``row``, ``frame``, ``codeword``, ..."""
-    port = port_of(stage, output)
-    letters = dimensions(port)
+    letters = dimensions(stage, output)
     if output == "header":
         return "element"
     if output == "counts" and letters[:1] == ("K",) and stage.name == "rvq_update":
@@ -56,7 +51,7 @@ def item(stage: Stage, output: str) -> str:
 
 def columns(stage: Stage, output: str, size: int | None = None) -> tuple[str, ...]:
     """The names of the last axis of an output, or none; `size` is needed where the port's shape has a letter."""
-    letters = dimensions(port_of(stage, output))
+    letters = dimensions(stage, output)
     if output == "header":
         from conformance.stages.bitstream import HEADER_ELEMENTS
 
@@ -74,6 +69,8 @@ def columns(stage: Stage, output: str, size: int | None = None) -> tuple[str, ..
         return SPLAT[:last]
     if last == 3 and (output == "cholesky" or stage.name.startswith("lsq_")):
         return CHOLESKY
+    if letters[-1] == "M":
+        return tuple(f"stage {number}" for number in range(last or 0))
     return CHANNELS if last == 3 and letters[-1] == "3" else ()
 
 
@@ -94,18 +91,18 @@ def element(stage: Stage, output: str, place: tuple[int, ...], shape: tuple[int,
     names = columns(stage, output, shape[-1] if shape else None)
     if output == "header":
         return names[place[0]] if place[0] < len(names) else f"element {place[0]}"
-    letters = dimensions(port_of(stage, output))
+    letters = dimensions(stage, output)
     parts = []
     for axis, (letter, index) in enumerate(zip(letters, place, strict=False)):
         if letter in ("H", "h"):
             parts.append(f"pixel (x {place[axis + 1]}, y {index})")
         elif axis > 0 and axis == len(letters) - 1 and letter not in ("W", "w"):
-            parts.append(names[index] if index < len(names) else f"{'stage' if letter == 'M' else 'column'} {index}")
+            parts.append(names[index] if index < len(names) else f"column {index}")
         elif output == "quantizers" and axis == 1:
             parts.append(CHOLESKY[index] if index < len(CHOLESKY) else f"column {index}")
         elif axis == 0:
             parts.append(f"{item(stage, output)} {index}")
-    return ", ".join(parts)
+    return ", ".join(parts) or str(list(place))
 
 
 def told(stage: Stage, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:

@@ -5,10 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
+from conformance.names import element
+from conformance.spec import complexity
 from conformance.stage import Group, stages
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
+LEVELS: Final = ("core", "uncommon", "stress", "faulty", "full")
+"""From the simple to the hard."""
+
+REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
+"""What of a refusal may be right."""
+
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
 """Outcomes of something that is wrong."""
@@ -32,6 +40,8 @@ class OutputResult:
         The output and its class of check.
     passed, message, ratio, place, wrong
         As in `expectations.Judgement`.
+    refused
+        What of a refusal is right where the rule and the bit are told: `REFUSED`; empty for everything else.
     """
 
     name: str
@@ -41,6 +51,26 @@ class OutputResult:
     ratio: float | None = None
     place: tuple[int, ...] | None = None
     wrong: int = 0
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A few rows of a wrong output, for people.
+
+    Attributes
+    ----------
+    title
+        What it shows.
+    columns
+        Their names.
+    rows
+        The name of each row and its cells.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -68,6 +98,10 @@ class Result:
         The beginning and the end of what a process printed.
     seconds
         How long the implementation took.
+    table
+        Of a wrong table of splats the worst rows: what was given as a multiple of what is expected.
+    size
+        Bytes of the inputs; of what is wrong only.
     """
 
     id: str
@@ -79,6 +113,8 @@ class Result:
     causes: tuple[str, ...] = ()
     log: str = ""
     seconds: float = 0.0
+    table: Table | None = None
+    size: int = 0
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -110,7 +146,7 @@ class Summary:
     counts
         Vectors by outcome.
     ratio, place
-        The worst error/bound ratio of the bounded outputs, and where: ``id output [index]``.
+        The worst error/bound ratio of the bounded outputs, and where: ``id output element``.
     verdict
         Of a class; None for a stage.
     reason
@@ -172,6 +208,13 @@ class Report:
     def faults(self) -> list[Result]:
         """What is wrong."""
         return [result for result in self.results if result.outcome in FAULTS]
+
+    def simplest_first(self) -> list[Result]:
+        """What is wrong, in the order in which to look at it: leaf stages first, core levels, small inputs."""
+        levels = {level: place for place, level in enumerate(LEVELS)}
+        return sorted(
+            self.faults, key=lambda r: (complexity(r.stage), levels.get(r.level, len(levels)), r.size, r.id)
+        )  # fmt: skip
 
     @property
     def conclusion(self) -> Conclusion:
@@ -242,7 +285,7 @@ def _summary(name: str, results: Sequence[Result]) -> Summary:
     if not measured:
         return Summary(name, counts, None, "")
     ratio, result, output = max(measured, key=lambda entry: entry[0])
-    index = f" {list(output.place)}" if output.place else ""
+    index = f" {element(stages()[result.stage], output.name, output.place)}" if output.place else ""
     return Summary(name, counts, ratio, f"{result.id} {output.name}{index}")
 
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
-from conformance.results import FAULTS, Outcome, OutputResult, Result
-from conformance.stage import Values
+from conformance.names import told
+from conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
+from conformance.side_by_side import comparison
+from conformance.stage import Stage, Values, input_size
 from conformance.vectors import Vector
 
 T = TypeVar("T")
@@ -174,21 +176,35 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
     """
     if refusal := _legal_refusal(vector, outputs):
         return _result(vector, "unsupported", refusal, seconds=seconds)
-    judged = tuple(_judge(name, expected, outputs[name], in_full) for name, expected in vector.expected.items())
+    judged = tuple(
+        _judge(vector.stage, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
+    )
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
     message = "; ".join(f"output {output.name} {output.message}" for output in wrong)
-    return _result(vector, "fail", message, judged, seconds)
+    result = _result(vector, "fail", message, judged, seconds)
+    return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
 
 
-def _judge(name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
+def _judge(stage: Stage, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
+    message = told(stage, name, judgement.message, judgement.place, np.shape(expectation.value))
     return OutputResult(
-        name, expectation.check, judgement.passed, judgement.message, judgement.ratio, judgement.place, judgement.wrong
-    )
+        name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
+        _refused(expectation, actual),
+    )  # fmt: skip
+
+
+def _refused(expectation: Expectation, actual: object) -> str:
+    """What of a refusal is right, of those who tell the rule and the bit."""
+    if not isinstance(expectation, Refusal) or not isinstance(actual, str) or len(actual.split()) < 3:
+        return ""
+    expected, given = expectation.value.split(), actual.split()[:3]
+    same = sum(expected[:n] == given[:n] for n in (1, 2, 3))
+    return REFUSED[3 - same] if expected else ""
 
 
 def _legal_refusal(vector: Vector, outputs: Values) -> str:

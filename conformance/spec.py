@@ -54,6 +54,29 @@ def namespace(
     return names
 
 
+@cache
+def complexity(function: str) -> int:
+    """How many functions of the code a function leads to, itself among them: few for a leaf; 0 if there is none."""
+    names = _original()
+    found: set[str] = set()
+    waiting = [function]
+    while waiting:
+        name = waiting.pop()
+        value = names.get(name)
+        members = list(vars(value).values()) if isinstance(value, type) else [value]
+        codes = [member.__code__ for member in members if isinstance(member, types.FunctionType)]
+        if name not in found and codes:
+            found.add(name)
+            waiting += [used for code in codes for used in _used(code)]
+    return len(found)
+
+
+def _used(code: types.CodeType) -> set[str]:
+    """The global names that a function uses."""
+    inner = [constant for constant in code.co_consts if isinstance(constant, types.CodeType)]
+    return set(code.co_names).union(*(_used(constant) for constant in inner))
+
+
 def _patched(patches: tuple[Patch, ...]) -> list[str]:
     code = list(blocks())
     for old, new in patches:

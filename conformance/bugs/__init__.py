@@ -2,7 +2,17 @@
 
 from typing import Final
 
-from conformance.bugs import bitstream, color, errors, gradients, quantization, reconstruction, rendering, training
+from conformance.bugs import (
+    bitstream,
+    color,
+    errors,
+    gradients,
+    quantization,
+    reconstruction,
+    reductions,
+    rendering,
+    training,
+)
 from conformance.mutants import Mutant
 
 MUTANTS: Final[tuple[Mutant, ...]] = (
@@ -11,6 +21,7 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     *reconstruction.MUTANTS,
     *rendering.MUTANTS,
     *gradients.MUTANTS,
+    *reductions.MUTANTS,
     *training.MUTANTS,
     *quantization.MUTANTS,
     *color.MUTANTS,

@@ -192,7 +192,7 @@ class Causes:
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""
-        from conformance.diagnosis import EXAMINED, LARGEST, bugs_for, diagnose, examined
+        from conformance.diagnosis import EXAMINED, bugs_for, diagnose, examined
 
         causes: dict[str, list[str]] = {}
         notes = []
@@ -206,10 +206,7 @@ class Causes:
                     f"gave ({tried} tried)"
                 )
             if len(failures) > EXAMINED:
-                notes.append(
-                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}: "
-                    f"the {EXAMINED - LARGEST} smallest and the {LARGEST} largest"
-                )
+                notes.append(f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}, of all sizes")
         return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
 
 

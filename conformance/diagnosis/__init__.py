@@ -18,15 +18,16 @@ from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
 from conformance.diagnosis.streams import refusal_sentence
 from conformance.expectations import Bounded, Refusal
+from conformance.stage import input_size
 from conformance.vectors import Vector
 
-__all__ = ["EXAMINED", "Failure", "bugs_for", "diagnose", "examined"]
+__all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
 
 EXAMINED: Final = 12
-"""Failures of a stage that are looked at: those with the smallest inputs, and the largest ones."""
+"""Failures of a stage that are looked at, from the smallest inputs to the largest."""
 
-LARGEST: Final = 3
-"""So many of these are the largest."""
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", catalogue.ALIKE)
+"""How sentences begin that say where errors are, not what they are."""
 
 TOLD: Final = 3
 """So many sentences are told of one failure."""
@@ -34,25 +35,22 @@ TOLD: Final = 3
 COARSE: Final = 2.0**-6
 """Relative errors of at most so much may be those of arithmetic."""
 
-ALIKE: Final = 40.0
+ALIKE: Final = 8.0
 """Relative errors of arithmetic are alike: nine tenths are at most so many times the median."""
+
+ONE_SIDED: Final = 0.8
+"""What is nearly always too large is no rounding; cut numbers are always too small."""
 
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 """Formats by their significant bits."""
 
 
 def examined(failures: Sequence[Failure]) -> list[Failure]:
-    """The failures that are looked at, the simplest first."""
-    ordered = sorted(failures, key=lambda failure: input_size(failure.vector))
-    return ordered if len(ordered) <= EXAMINED else [*ordered[: EXAMINED - LARGEST], *ordered[-LARGEST:]]
-
-
-def input_size(vector: Vector) -> int:
-    """The bytes of a vector's inputs."""
-    return sum(
-        value.nbytes if isinstance(value, np.ndarray) else len(value) if isinstance(value, bytes) else 8
-        for value in vector.inputs.values()
-    )
+    """The failures that are looked at, of all sizes, the simplest first."""
+    ordered = sorted(failures, key=lambda failure: input_size(failure.vector.inputs))
+    if len(ordered) <= EXAMINED:
+        return ordered
+    return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
 
 
 def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
@@ -73,7 +71,8 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
     chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
     looks = generic_looks(chosen, passed)
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
-    named = catalogue.named(unnamed, passed)
+    accounted = {name for name, look in looks.items() if look.strong}
+    named = catalogue.named(unnamed, passed, accounted)
     common = common_condition([Failure(*failure).vector for failure in failures], passed)
     return {
         failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id, []), common)
@@ -87,7 +86,7 @@ def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[st
     if not told:
         told = _not_numbers(failure) or [*look.weak[:1]] or _imprecision(failure)
     if not told or told == look.weak[:1]:
-        told += [sentence for sentence in (refusal_sentence(failure), common, _outputs(failure)) if sentence]
+        told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
     return list(dict.fromkeys(told))[:TOLD]
 
 
@@ -106,7 +105,7 @@ def _not_numbers(failure: Failure) -> list[str]:
 
 
 def _imprecision(failure: Failure) -> list[str]:
-    """A sentence for outputs whose relative errors are small, of both signs, and alike everywhere."""
+    """A sentence for outputs whose relative errors are small, and alike everywhere."""
     found = parts(failure)
     if any(isinstance(failure.vector.expected[name], Refusal) for name in wrong_outputs(*failure[:2])) or not found:
         return []
@@ -127,8 +126,8 @@ def _bits(part: Part) -> int:
     some = errors[errors > 0]
     if some.size < errors.size / 2 or part.wrong.mean() < 0.25:
         return 0
-    signs = np.sign(part.mine - part.right)[abs(part.right) > 0]
+    away = np.sign(part.mine - part.right)[abs(part.right) > 0] * np.sign(part.right)[abs(part.right) > 0]
     middle = float(np.median(some))
-    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or abs(float(signs.mean())) > 0.8:
+    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or float(away.mean()) > ONE_SIDED:
         return 0
     return round(-np.log2(2 * middle))

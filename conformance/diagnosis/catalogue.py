@@ -7,7 +7,7 @@ common agree: then it is told that they end in the same refusal, not that one of
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -46,15 +46,27 @@ LEAST_WRONG: Final = 20
 MISSING: Final = 2
 """Failures of which nothing but a part is missing that a bug must explain: a part may be missing for many reasons."""
 
+ALIKE: Final = "the same refusal as with known bugs"
+"""Begins what is said of a refusal that says no more."""
+
 CAPACITY: Final = "capacity"
 """The flag of vectors that are too large for bugs to be tried on them."""
 
 
-def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, list[str]]:
-    """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each."""
+def named(failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()) -> dict[str, list[str]]:
+    """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each.
+
+    Parameters
+    ----------
+    failures, passed
+        As those of `diagnose`.
+    accounted
+        Ids of failures for which no two bugs at once are tried, since something else accounts for them.
+    """
     passed = list(passed)
     found = {failure.vector.id: _explanations(failure) for failure in failures}
-    _name_pairs([failure for failure in failures if not found[failure.vector.id]], found)
+    open_ones = [failure for failure in failures if not found[failure.vector.id] and failure.vector.id not in accounted]
+    _name_pairs(open_ones, found)
     explained = Counter(mutant for mutants in found.values() for mutant in mutants)
     fit = _fit(explained, failures, passed)
     lost = Counter(
@@ -62,7 +74,11 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
     )  # fmt: skip
     plain = {mutant for failure in failures if not _tells_little(failure) for mutant in found[failure.vector.id]}
     plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
-    likely = {mutant for mutant in fit if fit[mutant] >= (LEAST_FIT if mutant in plain else LEAST_FIT_OF_FEW)}
+    likely = {
+        mutant for mutant in fit
+        if (fit[mutant] >= LEAST_FIT if mutant in plain else
+            min(fit[mutant], explained[mutant] / len(failures)) >= LEAST_FIT_OF_FEW)
+    }  # fmt: skip
     ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
     told = {}
     for failure in failures:
@@ -80,7 +96,7 @@ def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterab
     vectors = [*passed, *(failure.vector for failure in failures)]
     foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
     return {
-        mutant: number / max(number, *(foreseen[name] for name in mutant.name.split("+")))
+        mutant: number / max(number, foreseen[mutant.name])  # of two bugs at once nothing is foreseen
         for mutant, number in explained.items()
     }
 
@@ -127,7 +143,7 @@ def _alike(sentences: list[str], failure: Failure) -> list[str]:
     others = f"; and {len(sentences) - MOST_ALIKE} others" if len(sentences) > MOST_ALIKE else ""
     which = "; ".join(sentences[:MOST_ALIKE]) + others
     if refused:
-        return [f"a refusal in which known bugs end, too, if it is none of your own: {which}"]
+        return [f"{ALIKE}, which need not be yours: {which}"]
     return [f"one of {len(sentences)} known bugs not told apart here, or another one: {which}"]
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from conformance.diagnosis.altered import altered_candidates
+from conformance.diagnosis.altered import ALL, altered_candidates, altered_form
 from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.layouts import NOTHING_WRITTEN, layout_cause, never_written
 from conformance.diagnosis.places import place_candidates
@@ -21,8 +21,8 @@ from conformance.vectors import Vector
 LEAST_SHARE: Final = 0.5
 """Of the vectors that would show an account, the fraction that must show it."""
 
-SMALL: Final = 8
-"""In an output with fewer items a place says little."""
+SMALL: Final = 16
+"""In an output with fewer elements a place says little."""
 
 Key = tuple[str, str]
 """The id of a vector and an output."""
@@ -44,26 +44,43 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
     strong: dict[Key, list[Candidate]] = {}
     weak: dict[Key, list[Candidate]] = {}
     wrong_parts = {}
+    forms: dict[str, list[str]] = {}
     for failure in failures:
         name = failure.vector.id
         if name in empty:
             told[name] = Look([empty[name]], whole=True)
             continue
         found = parts(failure)
-        altered = altered_candidates(failure, found)
         for part in found:
             wrong_parts[name, part.name] = part
             lost, weak[name, part.name] = _placed(part), _places(failure, part)
-            strong[name, part.name] = [*_accounts(failure, part), *altered, *lost]
+            strong[name, part.name] = [*_accounts(failure, part), *altered_candidates(failure, part), *lost]
+        if exchanged := _exchanged(failure, found):
+            told[name].strong.append(exchanged)
+        if not found:
+            forms[name] = altered_form(failure)
     for table, strongly in ((strong, True), (weak, False)):
-        for (name, _), sentence in _chosen(table, wrong_parts, passed).items():
-            sentences = told[name].strong if strongly else told[name].weak
-            if sentence not in sentences:
-                sentences.append(sentence)
+        for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
+            (told[name].strong if strongly else told[name].weak).append(sentence)
+    shared = Counter(sentence for sentences in forms.values() for sentence in sentences)
+    for name, sentences in forms.items():
+        common = [s for s in sentences if shared[s] >= max(2, ALL * len(forms))]
+        told[name].strong += sorted(common, key=lambda s: -shared[s])[:1]
     for failure in failures:
         look = told[failure.vector.id]
         look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
     return told
+
+
+def _by_vector(chosen: dict[Key, str], wrong: dict[Key, Part]) -> Iterator[tuple[str, str]]:
+    """Each vector with its sentences; they say which outputs they are of where they are not of all."""
+    homes: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for (name, output), sentence in chosen.items():
+        homes[name, sentence].append(output)
+    for (name, sentence), outputs in homes.items():
+        several = len(next(part for key, part in wrong.items() if key[0] == name).stage.outputs) > 1
+        everywhere = len(outputs) == sum(key[0] == name for key in wrong) > 1
+        yield name, f"{sentence} (of {', '.join(outputs)})" if several and not everywhere else sentence
 
 
 def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
@@ -74,15 +91,25 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
         return
     value = part.expectation.value
     if (sentence := layout_cause(value, part.given, names)) and NOTHING_WRITTEN not in sentence:
-        yield Candidate(sentence)
+        where = [names[place] for place in np.flatnonzero(part.wrong)] if part.name == "header" else []
+        yield Candidate(f"{sentence}: {', '.join(where)}" if where else sentence)
         return
     yield from ratio_candidates(part, failure.vector.inputs)
     yield from sum_candidates(failure, part)
 
 
+def _exchanged(failure: Failure, found: Sequence[Part]) -> str:
+    """Two outputs that stand in each other's place; '' if there are none."""
+    for place, a in enumerate(found):
+        for b in found[place + 1 :]:
+            if a.right.shape == b.right.shape and a.agrees(b.right) and b.agrees(a.right):
+                return f"outputs {a.name} and {b.name} exchanged"
+    return ""
+
+
 def _placed(part: Part) -> list[Candidate]:
     """The places of a part that was lost."""
-    if not part.right.shape or len(part.right) < SMALL:
+    if part.right.size < SMALL:
         return []
     lost = not part.mine[part.wrong].any() or np.isnan(part.mine[part.wrong]).all()
     return list(region_candidates(part)) if lost else []
@@ -116,13 +143,15 @@ def _varied(value: object) -> bool:
 def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
     """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
     support: Counter[str] = Counter()
-    foresees, least = {}, {}
+    telling: defaultdict[str, float] = defaultdict(float)
+    foresees, least = {}, dict[str, float]()
     homes: defaultdict[str, set[str]] = defaultdict(set)
     for (_, output), candidates in table.items():
         for candidate in {c.sentence: c for c in candidates}.values():
             support[candidate.sentence] += 1
+            telling[candidate.sentence] += candidate.telling
             foresees[candidate.sentence] = candidate.foresees
-            least[candidate.sentence] = candidate.least
+            least[candidate.sentence] = max(candidate.least, least.get(candidate.sentence, 0.0))
             homes[candidate.sentence].add(output)
 
     def against(sentence: str) -> int:
@@ -137,12 +166,12 @@ def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: S
     outputs = Counter(output for _, output in wrong)
     fair = {
         s for s, number in support.items()
-        if number >= least[s] * sum(outputs[output] for output in homes[s])
+        if telling[s] >= 1 and number >= least[s] * sum(outputs[output] for output in homes[s])
         and number >= LEAST_SHARE * (number + against(s))
     }  # fmt: skip
     chosen = {}
     for key, candidates in table.items():
         sentences = [candidate.sentence for candidate in candidates if candidate.sentence in fair]
         if sentences:
-            chosen[key] = max(sentences, key=lambda s: (support[s], -sentences.index(s)))
+            chosen[key] = max(sentences, key=lambda s: (telling[s], support[s], -sentences.index(s)))
     return chosen

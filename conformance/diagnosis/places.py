@@ -6,16 +6,16 @@ from typing import Any, Final
 import numpy as np
 
 from conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, wrong_outputs
-from conformance.diagnosis.regions import Candidate
+from conformance.diagnosis.regions import Candidate, content
 from conformance.stage import Values
 from conformance.vectors import Vector
 
 Conditions = Iterator[tuple[str, Any]]
 
-COMMON: Final = 0.5
+COMMON: Final = 0.75
 """A condition that more of all elements meet says nothing."""
 
-FEWEST: Final = 2
+FEWEST: Final = 3
 """So many vectors must fail, and pass, for what they have in common to be told."""
 
 
@@ -29,8 +29,9 @@ def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
             mask = _spread(np.asarray(met), shape)
             if mask is None or not 0 < mask.mean() <= COMMON or not mask[part.wrong].all():
                 continue
-            if _lines(part.wrong, mask) >= EXPLAINED:
-                yield Candidate(f"errors only {words}" + (f" (in {part.name})" if len(part.stage.outputs) > 1 else ""))
+            able = mask & (part.wrong | content(part)[1])
+            if _lines(part.wrong, able) >= EXPLAINED:
+                yield Candidate(f"errors only {words}")
 
 
 def _lines(wrong: Mask, mask: Mask) -> float:

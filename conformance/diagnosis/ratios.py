@@ -26,13 +26,10 @@ NAMED: Final[Mapping[float, str]] = {
 
 def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidate]:
     """A factor or an offset of everything, then of single columns."""
-    if part.given.dtype.kind != "f" and part.name != "frame":
-        return
-    of = f" ({part.name})" if len(part.stage.outputs) > 1 else ""
     sizes = _sizes(part, inputs)
     everywhere = np.ones(part.right.shape, np.bool_)
     if told := _relation(part, everywhere, sizes):
-        yield Candidate(f"{told}, everywhere{of}")
+        yield Candidate(f"{told}, everywhere")
         return
     names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
     if part.right.ndim < 2 or len(names) != part.right.shape[-1]:
@@ -44,7 +41,7 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
         if (part.wrong & column).any():
             relations.setdefault(_relation(part, column, sizes), []).append(name)
     if "" not in relations:
-        yield Candidate("; ".join(f"{told} in {', '.join(where)}" for told, where in relations.items()) + of)
+        yield Candidate("; ".join(f"{told} in {', '.join(where)}" for told, where in relations.items()))
 
 
 def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:
@@ -55,16 +52,14 @@ def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:
     if part.name == "frame":  # samples that are clamped or rounded tell nothing
         allowed = allowed + 1.0
     telling = (abs(right) > 8 * allowed) & (abs(right) > 0)
-    if telling.sum() >= (1 if not part.right.shape else FEWEST) and not (right[telling] == 0).any():
+    if _scales(part) and telling.any() and not (right[telling] == 0).any():
         factor = float(np.median(mine[telling] / right[telling]))
         same = abs(mine - factor * right) <= (1 + abs(factor)) * allowed
         changed = abs((factor - 1) * right[telling]) > allowed[telling]
         if same.mean() >= LEAST and changed.mean() >= LEAST:
             name = factor_name(factor, sizes)
-            single = telling.sum() < FEWEST
-            if factor == 0 or (single and "of the sizes" not in name and name.startswith("numbers times")):
-                return ""
-            return name
+            unnamed = telling.sum() < FEWEST and name.startswith("numbers times")
+            return "" if factor == 0 or unnamed else name
     with np.errstate(over="ignore", invalid="ignore"):
         offset = float(np.median(mine - right))
     if right.size >= FEWEST and offset and (abs(mine - right - offset) <= 2 * allowed).mean() >= LEAST:
@@ -72,6 +67,11 @@ def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:
         if varied and abs(offset) > 4 * float(np.median(allowed)):
             return f"numbers {'larger' if offset > 0 else 'smaller'} by {abs(offset):.6g}"
     return ""
+
+
+def _scales(part: Part) -> bool:
+    """Whether a factor means anything: not of indices and codes."""
+    return part.given.dtype.kind == "f" or part.name == "frame"
 
 
 def factor_name(factor: float, sizes: Mapping[str, float]) -> str:
@@ -82,9 +82,9 @@ def factor_name(factor: float, sizes: Mapping[str, float]) -> str:
     for name, size in sizes.items():
         for sign in (1, -1):
             if size not in (0.0, 1.0) and _close(factor, sign * size):
-                return f"{'-' * (sign < 0)}{name} times the right numbers ({factor:.6g})"
+                return f"{'-' * (sign < 0)}{name} times the right numbers"
             if size not in (0.0, 1.0) and _close(factor, sign / size):
-                return f"{'-' * (sign < 0)}1/({name}) times the right numbers ({factor:.6g})"
+                return f"{'-' * (sign < 0)}1/({name}) times the right numbers"
     return f"numbers times {factor:.6g}"
 
 

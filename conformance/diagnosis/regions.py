@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from conformance.diagnosis.failures import EXPLAINED, F8, Array, Mask, Part
 from conformance.names import columns, dimensions, item
 
-BLOCKS: Final = (256, 128, 64, 32, 16, 8, 4)
-"""Usual sizes of blocks of threads, warps and vectors: the last one may be partial."""
+BLOCKS: Final = (32, 64, 128, 256, 16, 8, 4)
+"""Usual sizes of warps, blocks of threads and vectors: the last one may be partial. The most usual ones come first."""
 
 PERIODS: Final = (2, 3, 4, 8, 16, 32, 64, 128, 256)
 """Distances at which single lanes, threads or rows are lost."""
@@ -45,11 +45,15 @@ class Candidate(NamedTuple):
         Whether a vector that expects an array would show it, too; None: not known.
     least
         Of the failures of the stage the fraction that must show it.
+    telling
+        How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
+        number agrees with one of many accounts by chance.
     """
 
     sentence: str
     foresees: Callable[[F8], bool] | None = None
     least: float = 0.0
+    telling: float = 1.0
 
 
 class Axis(NamedTuple):
@@ -71,7 +75,7 @@ def size_hint(k: int) -> str:
 
 def axes(part: Part) -> list[Axis]:
     """The axes of an output that is no table's columns: its items, and for pictures rows, columns and all pixels."""
-    letters = [letter.upper() for letter in dimensions(next(p for p in part.stage.outputs if p.name == part.name))]
+    letters = [letter.upper() for letter in dimensions(part.stage, part.name)]
     if not ("H" in letters and "W" in letters):
         return [_axis(f"{item(part.stage, part.name)}s", lambda s, g: g[0])] if part.right.shape else []
     y, x = letters.index("H"), letters.index("W")
@@ -93,20 +97,22 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
     """What the place of the wrong elements looks like, the most telling first; nothing where all are wrong."""
     if part.right.size < 2 or not part.right.shape:
         return
-    state, seen = _content(part)
-    whose = f" of {part.name}" if len(part.stage.outputs) > 1 else ""
+    state, seen = content(part)
     for axis in axes(part):
         index = axis.index(part.right.shape)
         size = int(index.max()) + 1
         wrong, visible = (np.bincount(index[mask].ravel(), minlength=size) > 0 for mask in (part.wrong, seen))
         if wrong.sum() and (visible & ~wrong).any():
             for words, where in _shapes(wrong, visible | wrong):
+                whole = part.wrong[(part.wrong | seen) & where(index, size)]
+                if state != "wrong" and whole.mean() < EXPLAINED:
+                    continue
                 sentence = words.replace("NOUN", axis.noun).replace("IS", f"are {state}")
-                yield Candidate(sentence + whose, _would_show(axis, where))
+                yield Candidate(sentence, _would_show(axis, where))
     yield from _edges(part, state, seen)
 
 
-def _content(part: Part) -> tuple[str, Mask]:
+def content(part: Part) -> tuple[str, Mask]:
     """What the wrong elements hold, and which elements could show it."""
     held = part.mine[part.wrong]
     with np.errstate(invalid="ignore"):
@@ -138,7 +144,7 @@ def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Callable[[NDArray
         if start <= size - 1 <= first:
             yield "the last of the NOUN IS", lambda i, n: i == n - 1
         for k in sorted({first, *_round(start, first)}, key=lambda k: (k & (k - 1) != 0, k % LEAST_BLOCK != 0, k)):
-            if 1 < k < size - 1:
+            if 1 < k < size:
                 yield f"NOUN from {k} on IS{size_hint(k)}", lambda i, n, k=k: i >= k
         for block in BLOCKS:
             if size % block and start <= size // block * block <= first and size > block:
@@ -200,7 +206,6 @@ def _edges(part: Part, state: str, seen: Mask) -> Iterator[Candidate]:
 def column_candidates(part: Part) -> Iterator[Candidate]:
     """The columns or channels that alone are wrong, by name; nothing where all are."""
     names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
-    whose = f" (of {part.name})" if len(part.stage.outputs) > 1 else ""
     if part.name == "header":
         yield Candidate(f"errors in {', '.join(names[place] for place in np.flatnonzero(part.wrong))} alone")
         return
@@ -210,4 +215,8 @@ def column_candidates(part: Part) -> Iterator[Candidate]:
     able = part.differs(np.zeros(part.right.shape)).reshape(-1, len(names)).any(axis=0)
     if not bad[able].all():
         listed = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
-        yield Candidate(f"errors in {listed} alone{whose}")
+        state, k = content(part)[0], int(np.argmax(bad))
+        if names[0] == "stage 0" and k and bad[k:].all():
+            yield Candidate(f"stages from {k} on are {state}")
+            return
+        yield Candidate(f"{listed} {state}" if state in ("0", "NaN") else f"errors in {listed} alone")

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.failures import F8, Array, Failure, Part
-from conformance.diagnosis.regions import BLOCKS, PERIODS, TILES, Candidate, size_hint
+from conformance.diagnosis.regions import BLOCKS, LEAST_BLOCK, PERIODS, TILES, Candidate, size_hint
 from conformance.diagnosis.terms import Terms, names_of, terms_of
 
 MOST_TOLD: Final = 8
@@ -29,13 +29,12 @@ def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     total = terms.finish(terms.base + terms.terms.sum(axis=0))
     if not flat.wrong.any() or (~(abs(total - flat.right) <= flat.slack(total) + flat.allowed)).mean() > 0.1:
         return  # the right output is not this sum, as where a dead codeword is replaced
-    what = f" (of {part.name})" if len(part.stage.outputs) > 1 else ""
+    counts = 0.5 if len(flat.right) == 1 else 1.0
     for sentence, weights in _weights(terms):
         if flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
-            yield Candidate(sentence + what)
-    yield from (Candidate(sentence + what) for sentence in _prefixes(terms, flat))
-    yield from (Candidate(sentence + what) for sentence in _stored(terms, flat))
-    yield from (Candidate(sentence + what) for sentence in _solved(terms, flat))
+            yield Candidate(sentence, telling=counts * weights.any())
+    for sentence in (*_prefixes(terms, flat), *_stored(terms, flat), *_solved(terms, flat)):
+        yield Candidate(sentence, telling=counts)
 
 
 def _flat(part: Part, chosen: Array) -> Part:
@@ -98,7 +97,7 @@ def _along(noun: str, index: Array) -> Iterator[tuple[str, F8]]:
     yield f"the last of the {noun} left out", 1.0 * (index < size - 1)
     yield f"the first of the {noun} left out", 1.0 * (index > 0)
     for block in BLOCKS:
-        if size % block and size > block:
+        if size % block:
             yield f"the last partial block of {block} of the {noun} left out", 1.0 * (index < size // block * block)
     yield f"the last of the {noun} taken twice", 1.0 + (index == size - 1)
     yield f"the first of the {noun} taken twice", 1.0 + (index == 0)
@@ -119,7 +118,7 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
         order = np.argsort(groups, kind="stable")
         ends = np.flatnonzero(np.diff(groups[order])) + 1
         if len(flat.right) == 1:  # one number agrees with one of many by chance
-            ends = np.array([end for end in ends if groups[order[end]] % BLOCKS[3] == 0], np.int64)
+            ends = np.array([end for end in ends if groups[order[end]] % LEAST_BLOCK == 0], np.int64)
         reach = np.cumsum(table[order], axis=0)[ends - 1] if len(ends) else np.zeros((0, table.shape[1]))
         fits = [k for k, total in enumerate(reach) if flat.agrees(terms.finish(terms.base + total))]
         numbers = sorted((int(groups[order[ends[k]]]) for k in fits), key=_roundness)
@@ -134,7 +133,7 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
 
 
 def _roundness(k: int) -> tuple[bool, bool, int]:
-    return k & (k - 1) != 0, k % BLOCKS[3] != 0, k
+    return k & (k - 1) != 0, k % LEAST_BLOCK != 0, k
 
 
 def _groups(terms: Terms) -> Iterator[tuple[str, Array]]:

@@ -30,7 +30,7 @@ class Terms:
     Attributes
     ----------
     noun
-        What a term is: ``splats``, ``rows``, ``pixels``.
+        What a term is: ``splats`` or ``pixels``.
     base
         (m,) f8, what is not summed.
     terms
@@ -151,7 +151,7 @@ def _lsq(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     else:
         by = np.where(inside, 0.0, 1.0)
     terms = inputs["grad_output"].astype(np.float64) * by
-    return Terms("rows", np.zeros(rows.shape[1]), terms, np.arange(rows.shape[1]))
+    return Terms("splats", np.zeros(rows.shape[1]), terms, np.arange(rows.shape[1]))
 
 
 def _users(inputs: Mapping[str, Any], part: Part) -> Terms | None:
@@ -169,7 +169,7 @@ def _users(inputs: Mapping[str, Any], part: Part) -> Terms | None:
         terms[np.arange(len(x)), first + indices[:, k]] += share * added
         first += int(size)
     base = inputs["decay"] * inputs[part.name].reshape(-1)
-    return Terms("rows", base, terms.reshape(len(x), -1), np.arange(part.right.size))
+    return Terms("splats", base, terms.reshape(len(x), -1), np.arange(part.right.size))
 
 
 def _commitment(inputs: Mapping[str, Any], part: Part) -> Terms | None:
@@ -181,7 +181,7 @@ def _commitment(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     squares = sum((error.astype(np.float64) ** 2).sum(axis=1) for error in r[1:])
     if not len(x):
         return None
-    return Terms("rows", np.zeros(1), np.reshape(squares, (-1, 1)) / (3 * len(x)), np.zeros(1, np.int64))
+    return Terms("splats", np.zeros(1), np.reshape(squares, (-1, 1)) / (3 * len(x)), np.zeros(1, np.int64))
 
 
 def _work(inputs: Mapping[str, Any], part: Part) -> Terms | None:

@@ -5,8 +5,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from conformance.diagnosis import EXAMINED
-from conformance.results import FAULTS, Conclusion, Report, Result, Summary
+from conformance.diagnosis import EXAMINED, VAGUE
+from conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
+from conformance.spec import complexity
 from gsvc_ref.cli.text import plural, table
 
 INDENT: Final = "  "
@@ -15,7 +16,7 @@ END_LINES: Final = 3
 LONGEST: Final = 240
 """Characters of such a line."""
 MOST_CAUSES: Final = 3
-RARE: Final = 0.25
+RARE: Final = 0.3
 """What less of the examined failures of its stages look like is no probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
@@ -36,7 +37,7 @@ def describe(report: Report, most: int) -> list[str]:
         How many failures to describe.
     """
     lines = [*runs_on_lines(report), *stage_table(report), ""]
-    faults = report.faults
+    faults = report.simplest_first()
     for result in faults[:most]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
     if len(faults) > most:
@@ -44,6 +45,7 @@ def describe(report: Report, most: int) -> list[str]:
     lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
     lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
     lines += [f"note: {note}" for note in report.notes]
+    lines += refusal_lines(report)
     return [*lines, *class_table(report)]
 
 
@@ -78,7 +80,7 @@ def cause_lines(report: Report) -> list[str]:
     failures = Counter(result.stage for result in report.faults if result.outcome == "fail")
     explained: set[str] = set()
     lines: list[str] = []
-    for cause, results in sorted(like.items(), key=lambda entry: -len(entry[1])):
+    for cause, results in sorted(like.items(), key=_by_weight):
         if _rare(results, failures):
             continue
         if not explained.issuperset(result.id for result in results) and len(lines) < MOST_CAUSES:
@@ -91,10 +93,25 @@ def cause_lines(report: Report) -> list[str]:
     return lines
 
 
+def refusal_lines(report: Report) -> list[str]:
+    """In how many refusals the rule and the bit are right; advice only, since the kind alone is judged."""
+    told = [output.refused for result in report.results for output in result.outputs if output.refused]
+    rule = sum(what in REFUSED[:2] for what in told)
+    bit = sum(what == REFUSED[0] for what in told)
+    line = f"refusals: rule right in {rule} of {len(told)}, bit in {bit} of {len(told)} (only the kind is judged)"
+    return [line] if told else []
+
+
+def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
+    """Causes are told by how many failures look like them; what only says where errors are comes last."""
+    cause, results = entry
+    return cause.startswith(VAGUE), -len(results), min(complexity(result.stage) for result in results)
+
+
 def _rare(results: Sequence[Result], failures: Mapping[str, int]) -> bool:
     """Whether so few of the failures look like this that it is not told of all."""
     examined = sum(min(failures[stage], EXAMINED) for stage in {result.stage for result in results})
-    return len(results) < RARE * examined
+    return len(results) < RARE * examined or len(results) < min(2, examined - 1)
 
 
 def stage_table(report: Report) -> list[str]:
@@ -136,8 +153,16 @@ def describe_fault(result: Result, command: str) -> list[str]:
     """What is wrong with one vector, why perhaps, and how to run it again."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
     lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
+    lines += [f"{INDENT}{line}" for line in table_lines(result.table)]
     lines += [f"{INDENT}| {line}" for line in ends(result.log)]
     return [*lines, f"{INDENT}again: {command}"]
+
+
+def table_lines(shown: Table | None) -> list[str]:
+    """A table of ratios; nothing if there is none."""
+    if shown is None:
+        return []
+    return [f"{shown.title}:", *table(["", *shown.columns], [list(row) for row in shown.rows])]
 
 
 def ends(log: str) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary
+from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary, Table
 from gsvc_ref.errors import UsageError
 
 FORMAT: Final = "gsvc-conformance-report/1"
@@ -78,14 +78,21 @@ def _result_object(result: Result) -> dict[str, Any]:
     outputs = [
         {"name": out.name, "check": out.check, "passed": out.passed,
          **_filled(message=out.message, ratio=_to_ratio(out.ratio),
-                   place=None if out.place is None else list(out.place), wrong=out.wrong)}
+                   place=None if out.place is None else list(out.place), wrong=out.wrong, refused=out.refused)}
         for out in result.outputs
     ]  # fmt: skip
     return {
         "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
-        **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log),
+        **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log,
+                  table=_table_object(result.table), size=result.size),
         "seconds": round(result.seconds, 3),
     }  # fmt: skip
+
+
+def _table_object(table: Table | None) -> dict[str, Any] | None:
+    if table is None:
+        return None
+    return {"title": table.title, "columns": list(table.columns), "rows": [list(row) for row in table.rows]}
 
 
 def _filled(**fields: Any) -> dict[str, Any]:
@@ -121,14 +128,26 @@ def _from_result(entry: "_Entry") -> Result:
     outputs = tuple(
         OutputResult(
             out.text("name"), out.text("check"), out.get("passed", bool), out.text("message", ""), _from_ratio(out),
-            _from_place(out), out.get("wrong", int, 0),
+            _from_place(out), out.get("wrong", int, 0), out.text("refused", ""),
         )
         for out in (_Entry(output, f"an output of {name}") for output in entry.get("outputs", list, []))
     )  # fmt: skip
     return Result(
         name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
-        tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"),
+        tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"), _from_table(entry),
+        entry.get("size", int, 0),
     )  # fmt: skip
+
+
+def _from_table(result: "_Entry") -> Table | None:
+    value = result.get("table", dict, {})
+    if not value:
+        return None
+    table = _Entry(value, "the table of a result")
+    rows = table.get("rows", list)
+    if not all(isinstance(row, list) and all(isinstance(cell, str) for cell in row) for row in rows):
+        raise table.refusal("rows", "a list of lists of texts")
+    return Table(table.text("title"), tuple(table.list_of_texts("columns")), tuple(tuple(row) for row in rows))
 
 
 class _Entry:

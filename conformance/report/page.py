@@ -7,7 +7,8 @@ from typing import Final
 
 from conformance.report.console import cause_lines, conclusion, folded, ratio_text
 from conformance.report.pictures import KEY, Picture
-from conformance.results import OUTCOMES, Report, Result, Summary
+from conformance.results import OUTCOMES, Report, Result, Summary, Table
+from conformance.side_by_side import RIGHT
 from gsvc_ref.report.data import Figure
 from gsvc_ref.report.page import cards_section, document, notes_section
 
@@ -122,7 +123,7 @@ def _stages(stages: Sequence[Summary]) -> str:
 
 
 def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
-    faults = sorted(report.faults, key=lambda fault: (fault.id not in pictures, _goodness(fault, pictures)))
+    faults = report.simplest_first()
     if not faults:
         return ""
     left_out = len(faults) - MOST_FAULTS
@@ -133,9 +134,21 @@ def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
     return f'<h2>What is wrong</h2><p class="caption">{KEY}</p>{shown}{more}'
 
 
-def _goodness(fault: Result, pictures: Mapping[str, Sequence[Picture]]) -> float:
-    """What faults with pictures are sorted by, the worst first; the others keep their order."""
-    return -(fault.ratio or 0.0) if fault.id in pictures else 0.0
+def _ratios(shown: Table | None) -> str:
+    """A table of ratios, what is wrong marked."""
+    if shown is None:
+        return ""
+    rows = "".join(
+        f'<tr><td class="text">{html.escape(row[0])}</td>'
+        + "".join(f"<td{_mark(cell)}>{html.escape(cell)}</td>" for cell in row[1:])
+        + "</tr>"
+        for row in shown.rows
+    )
+    return f'<p class="caption">{html.escape(shown.title)}</p>{_table(("", *shown.columns), rows, 1)}'
+
+
+def _mark(cell: str) -> str:
+    return "" if cell == RIGHT else ' class="off"'
 
 
 def _fault(result: Result, command: str, pictures: Sequence[Picture]) -> str:
@@ -149,6 +162,7 @@ def _fault(result: Result, command: str, pictures: Sequence[Picture]) -> str:
         f'<section class="fault"><h3><span class="badge bad">{result.outcome}</span> {html.escape(result.id)}</h3>'
         f"<p>{html.escape(result.title)}</p><p>{html.escape(result.message)}</p>"
         + (f'<ul class="causes">{causes}</ul>' if causes else "")
+        + _ratios(result.table)
         + (f'<div class="grid3">{figures}</div>' if figures else "")
         + (f'<pre class="log">{html.escape(result.log)}</pre>' if result.log else "")
         + f"<pre>{html.escape(command)}</pre></section>"

@@ -46,7 +46,7 @@ def test_what_explains_more_is_preferred_to_what_explains_a_pixel():
     names = ["core/render_sum/a_determinant_that_cancels", CORNERS]
     failures = [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names)]
     alone = diagnose(failures[:1], [vector_of(MIDDLE)])[names[0]]
-    assert shifted.sentence not in alone[0]
+    assert shifted.sentence not in alone
     assert diagnose(failures)[names[0]] == [shifted.sentence]
 
 
@@ -79,11 +79,14 @@ def test_a_picture_that_may_be_empty_for_another_reason():
 def test_few_bits():
     vector = vector_of(CORNERS)
     right = vector.expected["sum"].value
-    waves = np.sin(np.arange(right.size)).reshape(right.shape)
-    (sentence,) = diagnose([(vector, {"sum": (right + 1e-4 * waves).astype(np.float32)})])[CORNERS]
-    assert "few bits" in sentence
-    coarse = {"sum": (right + 0.02 * waves).astype(np.float32)}
-    assert diagnose([(vector, coarse)])[CORNERS] == []
+    waves = np.random.default_rng(3).uniform(-1, 1, right.shape)
+    (sentence,) = diagnose([(vector, {"sum": (right * (1 + 1e-3 * waves)).astype(np.float32)})])[CORNERS]
+    assert "few bits: about 10 bits" in sentence
+    coarse = {"sum": (right * (1 + 0.1 * waves)).astype(np.float32)}
+    absolute = {"sum": (right + 1e-4 * waves * (right != 0)).astype(np.float32)}
+    one_sided = {"sum": (right * (1 + 1e-3 * abs(waves))).astype(np.float32)}
+    for other in (coarse, absolute, one_sided):
+        assert not any("few bits" in sentence for sentence in diagnose([(vector, other)])[CORNERS])
 
 
 def test_not_a_number():
@@ -110,7 +113,7 @@ def test_refusals_that_many_bugs_share_name_none_of_them_alone():
     failures, passed = failures_of(bug, "reconstruct_stream")
     for sentences in diagnose(failures[:3], passed).values():
         (sentence,) = sentences
-        assert sentence.startswith("one of ")
+        assert sentence.startswith(catalogue.ALIKE)
         assert bug.sentence in sentence
 
 
@@ -119,11 +122,10 @@ def test_refusals_at_another_bit_are_another_bug():
     bug = mutant("words-backwards").sentence
     told = diagnose(failures, passed)
     assert all(bug in sentences[0] for sentences in told.values())
-    assert [bug] in [told[name] for name in told if name.endswith("rich_stream")]
     vector, outputs = next(failure for failure in failures if failure[0].id.endswith("rich_stream"))
     without_bit = {**outputs, "error": "malformed R-7-1"}
-    (sentence,) = diagnose([(vector, without_bit)])[vector.id]
-    assert sentence.startswith("one of ")
+    sentence = diagnose([(vector, without_bit)])[vector.id][0]
+    assert sentence.startswith(catalogue.ALIKE)
 
 
 def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
@@ -135,4 +137,4 @@ def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
     without = tuple(other for other in all_mutants() if other != bug)
     monkeypatch.setattr(catalogue, "all_mutants", lambda: without)
     (told,) = diagnose(failures, passed).values()
-    assert told == []
+    assert not any("sign" in sentence for sentence in told)

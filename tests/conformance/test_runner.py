@@ -221,7 +221,7 @@ def test_the_worst_ratio_and_its_place(folder):
     report = judge(folder, module(scale=off), Selection(stages=("scale",)))
     (summary,) = report.stages()
     assert summary.ratio == pytest.approx(8, rel=0.2)
-    assert summary.place == "core/scale/by_two scaled [2, 1]"
+    assert summary.place == "core/scale/by_two scaled splat 2, column 1"
     assert summary.faults == 1
 
 

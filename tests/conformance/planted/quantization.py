@@ -40,7 +40,7 @@ BUGS = (
     after(AREA, "assign columns", "rvq_assign", "fields|columns", lambda out, i: {"indices": np.ascontiguousarray(out["indices"].T).reshape(out["indices"].shape)}),
     after(AREA, "assign first stage only", "rvq_assign", "stage", lambda out, i: (out["indices"].__setitem__(np.s_[:, 1:], 0), out)[1]),
     patched(AREA, "update first 8 rows", "rvq_update", "from 8 on left out", ("users = r[chosen == b].astype(np.float64)", "users = r[:8][chosen[:8] == b].astype(np.float64)")),
-    patched(AREA, "update last row", "rvq_update", "last of the rows left out", ("users = r[chosen == b].astype(np.float64)", "users = r[:-1][chosen[:-1] == b].astype(np.float64)")),
+    patched(AREA, "update last row", "rvq_update", "last of the (rows|splats) left out", ("users = r[chosen == b].astype(np.float64)", "users = r[:-1][chosen[:-1] == b].astype(np.float64)")),
     patched(AREA, "update decay twice", "rvq_update", "decay|sums", ("sums[b] = decay * sums[b] + (1 - decay)", "sums[b] = decay * decay * sums[b] + (1 - decay)")),
     patched(AREA, "update mean of users", "rvq_update", "mean|sums", ("(1 - decay) * np.sum(users, axis=0)", "(1 - decay) * np.sum(users, axis=0) / max(1, len(users))")),
     patched(AREA, "update without smoothing", "rvq_update", "smoothing", ("smoothed = (counts[b] + smoothing) / (total + len(book) * smoothing) * total", "smoothed = counts[b]")),

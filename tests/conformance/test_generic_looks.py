@@ -1,0 +1,156 @@
+"""The looks that know no bug: places, factors, terms of sums, what was left behind; also on outputs of 70,000 rows."""
+
+import time
+
+import numpy as np
+import pytest
+
+from conformance.diagnosis import diagnose
+from conformance.diagnosis.failures import Failure, parts
+from conformance.diagnosis.ratios import factor_name
+from conformance.diagnosis.regions import region_candidates, size_hint
+from conformance.diagnosis.terms import pixel_gradients
+from conformance.expectations import Bounded
+from conformance.names import element, told
+from conformance.selection import VectorFolder
+from conformance.spec import complexity, namespace
+from conformance.stage import stages
+from conformance.vectors import VECTORS, Vector
+
+FOLDER = VectorFolder(VECTORS)
+CORNERS = "core/render_sum/corners_of_tiles"
+ROWS = 70_000
+RNG = np.random.default_rng(5)
+
+
+def vector_of(name):
+    (vector,) = FOLDER.read([name])
+    return vector
+
+
+def large(stage="weighted_parameters", rows=ROWS):
+    """A vector of many rows, as the flag `capacity` marks them."""
+    values = RNG.uniform(0.5, 2, (rows, 9)).astype(np.float32)
+    right = namespace()["weighted_parameters"](values)["parameters"].astype(np.float64)
+    expected = {"parameters": Bounded(right, abs(right) * 2.0**-22)}
+    manifest = {"id": f"stress/{stage}/large", "title": "Large.", "flags": ["capacity"]}
+    return Vector(f"stress/{stage}/large", manifest, stages()[stage], {"values": values}, expected)
+
+
+@pytest.mark.parametrize("capacity", [32, 64, 96, 1024, 40_000, 65_536])
+def test_rows_from_a_capacity_on(capacity):
+    vector = large()
+    mine = vector.expected["parameters"].value.astype(np.float32)
+    mine[capacity:] = 0
+    start = time.perf_counter()
+    (sentence,) = diagnose([(vector, {"parameters": mine})])[vector.id]
+    assert time.perf_counter() - start < 20
+    assert sentence.startswith(f"splats from {capacity} on are 0")
+    assert ("one block" in sentence) == (capacity & (capacity - 1) == 0)
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        (np.s_[-1:], "the last of the splats are 0"),
+        (np.s_[ROWS // 128 * 128 :], "the last partial block of 128 of the splats are 0"),
+        (np.s_[31::32], "every 32th of the splats are 0 (number 31 of each 32)"),
+        (np.s_[:1], "the first of the splats are 0"),
+    ],
+)
+def test_parts_of_many_rows(lost, words):
+    vector = large()
+    mine = vector.expected["parameters"].value.astype(np.float32)
+    mine[lost] = 0
+    (part,) = parts(Failure(vector, {"parameters": mine}))
+    assert words in [candidate.sentence for candidate in region_candidates(part)]
+
+
+def test_what_the_vector_before_left():
+    vector = vector_of(CORNERS)
+    right = vector.expected["sum"].value.astype(np.float32)
+    old = RNG.uniform(0.1, 1, right.size).astype(np.float32)
+    added = right + old.reshape(right.shape)
+    (sentence,) = diagnose([Failure(vector, {"sum": added}, {"sum": old})])[CORNERS]
+    assert "a buffer that is not cleared" in sentence
+    kept = right.copy()
+    kept[-3:] = old.reshape(right.shape)[-3:]
+    (sentence,) = diagnose([Failure(vector, {"sum": kept}, {"sum": old})])[CORNERS]
+    assert "elements that are not written" in sentence
+    assert not any("before" in sentence for sentence in diagnose([(vector, {"sum": added})])[CORNERS])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p: p[:-1], "the last of the splats left out"),
+        (lambda p: p[::2], "only every second of the splats taken"),
+        (lambda p: np.concatenate([p, p[3:4]]), "splats 3 taken twice"),
+        (lambda p: np.delete(p, [2, 5], axis=0), "splats 2, 5 left out"),
+    ],
+)
+def test_splats_that_are_missing_or_drawn_twice(change, words):
+    parameters = RNG.uniform(4, 28, (11, 8)).astype(np.float32)
+    parameters[:, 2:5] = RNG.uniform(1, 3, (11, 3))
+    draw, oracle = namespace()["render_sum"], stages()["render_sum"].oracle
+    inputs = {"parameters": parameters, "width": 37, "height": 29}
+    vector = Vector("core/render_sum/some", {}, stages()["render_sum"], inputs, oracle(**inputs))
+    outputs = draw(change(parameters), 37, 29)
+    told_of = diagnose([(vector, outputs)])[vector.id]
+    assert words in told_of[0]
+
+
+def test_gradients_of_pixels_add_up_to_those_of_spec_md():
+    vector = vector_of("core/render_gradients/size_17x33")
+    residual = vector.inputs["residual"].astype(np.float64)
+    for splat, right in zip(vector.inputs["parameters"], vector.expected["gradients"].value, strict=True):
+        assert np.allclose(pixel_gradients(splat.astype(np.float64), residual).sum(axis=0), right, rtol=1e-5, atol=1e-6)
+
+
+def test_factors_have_names():
+    sizes = {"H W": 1645.0, "W/2": 17.5}
+    assert factor_name(-1.0, sizes) == "numbers with the other sign"
+    assert factor_name(1 / 1645, sizes) == "1/(H W) times the right numbers"
+    assert factor_name(-17.5, sizes) == "-W/2 times the right numbers"
+    assert factor_name(0.777, sizes) == "numbers times 0.777"
+
+
+def test_sizes_have_hints():
+    assert "2^6" in size_hint(64)
+    assert "3 x 32" in size_hint(96)
+    assert size_hint(61) == ""
+
+
+@pytest.mark.parametrize(
+    ("stage", "output", "place", "shape", "name"),
+    [
+        ("render_gradients", "gradients", (2, 3), (9, 8), "splat 2, l21"),
+        ("weighted_gradients", "gradients", (2, 8), (9, 9), "splat 2, w"),
+        ("read_stream", "header", (6,), (22,), "frame_rate_denominator"),
+        ("read_stream", "quantizers", (0, 1, 1), (1, 3, 2), "quantiser 0, l21, offset"),
+        ("render_sum", "sum", (5, 3, 1), (9, 9, 3), "pixel (x 3, y 5), green"),
+        ("decode_stream", "frames", (4, 5, 3, 2), (9, 9, 9, 3), "frame 4, pixel (x 3, y 5), blue"),
+        ("frame_to_planes", "cb", (1, 2), (3, 4), "pixel (x 2, y 1)"),
+        ("lsq_quantize", "codes", (7, 0), (9, 3), "splat 7, l11"),
+        ("lsq_quantize", "codes", (7, 0), (9, 2), "splat 7, column 0"),
+        ("rvq_assign", "indices", (7, 1), (9, 2), "splat 7, stage 1"),
+        ("rvq_update", "sums", (7, 1), (9, 3), "codeword 7, green"),
+        ("metrics", "mse", (), (), "mse"),
+        ("to_half", "bits", (4,), (9,), "element 4"),
+    ],
+)
+def test_elements_have_names(stage, output, place, shape, name):
+    assert element(stages()[stage], output, place, shape) == name
+
+
+def test_sentences_have_names_in_place_of_indices():
+    stage = stages()["render_gradients"]
+    assert told(stage, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8)) == "is 1 at splat 2, l21, expected 2"
+    assert told(stage, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith("l11, l21, l22 is")
+
+
+def test_leaf_stages_are_the_simplest():
+    order = ["to_frame", "render_frame", "decode_stream"]
+    assert sorted(order, key=complexity) == order
+    assert complexity("decode_plane") < complexity("read_stream")
+    assert complexity("no_stage") == 0

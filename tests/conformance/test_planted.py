@@ -1,0 +1,46 @@
+"""What the report says of planted bugs: the list, and the numbers that README gives (`python -m planted` prints all)."""
+
+import zlib
+
+import planted
+import pytest
+
+from conformance.mutants import all_mutants
+
+LEAST_RIGHT = 0.9
+"""Of the planted bugs that are caught so many must be named or located rightly."""
+
+MOST_WRONG = 0.02
+"""So many may be named wrongly."""
+
+SAMPLE = 5
+"""One in so many is tried here, by a rule that has nothing to do with what is said of it."""
+
+
+def test_the_list_is_large_and_a_third_is_held_back():
+    bugs = planted.all_bugs()
+    assert len(bugs) >= 100
+    assert len({bug.name for bug in bugs}) == len(bugs)
+    assert 0.25 <= sum(bug.held_back for bug in bugs) / len(bugs) <= 0.42
+
+
+def test_every_planted_bug_can_be_made():
+    for bug in planted.all_bugs():
+        assert set(bug.functions()) == set(bug.stages)
+
+
+def test_planted_bugs_are_named_rightly(capsys):
+    sample = [bug for bug in planted.all_bugs() if zlib.crc32(bug.name.encode()) // 3 % SAMPLE == 0]
+    found = [planted.said(bug) for bug in sample]
+    caught = [one for one in found if one.verdict != "not caught"]
+    right, wrong = (sum(one.verdict == verdict for one in caught) for verdict in ("right", "wrong"))
+    told = "\n".join([*planted.table(found), *(f"{one.verdict}: {one.bug.name}: {one.lines}" for one in found)])
+    with capsys.disabled():
+        print(f"\nplanted bugs, a sample: {right} of {len(caught)} named or located rightly, {wrong} wrongly")
+    assert right >= LEAST_RIGHT * len(caught), told
+    assert wrong <= max(1, MOST_WRONG * len(caught)), told
+
+
+@pytest.mark.parametrize("bug", planted.all_bugs(), ids=lambda bug: bug.name)
+def test_a_planted_bug_is_none_of_the_catalogue_by_name(bug):
+    assert bug.name not in {mutant.name for mutant in all_mutants()}
