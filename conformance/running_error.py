@@ -76,9 +76,7 @@ class Computed:
         error = np.maximum(highest - root.near, root.near - lowest)
         return _rounded(root, np.maximum(error, 0), ROOT, np.zeros(error.shape, np.bool_))
 
-    def total(
-        self, axis: int | None = None, *, times: I8 | None = None, rows: int = 0, columns: int = 0
-    ) -> "Computed":
+    def total(self, axis: int | None = None, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":
         """The sum along an axis, or of all.
 
         Parameters
@@ -96,9 +94,7 @@ class Computed:
             terms = Computed(self.number.moved(axis), np.moveaxis(self.error, axis, 0))
         return terms.totals(np.zeros(len(terms.error), np.int64), 1, times=times, rows=rows, columns=columns)[0]
 
-    def totals(
-        self, keys: I8, count: int, *, times: I8 | None = None, rows: int = 0, columns: int = 0
-    ) -> "Computed":
+    def totals(self, keys: I8, count: int, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":
         """The sums (count, ...) of the terms (n, ...) of each key 0, 1, .. count - 1; see `total`."""
         ones = (1,) * (self.error.ndim - 1)
         repeated = np.ones(len(keys), np.int64) if times is None else times

@@ -85,7 +85,12 @@ def loss_beyond_2_24_pixels(rng: np.random.Generator) -> Inputs:
 # --- Colour and metrics ----------------------------------------------------------------------------------------------
 
 
-@case("stress", "planes_to_frame", flags=FLAGS, each=SHAPES, said=SAID)
+COLOR_SHAPES: Final = {"square": (265, 267), "wide": (3, 4133), "high": (4133, 3)}
+"""Rows and columns: plain code multiplies by a matrix of a frame's columns by its chroma samples."""
+COLOR_SAID: Final = {"square": "265 by 267 pixels", "wide": "4,133 columns", "high": "4,133 rows"}
+
+
+@case("stress", "planes_to_frame", flags=FLAGS, each=COLOR_SHAPES, said=COLOR_SAID)
 def many_samples(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
     """Planes of {key}, 4:2:0, to a frame; the last sample of each plane is bright."""
     shape = plane_shape(*value, 1)
@@ -97,7 +102,7 @@ def many_samples(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
     assert expected["frame"].value[-1, -1].any()
 
 
-@case("stress", "frame_to_planes", flags=FLAGS, each=SHAPES, said=SAID)
+@case("stress", "frame_to_planes", flags=FLAGS, each=COLOR_SHAPES, said=COLOR_SAID)
 def many_pixels_to_planes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
     """A frame of {key} to planes, 4:2:0; its last pixel is white."""
     frame = samples(picture(rng.integers(20, 200, (PERIOD, 3)), value))

@@ -88,7 +88,7 @@ def many_survivors(rng: np.random.Generator) -> Inputs:
     stay = survivors_of_many()
     reference = repeated(rng.normal(3, 1, (PERIOD, 8)).astype(np.float32), len(stay))
     expected = yield {"width": 1921, "height": 1083, "reference": reference, "survivors": stay.astype(np.uint8),
-                      **many_codes(rng, np.count_nonzero(stay), SURVIVORS)}  # fmt: skip
+                      **many_codes(rng, int(np.count_nonzero(stay)), SURVIVORS)}  # fmt: skip
     assert len(result(expected, "parameters")) > 2**16
 
 

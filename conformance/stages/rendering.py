@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expansions import exact
+from conformance.distinct import distinct
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from conformance.stage import Values, numbered, stage
 from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
@@ -168,7 +169,8 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     drawn = _has_finite_factors(parameters)
     gradients[drawn], bound[drawn] = gradients_with_bound(_drawable(parameters), residual)
     height, width = residual.shape[:2]
-    clear = bool(np.all(edge_margins(parameters, width, height) > 1))
+    few = parameters[distinct(parameters)[0]]
+    clear = bool(np.all(edge_margins(few, width, height) > 1))
     groups = tuple(
         group for group in GROUPS if clear and _together(gradients[:, slice(*group)], bound[:, slice(*group)])
     )
