@@ -36,33 +36,24 @@ WORDS: Final = "words"
 _SIDES = (1 << 15, "a frame has at most 65,535 columns and rows")
 _CODEWORDS = (1 << 12, "a block has at most 8 stages of 1,024 codewords")
 _COLOR = (1 << 12, "plain code multiplies by matrices of a side by its chroma samples")
+_STAGES = (0, "there are at most 8 stages of codebooks")
+_RVQ = ("rvq_assign", "rvq_update", "commitment")
 _ONE_BLOCK = (0, "those of all blocks, one after the other; a decoder needs those of one block at a time")
 _PICTURES = (1 << 8, "each frame is a picture; `reconstruct_stream` has more frames")
 
 LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("*", "H"): _SIDES,
     ("*", "W"): _SIDES,
-    ("*", "M"): (0, "there are at most 8 stages of codebooks"),
+    **{(name, "M"): _STAGES for name in ("reconstruct_intra", "reconstruct_inter", *_RVQ)},
     ("*", "B"): _CODEWORDS,
-    ("rvq_assign", "K"): _CODEWORDS,
-    ("rvq_update", "K"): _CODEWORDS,
+    **{(name, "K"): _CODEWORDS for name in _RVQ},
     ("rvq_update", "D"): _CODEWORDS,
-    ("commitment", "K"): _CODEWORDS,
-    ("augment", "M"): (1 << 16, ""),
     ("adan_step", "P"): (0, "a row has nine values"),
-    ("lsq_quantize", "C"): (0, "there are three channels"),
-    ("lsq_dequantize", "C"): (0, "there are three channels"),
-    ("lsq_gradients", "C"): (0, "there are three channels"),
+    **{(name, "C"): (0, "there are three channels") for name in ("lsq_quantize", "lsq_dequantize", "lsq_gradients")},
     ("encode_plane", "alphabet"): (1 << 11, "codes have at most 12 bits"),
     ("encode_plane", "lanes"): (0, "there are at most 64 lanes"),
-    ("planes_to_frame", "H"): _COLOR,
-    ("planes_to_frame", "W"): _COLOR,
-    ("planes_to_frame", "h"): (1 << 11, _COLOR[1]),
-    ("planes_to_frame", "w"): (1 << 11, _COLOR[1]),
-    ("frame_to_planes", "H"): _COLOR,
-    ("frame_to_planes", "W"): _COLOR,
-    ("frame_to_planes", "h"): (1 << 11, _COLOR[1]),
-    ("frame_to_planes", "w"): (1 << 11, _COLOR[1]),
+    **{(name, side): _COLOR for name in ("planes_to_frame", "frame_to_planes") for side in ("H", "W")},
+    **{(name, side): (1 << 11, _COLOR[1]) for name in ("planes_to_frame", "frame_to_planes") for side in ("h", "w")},
     ("decode_stream", "T"): _PICTURES,
     ("decode_stream_deterministic", "T"): _PICTURES,
     ("reconstruct_stream", "T"): (1 << 14, "numbers of frames have any length from the third byte on"),
@@ -73,6 +64,12 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("read_stream", "W"): _CODEWORDS,
 }
 """The largest capacity that is demanded of a dimension, of one stage or of any (*), and why no larger one is."""
+
+LOCAL: Final[Mapping[tuple[str, str], tuple[str, ...]]] = {
+    ("encode_plane", "count"): ("words",),  # the state of a lane forgets symbols that are far
+    ("rvq_update", "D"): ("sums", "codebooks"),  # the count of a codeword that is replaced is 1 whatever is drawn
+}
+"""Of dimensions on which not all outputs depend, those that do."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +150,8 @@ def size(vector: Vector, dimension: str) -> int:
 def _concerned(stage: Stage, dimension: str) -> list[Port]:
     """The outputs that depend on a dimension: those that have it, and if an input has it all others."""
     of_inputs = dimension in NAMED or any(dimension in symbols(port) for port in stage.inputs)
-    return [port for port in stage.outputs if port.type != "text" and (of_inputs or dimension in symbols(port))]
+    local = LOCAL.get((stage.name, dimension), tuple(port.name for port in stage.outputs if port.type != "text"))
+    return [port for port in stage.outputs if port.name in local and (of_inputs or dimension in symbols(port))]
 
 
 def _is_caught(dimension: str, port: Port, k: int, vectors: Iterable[Vector]) -> bool:

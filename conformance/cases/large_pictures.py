@@ -94,8 +94,8 @@ COLOR_SAID: Final = {"square": "265 by 267 pixels", "wide": "4,133 columns", "hi
 def many_samples(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
     """Planes of {key}, 4:2:0, to a frame; the last sample of each plane is bright."""
     shape = plane_shape(*value, 1)
-    planes = {name: samples(np.resize(rng.integers(20, 200, PERIOD), size))
-              for name, size in (("y", value), ("cb", shape), ("cr", shape))}  # fmt: skip
+    luma = np.resize(rng.integers(20, 200, PERIOD), value)
+    planes = {"y": samples(luma), "cb": samples(np.full(shape, 90)), "cr": samples(np.full(shape, 150))}
     for plane in planes.values():
         plane[-1, -1] = 235
     expected = yield {**planes, **described(chroma_format=1, location=2)}

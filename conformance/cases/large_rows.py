@@ -20,7 +20,7 @@ from conformance.cases.training import f4, trained_rows
 ROWS: Final = 70_001
 PERIOD: Final = 251
 EDGES: Final = np.array([1023, 1024, 4095, 4096, 32_767, 32_768, 65_535, 65_536, ROWS - 1])
-"""Rows on both sides of the borders of blocks and of 16-bit numbers, and the last one; all lie beyond the first period."""
+"""Rows on both sides of the borders of blocks and of 16-bit numbers, and the last one, all beyond the first period."""
 FLAGS: Final = (CAPACITY,)
 
 

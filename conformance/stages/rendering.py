@@ -1,12 +1,12 @@
 """Rendering: sums, frames, gradients and other sizes (spec.md sections 9 and 10.3)."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.expansions import exact
 from conformance.distinct import distinct
+from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from conformance.stage import Values, numbered, stage
 from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
