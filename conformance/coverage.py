@@ -67,8 +67,8 @@ def coverage_page(folder: Path = VECTORS) -> str:
             + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
             "## Mutants\n\nEach is the decoder inside spec.md with one bug; every one must be found.\n\n"
             + _kill_table(there),
-            "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity an implementation that ends "
-            "there must fail one;\n`python -m conformance capacities` tries them all.\n\n" + _sizes(there),
+            "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
+            "fail one;\n`python -m conformance capacities` tries them all.\n\n" + _sizes(there),
             "## Flags\n\n" + _flags(there),
         ]
     ) + "\n"  # fmt: skip

@@ -26,7 +26,8 @@ def large_codebooks(rng: np.random.Generator) -> Values:
     """
     rows = repeated(rng.integers(-40, 41, (PERIOD, 3)).astype(np.float32), sum(BOOKS))
     for first in range(0, sum(BOOKS), 1024):
-        rows[first + 1004 : first + 1024] = rng.integers(-90, 91, (20, 3))
+        most = 9 if first else 90  # what is left for later stages is small
+        rows[first + 1004 : first + 1024] = rng.integers(-most, most + 1, (20, 3))
         for lower, higher in PAIRS:
             rows[first + higher] = rows[first + lower]
     return {"codebook_sizes": np.array(BOOKS, np.int64), "codebooks": rows}
@@ -55,7 +56,7 @@ def many_codewords(rng: np.random.Generator) -> Inputs:
     indices = expected["indices"].value
     assert indices[: len(PAIRS), 0].tolist() == [lower for lower, _ in PAIRS]
     assert indices[:, 0].tolist()[len(PAIRS) :][:20] == list(range(1004, 1024))
-    assert indices[:, 7].max() > 1003
+    assert (indices.max(axis=0) > 1003).all()
 
 
 @case("stress", "rvq_update", flags=FLAGS)
