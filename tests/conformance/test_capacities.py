@@ -2,6 +2,7 @@
 
 import pytest
 
+from conformance.__main__ import main
 from conformance.capacities import CAPACITIES, LIMITS, dimensions, rows, symbols
 from conformance.stage import Port, stages
 from conformance.vectors import VECTORS, read
@@ -16,6 +17,18 @@ def vectors_of(name):
 def test_every_capacity_is_caught(name):
     missed = {row.dimension: row.missed for row in rows(stages()[name], vectors_of(name)) if row.missed}
     assert missed == {}
+
+
+def test_the_command_prints_the_table(capsys):
+    assert main(["capacities", "--stage", "to_half"]) == 0
+    out = capsys.readouterr().out
+    assert "| `to_half` | N | 70,001 | 32 to 65,536 | all |" in out
+    assert out.endswith("every capacity is caught\n")
+
+
+def test_the_command_says_what_is_missed(capsys):
+    assert main(["capacities", "--case", "core/to_half/*"]) == 1
+    assert "| not 32, 64," in capsys.readouterr().out
 
 
 def test_limits_are_those_of_dimensions_that_exist_and_have_a_reason():
