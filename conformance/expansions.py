@@ -145,7 +145,7 @@ class Expansion:
         root = exact(first, self.most)
         for _ in range(self.most - 1):
             root = root + exact((self - root * root).near / twice)
-        radius = SAFELY**2 * _most(self - root * root) * 2 / twice  # |a - r^2| = |sqrt(a) - r| (sqrt(a) + r)
+        radius = SAFELY * SAFELY * _most(self - root * root) * 2 / twice  # |a - r^2| = |sqrt(a) - r| (sqrt(a) + r)
         return Expansion(root.parts, np.where(first > 0, radius, SAFELY * np.sqrt(_most(self))), self.most)
 
     def to(self, most: int) -> "Expansion":
@@ -201,7 +201,7 @@ class Expansion:
         parts[:, keys], radius[keys] = number.parts, number.radius
         return Expansion(parts, radius, self.most)
 
-    def power(self, exponents: NDArray[np.int64]) -> "Expansion":
+    def raised(self, exponents: NDArray[np.int64]) -> "Expansion":
         """Integer powers >= 0, by squaring."""
         result, square, left = exact(np.ones(self.shape), self.most), self, np.asarray(exponents)
         while left.any():
@@ -377,7 +377,7 @@ def chunks(count: int, size: int = 4096) -> Iterator[slice]:
 
 def _collected(parts: F8, radius: F8, most: int) -> Expansion:
     """The sum of parts in at most `most` components."""
-    kept = []
+    kept: list[F8] = []
     while len(parts) and len(kept) < most:
         errors = []
         while (count := len(parts)) > 1:

@@ -88,10 +88,7 @@ class Computed:
         rows, columns
             Of the pixels that the terms belong to.
         """
-        if axis is None:
-            terms = self.flat()
-        else:
-            terms = Computed(self.number.moved(axis), np.moveaxis(self.error, axis, 0))
+        terms = self.flat() if axis is None else Computed(self.number.moved(axis), np.moveaxis(self.error, axis, 0))
         return terms.totals(np.zeros(len(terms.error), np.int64), 1, times=times, rows=rows, columns=columns)[0]
 
     def totals(self, keys: I8, count: int, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":

@@ -33,7 +33,7 @@ def ms_ssim_and_condition(a: NDArray[np.unsignedinteger], b: NDArray[np.unsigned
         return ((similarities[inverse].total() / exact(3.0)).reshape(1),)
 
     (similarity,) = settled(evaluate, 1)
-    return similarity[0], np.asarray(added(np.array(conditions)[inverse]) / 3)
+    return np.asarray(similarity[0]), np.asarray(added(np.array(conditions)[inverse]) / 3)
 
 
 def _of_channels(x: F8, y: F8, peak: int, most: int) -> tuple[Expansion, F8]:
@@ -41,7 +41,7 @@ def _of_channels(x: F8, y: F8, peak: int, most: int) -> tuple[Expansion, F8]:
     side, scales = min(x.shape), 1
     while scales < len(SCALE_WEIGHTS) and (side := -(-side // 2)) >= TAPS:
         scales += 1
-    product, relative = exact(1.0, most), np.float64(0)
+    product, relative = exact(1.0, most), np.zeros(())
     for scale in range(scales):
         if scale:
             x, y = _halved(x), _halved(y)
@@ -50,10 +50,10 @@ def _of_channels(x: F8, y: F8, peak: int, most: int) -> tuple[Expansion, F8]:
         places = (luminance * structure if scale == scales - 1 else structure).reshape(-1)
         factor = places.total() / exact(float(places.shape[0]))
         if not factor.sign() > 0:  # one of independent samples is never so close to 0 that this is open
-            return exact(0.0, most), np.float64(0)
+            return exact(0.0, most), np.zeros(())
         product = product * power(factor, rational(weight, most))
-        relative += float(weight) * added(condition) / condition.size / factor.near
-    return product, relative * product.near
+        relative = relative + float(weight) * added(condition) / condition.size / factor.near
+    return product, np.asarray(relative * product.near)
 
 
 def _similarities(x: F8, y: F8, peak: int, most: int) -> tuple[Expansion, Expansion, F8]:

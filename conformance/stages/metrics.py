@@ -37,7 +37,7 @@ def metrics_oracle(a: Frame, b: Frame, bit_depth: int) -> Mapping[str, Expectati
     """The exact MSE, and its error in binary32 carried into the logarithm; equal frames have an infinite PSNR.
 
     A term of the MSE has two roundings, four more where samples are brought to 0..1 and back, the sum of n any sane
-    order (13-19), the mean 3.5 eps: gamma of D + 11. PSNR may be off by 10 / ln 10 times that, and by the logarithms of
+    order (13-4), the mean 3.5 eps: gamma of D + 11. PSNR may be off by 10 / ln 10 times that, and by the logarithms of
     the peak and the MSE, each of which may lose 4 eps of its value and, near 1, 4 eps of an octave. For MS-SSIM see
     `MS_SSIM_LIMIT`.
     """

@@ -72,7 +72,7 @@ def lsq_dequantize(codes: U2, scale: F4, offset: F4) -> Values:
 
 
 def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F4) -> Expected:
-    """Running error analysis: q - t inherits the error of t; sums over splats have any sane order (13-19).
+    """Running error analysis: q - t inherits the error of t; sums over splats have any sane order (13-4).
 
     Raises
     ------
@@ -194,7 +194,7 @@ def rvq_update(
 
 
 def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> Expected:
-    """Running error analysis of (10-21), in any sane order (13-19) of stages and splats.
+    """Running error analysis of (10-21), in any sane order (13-4) of stages and splats.
 
     Every term is divided by 3 N before the sum, which costs 3.5 eps of its magnitude: where terms cancel that is more
     than 3.5 eps of the sum, so that dividing at the end, or in between, is covered as well.

@@ -157,13 +157,14 @@ def render_frame(parameters: F4, width: int, height: int, bit_depth: int) -> Val
 def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     """The exact derivative of (9-2), its error bounds, and the groups that are judged together.
 
-    The bound b of a gradient adds the errors of P + 30 or more roundings, P the pixels covered, as if each were eps =
-    2^-23 of the sum of magnitudes and all had one sign. To nearest with signs at random, they have a root mean square
-    of eps / sqrt(12) each, and together at most b / sqrt(12 (P + 30)) < b / 19. If the b of a group have an L2 norm of
-    at most 1e-4 of that of the gradients, the relative L2 error is therefore about 5e-6 at most, half of what is
-    allowed; over 30 splats or more the signed sum falls by sqrt(30) again, to 1e-6 of the L1 norm. (Measured errors are
-    five times below both and more: partial sums rarely reach the sum of magnitudes.) Without these conditions, or where
-    a pixel may be covered or not, cancellation or one pixel alone can legally exceed the limits.
+    The bound b of a gradient adds the errors of D + 30 or more roundings, D the additions a term takes part in, as
+    if each were eps = 2^-23 of the sum of magnitudes and all had one sign. To nearest with signs at random, they
+    have a root mean square of eps / sqrt(12) each, and together at most b / sqrt(12 (D + 30)) < b / 19. If the b of
+    a group have an L2 norm of at most 1e-4 of that of the gradients, the relative L2 error is therefore about 5e-6
+    at most, half of what is allowed; over 30 splats or more the signed sum falls by sqrt(30) again, to 1e-6 of the
+    L1 norm. (Measured errors are five times below both and more: partial sums rarely reach the sum of magnitudes.)
+    Without these conditions, or where a pixel may be covered or not, cancellation or one pixel alone can legally
+    exceed the limits.
     """
     gradients, bound = np.zeros((2, *parameters.shape))
     drawn = _has_finite_factors(parameters)
@@ -216,8 +217,9 @@ def edge_margins(parameters: F4, width: int, height: int) -> F8:
     -------
     (N,) f8: the least |sigma - ln 255| over its error (`gsvc_ref.rendering.bounds`) of any pixel of the frame.
     """
-    margins = np.full(len(parameters), np.inf)
-    for n, _, pixels, errors in error_footprints(parameters, width, height):
+    first, inverse, _ = distinct(parameters)
+    margins = np.full(len(first), np.inf)
+    for n, _, pixels, errors in error_footprints(parameters[first], width, height):
         error = errors.d_sigma + EPS * SUPPORT_SIGMA + ETA
         margins[n] = np.min(abs(pixels.sigma - SUPPORT_SIGMA) / error)
-    return margins
+    return np.asarray(margins[inverse])

@@ -26,7 +26,7 @@ DOT = 0.125
 
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
-    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-19).
+    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-4).
 
     Multiplying by a rounded 2 / (H W) has two roundings, fewer than the quotient that is allowed for.
     """
@@ -118,8 +118,8 @@ def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: 
         """The rates where every rounding changes a number by a factor of 1 + change."""
         once = exact(1 + change, COMPONENTS)
         each = exact(factor) * once * once
-        of_each = exact(min(each.near, 1.0)) if change > 0 else each
-        return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).power(distinct_halvings)
+        of_each = exact(np.minimum(each.near, 1.0)) if change > 0 else each
+        return exact(rate) * once * once * of_each.broadcast(distinct_halvings.shape).raised(distinct_halvings)
 
     lowest, exactly, highest = (product(change) for change in (-EPS, 0.0, EPS))
     value = certain(exactly)
@@ -164,12 +164,9 @@ def adan_oracle(
     subtractions are covered as well as one. Near n = 0 the root's error is the difference of roots, against which
     stands epsilon.
     """
-    all_steps = steps
     first, inverse, _ = distinct(parameters, gradients, m, v, n, previous, steps)
-    parameters, gradients, m, v, n, previous, steps = (
-        rows[first] for rows in (parameters, gradients, m, v, n, previous, steps)
-    )
-    k = steps[:, None] + 1
+    parameters, gradients, m, v, n, previous = (rows[first] for rows in (parameters, gradients, m, v, n, previous))
+    k = steps[first, None] + 1
     b1, b2, b3 = rounded_once(beta1), rounded_once(beta2), rounded_once(beta3)
     c1, c2, c3 = (rounded_once(_correction(beta, np.ones((1, 1), np.int64))) for beta in (beta1, beta2, beta3))
     g = given(gradients) * given(units)
@@ -191,14 +188,14 @@ def adan_oracle(
         "v": expected(new_v[inverse]),
         "n": expected(new_n[inverse]),
         "previous": expected(g[inverse]),
-        "steps": Exact(all_steps + 1),
+        "steps": Exact(steps + 1),
     }
 
 
 def _correction(beta: float, k: I8) -> Expansion:
     """1 - beta^k for k (n, 1)."""
     distinct_k, inverse = np.unique(k, return_inverse=True)
-    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).power(distinct_k)
+    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).raised(distinct_k)
     return (exact(1.0) - powers)[inverse.reshape(k.shape)]
 
 

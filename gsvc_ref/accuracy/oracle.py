@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.rendering.definition import SUPPORT_SIGMA, footprint
+from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import Splats
 
 F8 = NDArray[np.float64]
@@ -38,6 +39,6 @@ def cut_sum(splats: Splats, width: int, height: int, support_sigma: float = SUPP
         reach = max(splat[2], math.hypot(splat[3], splat[4]))
         pixels = footprint(splat, width, height, margin=math.ceil(beyond * reach))
         if pixels is not None:
-            g = np.where(pixels.sigma <= support_sigma, np.exp(-pixels.sigma), 0.0)
+            g = np.where(pixels.sigma <= support_sigma, exp_minus(pixels.sigma), 0.0)
             C[pixels.rows, pixels.columns] += g[..., None] * splat[5:]
     return C

@@ -63,8 +63,8 @@ def gamma(k: ArrayLike) -> F8:
     return np.where(error < 1, error / np.maximum(1 - error, ETA), np.inf)
 
 
-def additions(terms: ArrayLike, rows: ArrayLike = 0, columns: ArrayLike = 0) -> F8:
-    """The most additions D that a term of a sum takes part in, spec.md (13-19).
+def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
+    """The most additions D(n, r, c) that a term of a sum takes part in, spec.md (13-4).
 
     Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of pixels
     may also go by rows and then columns.
@@ -77,8 +77,8 @@ def additions(terms: ArrayLike, rows: ArrayLike = 0, columns: ArrayLike = 0) -> 
         Of the pixels that they belong to.
     """
     n = np.asarray(terms, np.float64)
-    levels = np.maximum(2 * np.ceil(np.sqrt(n)), np.asarray(rows, np.float64) + columns)
-    return np.maximum(np.minimum(n - 1, levels + 64), 0)
+    levels = np.maximum(2 * np.ceil(np.sqrt(n)), rows + columns)
+    return np.asarray(np.maximum(np.minimum(n - 1, levels + 64), 0))
 
 
 def coverage_margin(splat: F8) -> int:
@@ -121,7 +121,7 @@ class WeightErrors:
 def error_footprints(
     parameters: NDArray[np.float32], width: int, height: int
 ) -> Iterator[tuple[int, F8, Footprint, WeightErrors]]:
-    """The index, parameters (8,) f8, footprint and errors of every splat (N, 8) that can cover a pixel, or nearly so."""
+    """The index, parameters (8,) f8, footprint and errors of all splats (N, 8) that can cover a pixel, or nearly so."""
     for n, splat in enumerate(parameters.astype(np.float64)):
         pixels = footprint(splat, width, height, margin=coverage_margin(splat))
         if pixels is not None:
@@ -206,7 +206,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
     u1, u2, d1, d2 = abs(pixels.u1), abs(pixels.u2), errors.delta_1, errors.delta_2
     either = pixels.covered | errors.band
     rows, columns = (np.count_nonzero(either.any(axis=axis)) for axis in (1, 0))
-    order = gamma(additions(np.count_nonzero(either), rows, columns) + 4)
+    order = gamma(additions(np.count_nonzero(either), int(rows), int(columns)) + 4)
     d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
 
     def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:

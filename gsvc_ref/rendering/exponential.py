@@ -63,4 +63,4 @@ def exp_minus(x: NDArray[np.float64]) -> NDArray[np.float64]:
     p = np.full(x.shape, 1 / factorial(TERMS_OF_EXP))
     for k in range(TERMS_OF_EXP - 1, -1, -1):
         p = 1 / factorial(k) - r * p
-    return np.ldexp(p, (-n).astype(np.int64))
+    return np.asarray(np.ldexp(p, (-n).astype(np.int64)))
