@@ -55,7 +55,8 @@ def plane_values(data: bytes, inputs: Mapping[str, int]) -> Values:
 
 def _note(found: defaultdict[str, tuple[int, set[Number]]], name: str, value: Any, times: int = 1) -> None:
     count, some = found[name]
-    found[name] = count + times, some | set(np.unique(np.asarray(value)).tolist())
+    some.update([value] if isinstance(value, int) else np.unique(np.asarray(value)).tolist())
+    found[name] = count + times, some
 
 
 def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[[Element], None]:

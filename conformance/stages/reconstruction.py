@@ -92,7 +92,7 @@ def _books(codebook_sizes: Array, codewords: Array) -> tuple[Array, ...]:
     "color_indices: u2 (N, M); codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
     outputs="parameters: f4 (N, 8)",
     equations=("8-1", "8-2", "8-3", "8-4"),
-    rules=("R-3.3-1",),
+    rules=("R-3.3-1", "R-3.3-2"),
     oracle=_intra_plain,
 )
 def reconstruct_intra(
@@ -112,7 +112,7 @@ def reconstruct_intra(
     "codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
     outputs="parameters: f4 (n, 8)",
     equations=("8-1", "8-2", "8-3", "8-4"),
-    rules=("R-3.3-1",),
+    rules=("R-3.3-1", "R-3.3-2"),
     oracle=_inter_plain,
 )
 def reconstruct_inter(

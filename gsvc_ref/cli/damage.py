@@ -23,7 +23,7 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
     total = stream.frame_count
     if count == 0:
         place = f"before the end of frame {start}" if start else "in the first frame"
-    elif total and start == 0:
+    elif start == 0 and total and total >= count:  # a header may announce fewer frames than there are
         place = f"after {count:,} of {plural(total, 'frame')}"
     else:
         place = f"after {plural(count, 'complete frame')}"

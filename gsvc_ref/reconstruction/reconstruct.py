@@ -1,4 +1,4 @@
-"""Codes to splats, exactly: binary32 operations in the order of spec.md section 8, none fused (R-3.3-1)."""
+"""Codes to splats, exactly: binary32 operations in the order of spec.md section 8 (R-3.3-2), none fused (R-3.3-1)."""
 
 from dataclasses import dataclass, replace
 from typing import Final, Self

@@ -378,3 +378,10 @@ def test_a_scale_beyond_binary32_is_no_damage(save, gsvc, tmp_path):
         assert status == 0
         assert not any("missing" in line or "cannot" in line for line in errors)
         assert len(list((tmp_path / folder).iterdir())) == 3
+
+
+def test_a_header_that_announces_fewer_frames_than_there_are(save, tmp_path, gsvc):
+    path = save(write_stream(OVERVIEW_HEADER, overview_frames(), lies=[Lie("frame_count", 2)]))
+    status, _, errors = gsvc("decode", path, tmp_path / "frames", "--quiet")
+    assert status == 1
+    assert "damaged after 3 complete frames: " in " ".join(errors)
