@@ -24,10 +24,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, Literal
 
-import numpy as np
-
 from conformance.expectations import Expectation
 from conformance.stage import Stage, Values, stages
+from gsvc_ref.draws import Draws
 
 Level = Literal["core", "uncommon", "stress", "faulty", "full"]
 LEVELS: Final[tuple[Level, ...]] = ("core", "uncommon", "stress", "faulty")
@@ -71,6 +70,8 @@ class Case:
         Of a faulty stream.
     generator
         Where it is defined.
+    draw
+        Which of its possible random inputs it takes: another where 0 has not what the case asserts.
     """
 
     id: str
@@ -85,15 +86,18 @@ class Case:
     generator: str
     function: Callable[..., Inputs]
     arguments: Mapping[str, Any]
+    draw: int = 0
 
     @property
     def seed(self) -> int | None:
-        """The seed of the generator that the case draws from, or None."""
-        return zlib.crc32(self.id.encode()) if "rng" in inspect.signature(self.function).parameters else None
+        """The seed of the numbers that the case draws, or None."""
+        if "rng" not in inspect.signature(self.function).parameters:
+            return None
+        return zlib.crc32(f"{self.id} {self.draw}".encode() if self.draw else self.id.encode())
 
     def run(self) -> tuple[Values, Mapping[str, Expectation]]:
         """The inputs and what the outputs must be, once all that the case asserts holds."""
-        extra = {} if self.seed is None else {"rng": np.random.default_rng(self.seed)}
+        extra = {} if self.seed is None else {"rng": Draws(self.seed)}
         steps = self.function(**self.arguments, **extra)
         inputs = next(steps)
         expected = self.stage.oracle(**inputs)
@@ -117,6 +121,7 @@ def case(
     fault: Fault | None = None,
     each: Mapping[str, Any] | None = None,
     said: Mapping[str, str] | None = None,
+    draw: int = 0,
 ) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
     """Register a function as a case, or as one per entry of `each`, whose titles may say a key in other words."""
 
@@ -128,7 +133,7 @@ def case(
             add(
                 level, stage, slug,
                 title=title.format(key=words), reason=reason.strip(), rules=rules, equations=equations, flags=flags,
-                fault=fault, function=function, arguments={"value": value} if each else {},
+                fault=fault, function=function, arguments={"value": value} if each else {}, draw=draw,
             )  # fmt: skip
         return function
 
@@ -148,6 +153,7 @@ def add(
     flags: Sequence[str] = (),
     fault: Fault | None = None,
     arguments: Mapping[str, Any] | None = None,
+    draw: int = 0,
 ) -> None:
     """Register one case, for tables of cases."""
     name = f"{level}/{stage}/{slug}"
@@ -156,7 +162,7 @@ def add(
     home = Path(inspect.getsourcefile(function) or "").name
     _CASES[name] = Case(
         name, level, stages()[stage], title, reason, tuple(rules), tuple(equations), tuple(flags), fault,
-        f"conformance/cases/{home}:{function.__name__}", function, arguments or {},
+        f"conformance/cases/{home}:{function.__name__}", function, arguments or {}, draw,
     )  # fmt: skip
 
 

@@ -61,8 +61,8 @@ def _form(expected: Array, actual: object) -> Judgement | None:
     """The failure of something that is no array of the expected type and shape, or None."""
     if not isinstance(actual, np.ndarray):
         return Judgement(False, f"is {type(actual).__name__}, not an array of {expected.dtype} {expected.shape}")
-    if actual.dtype != expected.dtype:
-        return Judgement(False, f"has type {actual.dtype}; it must be {expected.dtype}")
+    if actual.dtype != (dtype := expected.dtype.newbyteorder("=")):
+        return Judgement(False, f"has type {actual.dtype}; it must be {dtype}")
     if actual.shape != expected.shape:
         return Judgement(False, f"has shape {actual.shape}; it must be {expected.shape}")
     return None

@@ -1,26 +1,27 @@
 """Write the golden vectors, or compare them with what is there: `python -m conformance generate`.
 
-Exact parts must come out byte for byte; what an oracle computed in binary64 may differ in the last bits between
-machines, by 1e-12 of its value, and a bound by 1e-5.
+Every file comes out byte for byte, on every machine: what a machine may compute in its own way (its mathematical
+library, vector units, BLAS, the number of threads or processes) has no part in it. One number says so, the SHA-256 of
+the set.
 """
 
-import hashlib
-import io
 import json
 import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
-
-import numpy as np
+from typing import Final
 
 from conformance.case import FULL, LEVELS, cases
 from conformance.cases import CAPACITY
 from conformance.coverage import coverage_page
 from conformance.elements import used
 from conformance.mutants import all_mutants, killed_by
-from conformance.vectors import VECTORS, files_of, from_files, manifest_bytes, write
+from conformance.vectors import SUMS, VECTORS, files_of, from_files, manifest_bytes, sums_of, write
+from gsvc_ref.errors import UsageError
 
 Files = Mapping[str, Mapping[str, bytes]]
 """By id, the files of each vector."""
@@ -29,32 +30,84 @@ OnCase = Callable[[int, int], object]
 """Called with the number of cases done and of all."""
 
 AGAIN: Final = "python -m conformance generate"
-ORACLE_TOLERANCE: Final = 1e-12
-BOUND_TOLERANCE: Final = 1e-5
+CHUNK: Final = 4
+"""Cases that a process takes at once."""
 FULL_SUMS: Final = Path(__file__).with_name("full.sha256")
-"""The hashes of the exact parts of the full set: the lines that `generate --full` prints while they are not known."""
+"""The hashes of the full set: the lines that `generate --full` prints while they are not known."""
 
 
-def make(levels: Iterable[str] = LEVELS, on_case: OnCase | None = None) -> dict[str, dict[str, bytes]]:
-    """The files of all vectors of some levels, by id."""
+def make(
+    levels: Iterable[str] = LEVELS,
+    on_case: OnCase | None = None,
+    *,
+    jobs: int = 0,
+    kills_in: Path | None = None,
+) -> dict[str, dict[str, bytes]]:
+    """The files of all vectors of some levels, by id.
+
+    Parameters
+    ----------
+    levels
+        Which.
+    on_case
+        Told of the progress.
+    jobs
+        How many processes make them; 0: one for each processor that this one may use. The files do not depend on it.
+    kills_in
+        The folder whose manifests say what each vector kills, instead of running all mutants, which takes most of the
+        time; None: they are run.
+
+    Raises
+    ------
+    UsageError
+        The processes could not start, or one was ended.
+    """
     names = [name for name, case in cases().items() if case.level in levels]
     made: dict[str, dict[str, bytes]] = {}
-    with multiprocessing.get_context("spawn").Pool(min(2, os.cpu_count() or 1)) as pool:
-        for done, (name, files) in enumerate(pool.imap(vector_files, names, chunksize=4), 1):
-            made[name] = files
-            if on_case:
-                on_case(done, len(names))
+    for name, files in _each(partial(vector_files, kills_in=kills_in), names, jobs or processors()):
+        made[name] = files
+        if on_case:
+            on_case(len(made), len(names))
     return made
 
 
-def vector_files(name: str) -> tuple[str, dict[str, bytes]]:
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _each(
+    function: Callable[[str], tuple[str, dict[str, bytes]]], names: Sequence[str], jobs: int
+) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """What a function gives for each name, in their order, from so many processes; from this one if it is one."""
+    if jobs == 1:
+        yield from map(function, names)
+        return
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        try:
+            yield from pool.map(function, names, chunksize=CHUNK)
+        except BrokenProcessPool:
+            raise UsageError(
+                "a process that makes vectors could not start, or was ended (perhaps for want of memory). Processes "
+                'start from a command or from a script in a file, below `if __name__ == "__main__":`, not from '
+                f"standard input; `{AGAIN} --jobs 1` needs none of them and little memory"
+            ) from None
+
+
+def vector_files(name: str, kills_in: Path | None = None) -> tuple[str, dict[str, bytes]]:
     """The id and the files of a case's vector, its manifest with what it kills and the elements that it has."""
     case = cases()[name]
     files = files_of(case, *case.run())
     manifest = json.loads(files["manifest.json"])
     if case.level != FULL:
-        large = CAPACITY in case.flags  # a minute for each mutant
-        manifest["kills"] = [] if large else killed_by([from_files(files)], all_mutants())[name]
+        if CAPACITY in case.flags:  # a minute for each mutant
+            manifest["kills"] = []
+        else:
+            manifest["kills"] = (
+                killed_by([from_files(files)], all_mutants())[name]
+                if kills_in is None
+                else _known_kills(kills_in / name)
+            )
     streams = [data for part, data in files.items() if part.endswith(".gsvc")]
     if streams and case.level != "faulty":
         manifest["elements"] = sorted({element for data in streams for element in used(data)})
@@ -62,12 +115,19 @@ def vector_files(name: str) -> tuple[str, dict[str, bytes]]:
     return name, files
 
 
-def generate(folder: Path = VECTORS, on_case: OnCase | None = None) -> int:
+def _known_kills(home: Path) -> list[str]:
+    """What the manifest in a folder says that its vector kills; nothing if there is none."""
+    path = home / "manifest.json"
+    kills: list[str] = json.loads(path.read_bytes())["kills"] if path.exists() else []
+    return kills
+
+
+def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int = 0) -> int:
     """Write all vectors and COVERAGE.md to a folder; returns how many.
 
     What a case no longer makes is removed.
     """
-    made = make(on_case=on_case)
+    made = make(on_case=on_case, jobs=jobs)
     for path in sorted(folder.glob("*/*/*/*")):
         if path.name not in made.get("/".join(path.relative_to(folder).parts[:3]), {}):
             path.unlink()
@@ -79,65 +139,36 @@ def generate(folder: Path = VECTORS, on_case: OnCase | None = None) -> int:
     return len(made)
 
 
-def differences(folder: Path = VECTORS, on_case: OnCase | None = None) -> list[str]:
-    """What would change if the vectors were generated again, one sentence each, and how to do that."""
-    made = make(on_case=on_case)
+def differences(folder: Path = VECTORS, made: Files | None = None) -> list[str]:
+    """What would change if the vectors were generated again, and how to do that; nothing if every byte is the same.
+
+    Parameters
+    ----------
+    folder
+        Where the vectors are.
+    made
+        What the cases make, if `make` was called already.
+    """
+    made = make() if made is None else made
     there = {
         str(path.relative_to(folder)): path for path in folder.glob("*/*/*/*") if path.is_file()
     }  # fmt: skip
     wanted = {f"{name}/{part}": data for name, files in made.items() for part, data in files.items()}
     found = [f"{name} is not made by any case" for name in sorted(there.keys() - wanted.keys())]
     found += [f"{name} is missing" for name in sorted(wanted.keys() - there.keys())]
-    for name in sorted(there.keys() & wanted.keys()):
-        if not same(name, there[name].read_bytes(), wanted[name], _oracle_parts(made[name.rpartition("/")[0]])):
-            found.append(f"{name} differs")
+    found += [
+        f"{name} differs" for name in sorted(there.keys() & wanted.keys()) if there[name].read_bytes() != wanted[name]
+    ]
+    if (folder / SUMS).read_bytes() != sums_of(made):
+        found.append(f"{SUMS} is not that of what the cases make")
     if (folder / "COVERAGE.md").read_text(encoding="utf-8") != coverage_page(folder):
         found.append("COVERAGE.md is not that of these vectors")
     return [*found, f"to write them again: {AGAIN}"] if found else []
 
 
-def _oracle_parts(files: Mapping[str, bytes]) -> set[str]:
-    """The parts of a vector that an oracle computed in binary64."""
-    outputs = json.loads(files["manifest.json"])["outputs"].values()
-    return {entry[part]["file"] for entry in outputs if entry["check"] == "bounded" for part in ("expected", "bound")}
-
-
-def same(name: str, there: bytes, wanted: bytes, oracle_parts: set[str]) -> bool:
-    """Whether a file is what it must be: to the byte, but for what an oracle computed."""
-    if there == wanted:
-        return True
-    part = name.rpartition("/")[2]
-    if part == "manifest.json":
-        return bool(_without_oracle_hashes(there) == _without_oracle_hashes(wanted))
-    if part not in oracle_parts:
-        return False
-    a, b = (np.load(io.BytesIO(data), allow_pickle=False) for data in (there, wanted))
-    tolerance = BOUND_TOLERANCE if part.endswith(".bound.npy") else ORACLE_TOLERANCE
-    return a.shape == b.shape and a.dtype == b.dtype and bool(np.allclose(a, b, rtol=tolerance, atol=0))
-
-
-def _without_oracle_hashes(data: bytes) -> Any:
-    manifest = json.loads(data)
-    for entry in manifest["outputs"].values():
-        if entry["check"] == "bounded":
-            for part in ("expected", "bound"):
-                del entry[part]["sha256"]
-    return manifest
-
-
-def generate_full(folder: Path, on_case: OnCase | None = None) -> list[str]:
-    """Write the full set (large frames, long sequences); returns what differs from the known hashes of exact parts."""
-    made = make([FULL], on_case)
+def generate_full(folder: Path, on_case: OnCase | None = None, *, jobs: int = 0) -> list[str]:
+    """Write the full set (large frames, long sequences); returns the hashes of its files that are not known."""
+    made = make([FULL], on_case, jobs=jobs)
     write(folder, made)
     known = FULL_SUMS.read_text(encoding="utf-8") if FULL_SUMS.exists() else ""
-    return [line for line in full_sums(made).splitlines() if line not in known.splitlines()]
-
-
-def full_sums(made: Files) -> str:
-    """The hashes of all parts that are exact, a line each."""
-    lines = []
-    for name, files in sorted(made.items()):
-        inexact = {*_oracle_parts(files), "manifest.json"}
-        for part in sorted(files.keys() - inexact):
-            lines.append(f"{hashlib.sha256(files[part]).hexdigest()}  {name}/{part}\n")
-    return "".join(lines)
+    return [line for line in sums_of(made).decode().splitlines() if line not in known.splitlines()]

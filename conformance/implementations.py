@@ -219,7 +219,7 @@ def _output(port: Port, value: Any) -> Any:
     if port.type == "text" or isinstance(value, np.ndarray):
         return value
     if isinstance(value, int | float) and not isinstance(value, np.generic):
-        return np.asarray(value, DTYPES.get(port.type))
+        return np.asarray(value, port.type if port.type in DTYPES else None)
     return np.asarray(value)
 
 

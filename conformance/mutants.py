@@ -23,7 +23,7 @@ from conformance.stage import Stage, Values
 from conformance.vectors import Vector
 
 SECONDS: Final = 10.0
-"""A mutant that takes longer on one vector is dead: it hangs."""
+"""A mutant that takes more processor time on one vector is dead: it hangs."""
 
 
 @dataclass(frozen=True)
@@ -134,18 +134,18 @@ class HangsError(Exception):
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise `HangsError` after so many seconds; in the main thread of a process only."""
+    """Raise `HangsError` after so many seconds of processor time; in the main thread of a process only."""
 
     def ring(*_: object) -> None:
         raise HangsError(f"more than {seconds:g} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def answer(mutant: Mutant, stage: Stage, inputs: Values) -> Values | None:

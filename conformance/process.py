@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from conformance.implementations import Answer, Failure, Unsupported
 from conformance.stage import Port, Stage, Values
-from conformance.vectors import npy
+from conformance.vectors import native, npy
 from gsvc_ref.errors import UsageError
 
 EXIT_UNSUPPORTED: Final = 77
@@ -135,9 +135,11 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
         raise ValueError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
     if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * _product(shape):
         raise ValueError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
+    if dtype.str.startswith(">"):
+        raise ValueError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
     flat = np.frombuffer(data, dtype, offset=file.tell())
     try:
-        return np.array(flat.reshape(shape, order="F" if column_order else "C"), order="C")
+        return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")
     except (ValueError, OverflowError):  # an empty array with a length beyond any address
         raise ValueError(f"{name} has the shape {shape}") from None
 

@@ -31,7 +31,8 @@ MODULES: Final = (
 )
 """Where stages are defined, in conformance.stages."""
 
-DTYPES: Final = {"u1": "|u1", "u2": "<u2", "u4": "<u4", "i8": "<i8", "f4": "<f4", "f8": "<f8"}
+DTYPES: Final = ("u1", "u2", "u4", "i8", "f4", "f8")
+"""Types of arrays by NumPy's names, which mean the byte order of the machine; in files all are little-endian."""
 
 
 @dataclass(frozen=True)

@@ -102,15 +102,18 @@ def _rules(expected: Mapping[str, Expectation]) -> Iterator[str]:
 
 def write(folder: Path, files: Mapping[str, Mapping[str, bytes]]) -> None:
     """Write vectors, by id the files of each, and their sums; `folder` must not hold other files."""
-    sums = {}
     for name, parts in files.items():
         home = folder / name
         home.mkdir(parents=True, exist_ok=True)
         for part, data in parts.items():
             (home / part).write_bytes(data)
-            sums[f"{name}/{part}"] = hashlib.sha256(data).hexdigest()
-    lines = (f"{sums[name]}  {name}\n" for name in sorted(sums))
-    (folder / SUMS).write_text("".join(lines), encoding="utf-8")
+    (folder / SUMS).write_bytes(sums_of(files))
+
+
+def sums_of(files: Mapping[str, Mapping[str, bytes]]) -> bytes:
+    """What stands in SHA256SUMS of these vectors."""
+    all_files = {f"{name}/{part}": data for name, parts in files.items() for part, data in parts.items()}
+    return "".join(f"{hashlib.sha256(all_files[name]).hexdigest()}  {name}\n" for name in sorted(all_files)).encode()
 
 
 def set_hash(folder: Path = VECTORS) -> str:
@@ -168,6 +171,11 @@ def _little(array: NDArray[Any]) -> NDArray[Any]:
     return array.astype(array.dtype.newbyteorder("<"), copy=False)
 
 
+def native(array: NDArray[Any]) -> NDArray[Any]:
+    """An array from a file in the byte order of the machine."""
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
 def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
     """Put a value into files or into the manifest; its entry."""
     if isinstance(value, str | int | float) and not isinstance(value, np.generic):
@@ -206,7 +214,7 @@ def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
     data = files[entry["file"]]
     if entry["file"].endswith(".gsvc"):
         return data
-    array = np.load(io.BytesIO(data), allow_pickle=False)
+    array = native(np.load(io.BytesIO(data), allow_pickle=False))
     return unpack(array, entry) if "runs" in entry else array
 
 

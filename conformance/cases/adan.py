@@ -7,11 +7,12 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.training import f4
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 BETAS = {"beta1": 0.98, "beta2": 0.92, "beta3": 0.99, "epsilon": 1e-8}
 
 
-def adan_inputs(rng: np.random.Generator, steps: Any, columns: int = 4, gradient_size: float = 1.0) -> Values:
+def adan_inputs(rng: Draws, steps: Any, columns: int = 4, gradient_size: float = 1.0) -> Values:
     """A state in the middle of training, whose averages are of the size of its gradients."""
     ages = np.array(steps, np.int64)
     old = (ages > 0)[:, None]
@@ -32,7 +33,7 @@ def adan_inputs(rng: np.random.Generator, steps: Any, columns: int = 4, gradient
 
 
 @case("core", "adan_step", flags=["first-step", "correction"])
-def first_step(rng: np.random.Generator) -> Inputs:
+def first_step(rng: Draws) -> Inputs:
     """The first step of a row: the difference of gradients is 0, and m / (1 - b1) over the root is the gradient's sign.
 
     The parameter moves by the rate against the gradient. A difference against a previous gradient of 0 makes it larger
@@ -47,7 +48,7 @@ def first_step(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["first-step"])
-def first_step_of_a_dirty_row(rng: np.random.Generator) -> Inputs:
+def first_step_of_a_dirty_row(rng: Draws) -> Inputs:
     """A row of age 0 whose `previous` holds what another splat left there: it is not looked at."""
     inputs = adan_inputs(rng, [0, 0, 5])
     inputs["previous"] = rng.normal(size=(3, 4)).astype(np.float32)
@@ -73,7 +74,7 @@ def second_step() -> Inputs:
 
 
 @case("core", "adan_step", flags=["mixed-ages", "correction"])
-def rows_of_mixed_ages(rng: np.random.Generator) -> Inputs:
+def rows_of_mixed_ages(rng: Draws) -> Inputs:
     """Rows of ages 0 to 2000 side by side: each is corrected by its own count, as after an augmentation."""
     steps = [0, 1, 2, 3, 0, 9, 10, 63, 64, 65, 99, 127, 128, 500, 0, 999, 2000]
     expected = yield adan_inputs(rng, steps, columns=9)
@@ -81,7 +82,7 @@ def rows_of_mixed_ages(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["correction"])
-def old_rows(rng: np.random.Generator) -> Inputs:
+def old_rows(rng: Draws) -> Inputs:
     """Rows that are tens of thousands of steps old: the corrections are 1."""
     inputs = adan_inputs(rng, [49_999, 20_000, 30_001])
     expected = yield inputs
@@ -91,7 +92,7 @@ def old_rows(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["epsilon"])
-def tiny_gradients(rng: np.random.Generator) -> Inputs:
+def tiny_gradients(rng: Draws) -> Inputs:
     """Gradients around epsilon, where it slows the step by half.
 
     Inside the root, or added to n before the correction, epsilon would be 1e-4 there and stop the splats; left out,
@@ -105,7 +106,7 @@ def tiny_gradients(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["units"])
-def positions_in_units_of_the_frame(rng: np.random.Generator) -> Inputs:
+def positions_in_units_of_the_frame(rng: Draws) -> Inputs:
     """Units of half the frame's sides for x and y: gradients are multiplied by them, and so are steps.
 
     The state is that of the learned values: without the unit on either side, positions barely move or fly away.
@@ -121,7 +122,7 @@ def positions_in_units_of_the_frame(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["units"])
-def rates_of_their_own(rng: np.random.Generator) -> Inputs:
+def rates_of_their_own(rng: Draws) -> Inputs:
     """Another learning rate for every column, and 0 for one: that parameter stays while its averages move on."""
     inputs = adan_inputs(rng, [0, 1, 12], columns=9)
     inputs["rates"] = f4(1e-3, 2e-3, 5e-4, 0, 0.018, 1e-2, 0.1, 1, 1e-5)
@@ -131,7 +132,7 @@ def rates_of_their_own(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["empty"])
-def gradients_of_zero(rng: np.random.Generator) -> Inputs:
+def gradients_of_zero(rng: Draws) -> Inputs:
     """A gradient of 0 in a row with history, such as of a splat that has left the frame: momentum carries it on."""
     inputs = adan_inputs(rng, [4, 200])
     inputs["gradients"] = np.zeros((2, 4), np.float32)
@@ -153,7 +154,7 @@ def nothing_ever() -> Inputs:
 
 
 @case("core", "adan_step", flags=["correction"])
-def other_decay_rates(rng: np.random.Generator) -> Inputs:
+def other_decay_rates(rng: Draws) -> Inputs:
     """Three quite different decay rates and an epsilon that matters: exchanged ones show in every output."""
     inputs = adan_inputs(rng, [0, 1, 2, 8])
     inputs |= {"beta1": 0.5, "beta2": 0.75, "beta3": 0.9375, "epsilon": 0.125}
@@ -162,7 +163,7 @@ def other_decay_rates(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "adan_step", flags=["correction"])
-def corrections_of_slow_averages(rng: np.random.Generator) -> Inputs:
+def corrections_of_slow_averages(rng: Draws) -> Inputs:
     """Decay rates of 0.999, 0.9 and 0.9999 in the first steps, parameters of 0: only the update counts.
 
     1 - b^k is small, and loses its last digits where the power is rounded to binary32 before the subtraction.
@@ -193,7 +194,7 @@ def no_weight_decay() -> Inputs:
 
 
 @case("core", "adan_step", flags=["correction"])
-def large_gradients(rng: np.random.Generator) -> Inputs:
+def large_gradients(rng: Draws) -> Inputs:
     """Gradients of a thousand after small ones: nothing is clipped, and n takes the square of g + b2 d."""
     inputs = adan_inputs(rng, [3, 50], gradient_size=1e-2)
     inputs["gradients"] = f4([1000, -1000, 500, 250], [-700, 800, 900, -1000])
@@ -202,7 +203,7 @@ def large_gradients(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "adan_step", flags=["first-step", "correction"])
-def decay_rates_of_zero(rng: np.random.Generator) -> Inputs:
+def decay_rates_of_zero(rng: Draws) -> Inputs:
     """Without memory (all decay rates 0): m is the gradient, v the difference, and all corrections are 1."""
     inputs = adan_inputs(rng, [0, 3])
     inputs |= {"beta1": 0.0, "beta2": 0.0, "beta3": 0.0, "epsilon": 1e-3}
@@ -223,7 +224,7 @@ def no_rows() -> Inputs:
 
 
 @case("uncommon", "adan_step", flags=["mixed-ages"])
-def many_rows(rng: np.random.Generator) -> Inputs:
+def many_rows(rng: Draws) -> Inputs:
     """61 rows in runs of equal age whose lengths are no multiple of a vector's."""
     lengths, ages = [17, 1, 23, 2, 18], [300, 0, 300, 7, 0]
     expected = yield adan_inputs(rng, np.repeat(ages, lengths), columns=9)
@@ -231,7 +232,7 @@ def many_rows(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "adan_step", flags=["subnormal", "epsilon"])
-def vanishing_gradients(rng: np.random.Generator) -> Inputs:
+def vanishing_gradients(rng: Draws) -> Inputs:
     """Gradients of 1e-22, whose squares are subnormal or zero: epsilon keeps the quotient finite."""
     inputs = adan_inputs(rng, [0, 2, 90], gradient_size=1e-22)
     expected = yield inputs
@@ -239,7 +240,7 @@ def vanishing_gradients(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "adan_step", flags=["overflow"])
-def huge_gradients(rng: np.random.Generator) -> Inputs:
+def huge_gradients(rng: Draws) -> Inputs:
     """Gradients of 1e17, whose squares are near the end of binary32."""
     inputs = adan_inputs(rng, [0, 2, 90], gradient_size=1e17)
     expected = yield inputs
@@ -247,7 +248,7 @@ def huge_gradients(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "adan_step", flags=["cancellation"])
-def opposite_momentum(rng: np.random.Generator) -> Inputs:
+def opposite_momentum(rng: Draws) -> Inputs:
     """Averages that the gradients cancel to nearly nothing: the bounds are those of the parts, not of the rest."""
     inputs = adan_inputs(rng, [10, 11])
     inputs["gradients"] = (-49 * inputs["m"]).astype(np.float32)

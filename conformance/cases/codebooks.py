@@ -6,9 +6,10 @@ from conformance.case import Inputs, case
 from conformance.cases.rvq import assigned
 from conformance.cases.training import f4
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 
-def update_inputs(rng: np.random.Generator, count: int, sizes: list[int], **settings: float) -> Values:
+def update_inputs(rng: Draws, count: int, sizes: list[int], **settings: float) -> Values:
     """A state whose averages belong roughly to its codebooks, and a batch of vectors; no codeword is dead."""
     inputs = assigned(rng, count, sizes)
     counts = rng.uniform(2, 9, sum(sizes))
@@ -20,7 +21,7 @@ def update_inputs(rng: np.random.Generator, count: int, sizes: list[int], **sett
 
 
 @case("core", "rvq_update", flags=["stages"], each={"one_stage": [8], "three_stages": [5, 3, 6]})
-def averages_of_a_batch(rng: np.random.Generator, value: list[int]) -> Inputs:
+def averages_of_a_batch(rng: Draws, value: list[int]) -> Inputs:
     """The authors' settings, no codeword dead, {key}: every stage averages what reaches it, with counts of its own."""
     inputs = update_inputs(rng, 40, value)
     expected = yield inputs
@@ -31,7 +32,7 @@ def averages_of_a_batch(rng: np.random.Generator, value: list[int]) -> Inputs:
 
 
 @case("core", "rvq_update", flags=["smoothing"])
-def smoothing_that_matters(rng: np.random.Generator) -> Inputs:
+def smoothing_that_matters(rng: Draws) -> Inputs:
     """A smoothing of a quarter of a splat, two stages: counts are smoothed over those of their own stage.
 
     Without smoothing, with the counts of both stages, or without the factor n, codewords are off by more than 1 %.
@@ -59,7 +60,7 @@ def averages_by_hand() -> Inputs:
 
 
 @case("core", "rvq_update", flags=["ties"])
-def codewords_in_binary16(rng: np.random.Generator) -> Inputs:
+def codewords_in_binary16(rng: Draws) -> Inputs:
     """Codewords are rounded to binary16 at the end, while counts and sums are not."""
     inputs = update_inputs(rng, 30, [6])
     expected = yield inputs
@@ -70,7 +71,7 @@ def codewords_in_binary16(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "rvq_update", flags=["dead"])
-def dead_codewords(rng: np.random.Generator) -> Inputs:
+def dead_codewords(rng: Draws) -> Inputs:
     """One dead codeword in the first stage and two in the second, each replaced by a vector of its stage.
 
     Uniform numbers go to dead codewords in order; what is drawn is the vector that reaches the stage, in proportion to
@@ -172,7 +173,7 @@ def codewords_without_users() -> Inputs:
 
 
 @case("uncommon", "rvq_update", flags=["smoothing"])
-def averages_without_memory(rng: np.random.Generator) -> Inputs:
+def averages_without_memory(rng: Draws) -> Inputs:
     """A decay of 0: counts and sums are those of the batch."""
     inputs = update_inputs(rng, 50, [3], decay=0.0, dead_count=0.0)
     expected = yield inputs
@@ -180,7 +181,7 @@ def averages_without_memory(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "rvq_update", flags=["empty"])
-def no_splats(rng: np.random.Generator) -> Inputs:
+def no_splats(rng: Draws) -> Inputs:
     """Without splats nothing changes: averages do not fade, and nothing dies."""
     inputs = update_inputs(rng, 1, [3, 2])
     inputs |= {"x": inputs["x"][:0], "indices": inputs["indices"][:0], "counts": np.full(5, 0.25)}

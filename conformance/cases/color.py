@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.titles import in_words
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 Samples = NDArray[np.unsignedinteger[Any]]
 
@@ -43,7 +44,7 @@ def plane_shape(height: int, width: int, chroma_format: int) -> tuple[int, int]:
     return (height + 1) // 2 if chroma_format == 1 else height, (width + 1) // 2 if chroma_format < 3 else width
 
 
-def random_planes(rng: np.random.Generator, height: int, width: int, **elements: int) -> Values:
+def random_planes(rng: Draws, height: int, width: int, **elements: int) -> Values:
     """Planes with any sample values, those beyond the nominal range included."""
     description = described(**elements)
     depth = description["bit_depth"]
@@ -52,7 +53,7 @@ def random_planes(rng: np.random.Generator, height: int, width: int, **elements:
     return {"y": y, "cb": cb, "cr": cr, **description}
 
 
-def random_frame(rng: np.random.Generator, height: int, width: int, **elements: int) -> Values:
+def random_frame(rng: Draws, height: int, width: int, **elements: int) -> Values:
     """A frame with any sample values."""
     description = described(**elements)
     depth = description["bit_depth"]
@@ -87,7 +88,7 @@ RARE = {
 
 
 @case("core", "planes_to_frame", flags=["matrix", "range", "odd-size"], each=COMMON, said=in_words(COMMON))
-def any_planes(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
+def any_planes(rng: Draws, value: dict[str, int]) -> Inputs:
     """Random planes of 7x5 pixels, many of whose results are clipped: {key}."""
     expected = yield random_planes(rng, 5, 7, **value)
     peak = (1 << value.get("bit_depth", 8)) - 1
@@ -95,14 +96,14 @@ def any_planes(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
 
 
 @case("uncommon", "planes_to_frame", flags=["matrix", "range", "bit-depth"], each=RARE, said=in_words(RARE))
-def any_rare_planes(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
+def any_rare_planes(rng: Draws, value: dict[str, int]) -> Inputs:
     """Random planes of 5x6 pixels: {key}."""
     expected = yield random_planes(rng, 6, 5, **value)
     assert expected["frame"].value.shape == (6, 5, 3)
 
 
 @case("core", "frame_to_planes", flags=["matrix", "range", "odd-size"], each=COMMON, said=in_words(COMMON))
-def any_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
+def any_frame(rng: Draws, value: dict[str, int]) -> Inputs:
     """A random frame of 7x5 pixels: {key}."""
     expected = yield random_frame(rng, 5, 7, **value)
     unit = 1 << (value.get("bit_depth", 8) - 8)
@@ -111,7 +112,7 @@ def any_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
 
 
 @case("uncommon", "frame_to_planes", flags=["matrix", "range", "bit-depth"], each=RARE, said=in_words(RARE))
-def any_rare_frame(rng: np.random.Generator, value: dict[str, int]) -> Inputs:
+def any_rare_frame(rng: Draws, value: dict[str, int]) -> Inputs:
     """A random frame of 5x6 pixels: {key}."""
     expected = yield random_frame(rng, 6, 5, **value)
     assert expected["cb"].value.shape == plane_shape(6, 5, value.get("chroma_format", 3))
@@ -254,7 +255,7 @@ def one_pixel(value: int) -> Inputs:
 
 
 @case("core", "frame_to_planes", flags=["odd-size", "siting"], each={"one_row": (1, 5), "one_column": (5, 1)})
-def thin_frames(rng: np.random.Generator, value: tuple[int, int]) -> Inputs:
+def thin_frames(rng: Draws, value: tuple[int, int]) -> Inputs:
     """A frame of {key}, 4:2:0: what lies beyond an edge is its outermost pixel."""
     inputs = random_frame(rng, *value, chroma_format=1, location=2)
     expected = yield inputs
@@ -266,7 +267,7 @@ ROWS = {key: f"{rows} rows" for key, rows in HEIGHTS.items()}
 
 
 @case("core", "planes_to_frame", flags=["matrix"], each=HEIGHTS, said=ROWS)
-def matrix_that_is_not_stated(rng: np.random.Generator, value: int) -> Inputs:
+def matrix_that_is_not_stated(rng: Draws, value: int) -> Inputs:
     """Matrix 2, not stated, of a frame of {key}: BT.601 up to 576 rows, else BT.709."""
     inputs = random_planes(rng, value, 1, matrix=2)
     inputs["cr"][:] = 200

@@ -10,6 +10,9 @@ from conformance.cases.rendering import SIZES
 from conformance.cases.splat_sets import population, splat, splats
 from conformance.cases.unusual_splats import DEGENERATE, EXTREME, WHAT_IS_EXTREME, WHY_DEGENERATE
 from conformance.stages.rendering import render_sum_deterministic
+from gsvc_ref.draws import Draws
+from gsvc_ref.portable import cos, sin
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 K = np.float32(float.fromhex("0x1.62a41p+3"))
 
@@ -22,7 +25,7 @@ def no_splats() -> Inputs:
 
 
 @case("core", "render_sum_deterministic", flags=["odd-size", "transposed"], each=SIZES)
-def size(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def size(value: tuple[int, int], rng: Draws) -> Inputs:
     """A frame of {key} pixels."""
     width, height = value
     parameters = population(rng, 11, width, height, radius=4.0)
@@ -31,14 +34,14 @@ def size(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "render_sum_deterministic", flags=["order", "division", "odd-size"])
-def many_splats(rng: np.random.Generator) -> Inputs:
+def many_splats(rng: Draws) -> Inputs:
     """307 splats of natural sizes over a frame of several tiles."""
     expected = yield {"parameters": population(rng, 307, 61, 47), "width": 61, "height": 47}
     assert expected["sum"].value.any()
 
 
 @case("core", "render_sum_deterministic", flags=["order", "many"])
-def ascending_order(rng: np.random.Generator) -> Inputs:
+def ascending_order(rng: Draws) -> Inputs:
     """300 splats with large colours of both signs on a few pixels: each order of adding has sums of its own."""
     parameters = np.repeat(splat(4.4, 3.7, 2.0, 1.0, 1.5), 300, axis=0)
     parameters[:, 5:] = rng.normal(0, 100, (300, 3))
@@ -58,7 +61,7 @@ def weights_from_one_to_the_edge() -> Inputs:
 
 
 @case("core", "render_sum_deterministic", flags=["exponential", "fused"])
-def any_place_in_a_pixel(rng: np.random.Generator) -> Inputs:
+def any_place_in_a_pixel(rng: Draws) -> Inputs:
     """Splats as small as a pixel, each seen by one: the weight itself, to the last bit, 15 x 11 times."""
     grid = np.stack(np.meshgrid(np.arange(15), np.arange(11)), axis=-1).reshape(-1, 2) + 0.5
     parameters = np.repeat(splat(0, 0, 0.2, 0.0, 0.2, (1, 1, 1)), len(grid), axis=0)
@@ -73,7 +76,7 @@ def _m(dx: np.float32, dy: np.float32) -> np.float32:
 
 
 def _with_m(
-    rng: np.random.Generator, m: np.float32, pixel: tuple[int, int] = (3, 3), before: tuple[int, int] = (1, 1)
+    rng: Draws, m: np.float32, pixel: tuple[int, int] = (3, 3), before: tuple[int, int] = (1, 1)
 ) -> Iterator[tuple[float, float]]:
     """Places (x, y) of round splats with L = 1 whose m at a pixel's centre is the given number.
 
@@ -96,7 +99,7 @@ def _with_m(
     each={"at": 0, "one_step_inside": -1, "one_step_outside": 1},
     said={"at": "exactly K", "one_step_inside": "one step below K", "one_step_outside": "one step above K"},
 )
-def the_edge(value: int, rng: np.random.Generator) -> Inputs:
+def the_edge(value: int, rng: Draws) -> Inputs:
     """Eight splats, one after the other in a corner, whose m is {key}: up to K itself they cover the pixel."""
     m = np.nextafter(K, np.float32(np.sign(value) * 100)) if value else K
     places = _with_m(rng, m)
@@ -117,7 +120,7 @@ def scaled_beyond_binary32() -> Inputs:
 
 
 @case("core", "render_sum_deterministic", flags=["support", "tile-edge"], rules=["R-9.1-3"])
-def the_edge_in_corners_of_tiles(rng: np.random.Generator) -> Inputs:
+def the_edge_in_corners_of_tiles(rng: Draws) -> Inputs:
     """Four splats, each with m exactly K at the corner of a 16x16 tile, the only pixel of it that the splat covers.
 
     A tile's list that asks for less than K at the nearest pixel loses them.
@@ -156,19 +159,19 @@ def beside_the_box(value: tuple[float, float, int]) -> Inputs:
     """
     x, l11, last = value
     expected = yield {"parameters": splat(x, 1.5, l11, 0.0, 1.0, (1, 1, 1)), "width": last + 3, "height": 3}
-    assert np.ceil(x + np.sqrt(2 * np.log(255)) * l11) <= last
+    assert np.ceil(x + np.sqrt(2 * SUPPORT_SIGMA) * l11) <= last
     assert expected["sum"].value[1, last, 0] > 0
 
 
 @case("core", "render_sum_deterministic", flags=["support", "fused", "division"], rules=["R-9.1-3"])
-def edges_within_rounding(rng: np.random.Generator) -> Inputs:
+def edges_within_rounding(rng: Draws) -> Inputs:
     """Sheared splats whose edge passes a pixel as near as binary32 can tell: each rounding decides some of them."""
     rows = []
     for j in range(12):
         for i in range(12):
             l11, l21, l22 = rng.uniform([0.1, -0.04, 0.1], [0.15, 0.04, 0.15])
             angle = rng.uniform(0, 2 * np.pi)
-            u1, u2 = np.sqrt(2 * np.log(255)) * np.array([np.cos(angle), np.sin(angle)])
+            u1, u2 = np.sqrt(2 * SUPPORT_SIGMA) * np.array([cos(angle), sin(angle)])
             rows.append(splat(i + 0.5 - l11 * u1, j + 0.5 - (l21 * u1 + l22 * u2), l11, l21, l22, (1, 1, 1)))
     expected = yield {"parameters": splats(*rows), "width": 12, "height": 12}
     assert 40 < np.count_nonzero(expected["sum"].value[..., 0] > 0) <= 144
@@ -244,7 +247,7 @@ def far_from_the_origin() -> Inputs:
 
 
 @case("uncommon", "render_sum_deterministic", flags=["degenerate"], rules=["R-9.1-2"])
-def degenerate_among_others(rng: np.random.Generator) -> Inputs:
+def degenerate_among_others(rng: Draws) -> Inputs:
     """Every third splat is degenerate."""
     parameters = population(rng, 30, 17, 13)
     parameters[::3, 4] = -1

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import population, splat, splats
 from conformance.cases.unusual_splats import DEGENERATE
+from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]
 
@@ -172,7 +173,7 @@ def where_and_which() -> Inputs:
 
 
 @case("core", "render_frame", flags=["bit-depth", "odd-size"], each=DEPTHS)
-def depth(value: int, rng: np.random.Generator) -> Inputs:
+def depth(value: int, rng: Draws) -> Inputs:
     """A small frame of {key}."""
     expected = yield {"parameters": population(rng, 23, 25, 18), "width": 25, "height": 18, "bit_depth": value}
     frame = expected["frame"]
@@ -182,7 +183,7 @@ def depth(value: int, rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "render_frame", flags=["many", "odd-size"])
-def a_frame(rng: np.random.Generator) -> Inputs:
+def a_frame(rng: Draws) -> Inputs:
     """A frame of 307 splats, several tiles of any size in use."""
     expected = yield {"parameters": population(rng, 307, 61, 47), "width": 61, "height": 47, "bit_depth": 8}
     assert np.mean(expected["frame"].lowest == expected["frame"].highest) > 0.99
@@ -206,7 +207,7 @@ def degenerate_splats() -> Inputs:
 
 
 @case("core", "render_frame", flags=["many"])
-def splats_on_one_tile(rng: np.random.Generator) -> Inputs:
+def splats_on_one_tile(rng: Draws) -> Inputs:
     """300 splats over the same 16x16 pixels: first 256 dark ones, then 44 bright ones."""
     parameters = population(rng, 300, 16, 16, radius=4.0)
     parameters[:, :2] = 8 + (parameters[:, :2] - 8) / 4
@@ -216,7 +217,7 @@ def splats_on_one_tile(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "render_frame", flags=["degenerate", "needle"], rules=["R-9.1-2"])
-def among_degenerate_splats(rng: np.random.Generator) -> Inputs:
+def among_degenerate_splats(rng: Draws) -> Inputs:
     """Needles and degenerate splats among others, at 10 bits."""
     parameters = population(rng, 17, 21, 16)
     parameters[3::4, 4] = 0.02
@@ -226,7 +227,7 @@ def among_degenerate_splats(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "render_frame", flags=["odd-size"], each={"1x1": (1, 1), "1x13": (1, 13), "37x1": (37, 1)})
-def narrow(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def narrow(value: tuple[int, int], rng: Draws) -> Inputs:
     """A frame of {key} pixels."""
     width, height = value
     parameters = population(rng, 7, width, height, radius=4.0)

@@ -16,10 +16,11 @@ from conformance.cases.hard_shapes import (
 )
 from conformance.cases.hard_splats import SIDES, WHAT_THEY_ARE, WHERE
 from conformance.cases.splat_sets import COLOR, splat, splats
+from gsvc_ref.draws import Draws
 
 
 @case("stress", "render_gradients", flags=["hard", "needle", "cancellation"], each=SHAPES, said=WHAT_THEY_ARE)
-def hard(value: tuple[Shape, Shape, Shape], rng: np.random.Generator) -> Inputs:
+def hard(value: tuple[Shape, Shape, Shape], rng: Draws) -> Inputs:
     """Three splats: {key}."""
     parameters = splats(*(splat(*shape) for shape in value))
     expected = yield {"parameters": parameters, "residual": noise(rng, WIDTH, HEIGHT)}
@@ -27,7 +28,7 @@ def hard(value: tuple[Shape, Shape, Shape], rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "support", "nan"])
-def hard_ends_before_the_frame(rng: np.random.Generator) -> Inputs:
+def hard_ends_before_the_frame(rng: Draws) -> Inputs:
     """Splats a million pixels away that end before the frame, by little: their gradients are zero."""
     parameters = splats(*(splat(*shape, (1e3, 1e3, 1e3)) for shape in NOT_QUITE))
     expected = yield {"parameters": parameters, "residual": noise(rng, WIDTH, HEIGHT)}
@@ -46,7 +47,7 @@ def hard_coverage(value: int) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "subnormal", "signed-zero", "degenerate"])
-def hard_parameters(rng: np.random.Generator) -> Inputs:
+def hard_parameters(rng: Draws) -> Inputs:
     """Each parameter in turn is minus zero, subnormal, negative and subnormal; where it is l11 or l22, all are zero."""
     expected = yield {"parameters": odd_numbers(), "residual": noise(rng, 2, 2)}
     drawn = ~np.isin(np.arange(24) % 8, (2, 4))
@@ -54,7 +55,7 @@ def hard_parameters(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "cancellation"])
-def hard_colours_of_10000(rng: np.random.Generator) -> Inputs:
+def hard_colours_of_10000(rng: Draws) -> Inputs:
     """Colours of 10000, 10000 and -20000 under a grey residual, which their scalar product cancels but for little."""
     rows = [
         splat(3.5 + rng.uniform(-1, 1), 2.5 + rng.uniform(-1, 1), 2.5, 0.7, 2.0, (1e4, 1e4, -2e4 + k)) for k in range(4)
@@ -79,7 +80,7 @@ def hard_residual_that_cancels() -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "overflow", "subnormal"], each={"1e30": 1e30, "1e-30": 1e-30})
-def hard_products(value: float, rng: np.random.Generator) -> Inputs:
+def hard_products(value: float, rng: Draws) -> Inputs:
     """Residuals of {key} over colours of the inverse order: the product is of the order of 1."""
     rows = [
         splat(3.3, 2.6, 1.5, 0.7, 1.25, [c / value for c in COLOR]),
@@ -90,7 +91,7 @@ def hard_products(value: float, rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "nan", "overflow"])
-def hard_shear_that_overflows(rng: np.random.Generator) -> Inputs:
+def hard_shear_that_overflows(rng: Draws) -> Inputs:
     """Factors near the largest number: l21 times u1 overflows binary32 at pixels that are far outside of the splat."""
     parameters = splats(splat(6.2, 5.1, 5.0, 2e38, 1e38, (0.5, 0.3, -0.2)))
     expected = yield {"parameters": parameters, "residual": noise(rng, 13, 11)}
@@ -98,7 +99,7 @@ def hard_shear_that_overflows(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=["hard", "nan", "needle"])
-def hard_far_thinner_than_a_pixel(rng: np.random.Generator) -> Inputs:
+def hard_far_thinner_than_a_pixel(rng: Draws) -> Inputs:
     """Splats far thinner than a pixel, each on the centre of one: only colours have gradients.
 
     l21 / l22 and the factors l21 / (l11 l22) of (13-12) are in the range of binary32; 1 / (l11 l22) is not.

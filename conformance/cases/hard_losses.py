@@ -4,12 +4,13 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.training import f4
+from gsvc_ref.draws import Draws
 
 ONE = np.float32(1)
 
 
 @case("stress", "loss", flags=["hard", "cancellation"])
-def hard_loss_near_zero(rng: np.random.Generator) -> Inputs:
+def hard_loss_near_zero(rng: Draws) -> Inputs:
     """A picture that is one step of binary32 beside its target in each sample: a loss of some 10^-15."""
     target = rng.uniform(0.25, 0.75, (4, 5, 3)).astype(np.float32)
     expected = yield {"picture": np.nextafter(target, ONE), "target": target}
@@ -37,7 +38,7 @@ def hard_loss_of_black_with_a_hot_pixel() -> Inputs:
 
 
 @case("stress", "weighted_gradients", flags=["hard", "cancellation", "overflow"])
-def hard_weights(rng: np.random.Generator) -> Inputs:
+def hard_weights(rng: Draws) -> Inputs:
     """Weights from 1e-30 to 1e30, and colours of 10000 whose products with the gradients cancel but for little."""
     values = rng.uniform(1, 2, (6, 9)).astype(np.float32)
     values[:, 5:8] = f4(1e4, -1e4, 1e-3)

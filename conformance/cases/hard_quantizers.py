@@ -5,6 +5,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.quantization import channels
 from conformance.cases.training import f4
+from gsvc_ref.draws import Draws
 
 # --- LSQ+ ------------------------------------------------------------------------------------------------------------
 
@@ -26,16 +27,16 @@ def codes_beside_a_half() -> Inputs:
 
 
 @case("stress", "lsq_quantize", flags=["cancellation"])
-def codes_far_from_zero(rng: np.random.Generator) -> Inputs:
+def codes_far_from_zero(rng: Draws) -> Inputs:
     """Values and an offset near 1000 with a scale of 0.000244: x - beta is exact, and t has its full accuracy.
 
     x / s - beta / s is the same in real numbers, and four million less four million in binary32.
     """
     scale, offset = np.float32(0.000244), np.float32(1000)
-    codes = rng.integers(1, 4095, 40) + rng.uniform(-0.3, 0.3, 40)
+    codes = rng.integers(1, 4095, 40) + rng.uniform(-0.45, 0.45, 40)
     x = (offset + codes * np.float64(scale)).astype(np.float32)[:, None]
     fraction = (x.astype(np.float64) - 1000) / np.float64(scale)
-    x = x[abs(fraction - np.rint(fraction)) < 0.4].reshape(-1, 1)
+    x = x[abs(fraction - np.rint(fraction)) < 0.45].reshape(-1, 1)
     expected = yield {"x": x, **channels(float(scale), 1000), "bits": 12}
     assert np.array_equal(expected["codes"].alternative, expected["codes"].value)
     assert np.any(np.rint(x / scale - offset / scale) != expected["codes"].value)
@@ -55,7 +56,7 @@ def zero_that_fusing_misses() -> Inputs:
 
 
 @case("stress", "lsq_gradients", flags=["cancellation"])
-def gradients_of_large_codes(rng: np.random.Generator) -> Inputs:
+def gradients_of_large_codes(rng: Draws) -> Inputs:
     """64 codes of 16 bits whose values lie at most half a step away: dL/ds is a sum of g (q - t).
 
     The sums of g q and g t, which differ by it, are a hundred thousand times larger.

@@ -1,5 +1,6 @@
 """Splats whose arithmetic is hard, for the cases of sums, of their deterministic twins and of gradients."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 
 from conformance.cases.splat_sets import splat, splats
 from conformance.stages.rendering import edge_margins
+from gsvc_ref.portable import cos, hypot, sin
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 Shape = tuple[float, float, float, float, float]
@@ -17,15 +20,14 @@ WIDTH: Final = 7
 HEIGHT: Final = 5
 """Of all frames: vectors stay small."""
 
-LN_255: Final = float(np.log(255))
 SUBNORMAL: Final = 1e-39
 
 
 def turned(degrees: float, length: float, thickness: float) -> tuple[float, float, float]:
     """The factors l11, l21, l22 of a splat with these deviations, the first at an angle to the rows."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    l11 = float(np.hypot(length * c, thickness * s))
-    return l11, float((length**2 - thickness**2) * s * c / l11), length * thickness / l11
+    c, s = cos(math.radians(degrees)), sin(math.radians(degrees))
+    l11 = hypot(length * c, thickness * s)
+    return l11, (length * length - thickness * thickness) * s * c / l11, length * thickness / l11
 
 
 def needle(degrees: float) -> Shape:
@@ -108,13 +110,13 @@ def at_the_edge(side: int) -> F4:
     """
     rows = []
     for (i, j), (angle, (l11, l21, l22)), color in zip(TARGETS, _EDGES, COLORS, strict=True):
-        u = np.sqrt(2 * LN_255) * np.array([np.cos(angle), np.sin(angle)])
+        u = np.sqrt(2 * SUPPORT_SIGMA) * np.array([cos(angle), sin(angle)])
         x, y = np.array([i + 0.5 - l11 * u[0], j + 0.5 - (l21 * u[0] + l22 * u[1])], np.float32)
         places = x + np.arange(-4000, 4001, dtype=np.float32) * np.spacing(abs(x))
         packed = np.tile(splat(0, float(y), l11, l21, l22, color), (len(places), 1))
         packed[:, 0] = places
-        beyond = _sigma(packed.astype(np.float64), i + 0.5, j + 0.5) - LN_255
-        nearest = (packed[[n]] for n in np.argsort(abs(beyond)) if side in (0, np.sign(beyond[n])))
+        beyond = _sigma(packed.astype(np.float64), i + 0.5, j + 0.5) - SUPPORT_SIGMA
+        nearest = (packed[[n]] for n in np.argsort(abs(beyond), kind="stable") if side in (0, np.sign(beyond[n])))
         rows.append(next(one for one in nearest if side == 0 or edge_margins(one, WIDTH, HEIGHT) > 1))
     return splats(*rows)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 # --- Key frames ------------------------------------------------------------------------------------------------------
 
@@ -23,7 +24,7 @@ def losses(frames: int, differences: Mapping[int, float], floor: float = 0.0, lo
 
 
 @case("core", "select_key_frames", flags=["window"])
-def one_cut(rng: np.random.Generator) -> Inputs:
+def one_cut(rng: Draws) -> Inputs:
     """One clear cut among frames that differ a little."""
     loss_i = 8 + np.round(rng.random(40), 3)
     loss_p = loss_i[1:] + np.round(rng.random(39), 3)
@@ -190,7 +191,7 @@ def tie_in_decimal_fractions(value: tuple[float, float]) -> Inputs:
 
 
 @case("core", "converged", flags=["schedule"])
-def convergence_of_the_paper(rng: np.random.Generator) -> Inputs:
+def convergence_of_the_paper(rng: Draws) -> Inputs:
     """The paper's rule: 100 calm changes in a row, after a fall and with one change that is too large on the way."""
     falling = 0.5 * np.cumprod(np.full(60, 0.9))
     falling = np.concatenate([falling, falling[-1] - 1e-3 + 4e-8 * rng.random(220)])

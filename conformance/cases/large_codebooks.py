@@ -11,6 +11,7 @@ from conformance.cases.large_rows import BOOKS, EDGES, FLAGS, PERIOD, ROWS, repe
 from conformance.cases.rvq import assigned, clear_vectors, codebooks
 from conformance.cases.training import f4
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 FEW: Final = 41
 """Vectors where there are many codewords."""
@@ -19,7 +20,7 @@ PAIRS: Final = ((5, 37), (64, 95), (127, 128), (225, 768), (31, 999))
 """Codewords that are made equal: in neighbouring warps and far apart."""
 
 
-def large_codebooks(rng: np.random.Generator) -> Values:
+def large_codebooks(rng: Draws) -> Values:
     """Eight codebooks of 1,024 codewords, whole numbers, so that no distance is rounded.
 
     In each, the last 20 are unlike all others, and most others come again, in other warps and blocks.
@@ -34,7 +35,7 @@ def large_codebooks(rng: np.random.Generator) -> Values:
 
 
 @case("stress", "rvq_assign", flags=FLAGS)
-def many_colours(rng: np.random.Generator) -> Inputs:
+def many_colours(rng: Draws) -> Inputs:
     """70,001 colours in two stages; those at the borders of blocks lie far from all others."""
     books = codebooks(rng, [8, 5])
     x = repeated(clear_vectors(rng, PERIOD, books))
@@ -45,7 +46,7 @@ def many_colours(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "rvq_assign", flags=[CAPACITY, "ties"])
-def many_codewords(rng: np.random.Generator) -> Inputs:
+def many_codewords(rng: Draws) -> Inputs:
     """Eight stages of 1,024 codewords, some twice in other warps: of equal ones the lower index is taken."""
     books = large_codebooks(rng)
     first = books["codebooks"][:1024]
@@ -60,7 +61,7 @@ def many_codewords(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "rvq_update", flags=FLAGS)
-def many_users(rng: np.random.Generator) -> Inputs:
+def many_users(rng: Draws) -> Inputs:
     """70,001 colours, nearly all of which use one codeword: more users than 16 bits count."""
     inputs = update_inputs(rng, PERIOD, [4, 3])
     for name in ("x", "indices"):
@@ -88,7 +89,7 @@ def draw_of_one_in_many() -> Inputs:
 
 
 @case("stress", "rvq_update", flags=[CAPACITY, "dead"])
-def many_dead_codewords(rng: np.random.Generator) -> Inputs:
+def many_dead_codewords(rng: Draws) -> Inputs:
     """Eight stages of 1,024 codewords, of which 56 are used: all others are dead, and each is replaced by a draw.
 
     The uniform numbers lie in the middle of a colour's part of the errors, those of the first stage alike.
@@ -108,7 +109,7 @@ def many_dead_codewords(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "commitment", flags=FLAGS)
-def commitment_of_many(rng: np.random.Generator) -> Inputs:
+def commitment_of_many(rng: Draws) -> Inputs:
     """70,001 colours in two stages; 15 of them, at the borders of blocks, make nearly all of the loss."""
     inputs = assigned(rng, PERIOD, [8, 5])
     for name in ("x", "indices"):
@@ -119,7 +120,7 @@ def commitment_of_many(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "commitment", flags=[CAPACITY])
-def commitment_of_many_codewords(rng: np.random.Generator) -> Inputs:
+def commitment_of_many_codewords(rng: Draws) -> Inputs:
     """41 colours and eight stages of 1,024 codewords, of which the last are used as well as the first."""
     books = large_codebooks(rng)
     x = rng.normal(0, 40, (FEW, 3)).astype(np.float32)

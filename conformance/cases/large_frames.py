@@ -10,6 +10,7 @@ from conformance.cases.building import BOOKS, halves, on, quantizer_of, result, 
 from conformance.cases.container import equal_splats
 from conformance.cases.gradients import noise
 from conformance.cases.splat_sets import population
+from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
 FLAGS: Final = ("large-frame", "tile-edge")
@@ -55,7 +56,7 @@ def large_wide() -> Inputs:
 
 
 @case("core", "render_frame", flags=FLAGS)
-def large_high(rng: np.random.Generator) -> Inputs:
+def large_high(rng: Draws) -> Inputs:
     """A frame of 2061 rows, more than a block of 2048; splats all along it."""
     expected = yield {"parameters": population(rng, 160, 1, 2061, radius=5.0), "width": 1, "height": 2061,
                       "bit_depth": 8}  # fmt: skip
@@ -63,14 +64,14 @@ def large_high(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "render_sum", flags=FLAGS)
-def more_than_512_columns(rng: np.random.Generator) -> Inputs:
+def more_than_512_columns(rng: Draws) -> Inputs:
     """A frame of 523 columns; splats all along it."""
     expected = yield {"parameters": population(rng, 60, 523, 1, radius=4.0), "width": 523, "height": 1}
     assert expected["sum"].value[0, 512:].any()
 
 
-@case("core", "render_gradients", flags=FLAGS, each={"columns": (1051, 1), "rows": (1, 1051)})
-def more_than_1024(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+@case("core", "render_gradients", flags=FLAGS, each={"columns": (1051, 1), "rows": (1, 1051)}, draw=2)
+def more_than_1024(value: tuple[int, int], rng: Draws) -> Inputs:
     """A residual of 1051 {key}; splats all along it."""
     parameters = population(rng, 40, *value, radius=5.0)
     expected = yield {"parameters": parameters, "residual": noise(rng, *value)}

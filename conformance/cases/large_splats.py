@@ -14,6 +14,7 @@ from conformance.cases.building import Array
 from conformance.cases.large_pictures import LONG, SAID, SHAPES
 from conformance.cases.large_rows import PERIOD, repeated
 from conformance.cases.splat_sets import population, splat, splats
+from gsvc_ref.draws import Draws
 
 FLAGS: Final = (CAPACITY, "large-frame", "tile-edge")
 COLUMNS: Final = (31.5, 32.5, 255.5, 256.5, 1023.5, 4096.5, 16_384.5, 32_767.5, 32_768.5, 35_002.5)
@@ -39,7 +40,7 @@ def over_all(shape: tuple[int, int]) -> Array:
     return splats(splat(1.5, 1.5, 2.0**60, 0.0, 2.0**60, (0.25, 0.125, 0.0625)), along(shape))
 
 
-def crowd(rng: np.random.Generator, count: int) -> tuple[Array, dict[str, int]]:
+def crowd(rng: Draws, count: int) -> tuple[Array, dict[str, int]]:
     """Splats (count, 8) that add up to little, of which the last one alone is bright, and the size of their frame."""
     width, height = SMALL if count == LARGEST else TILE
     few = population(rng, PERIOD, width, height, radius=3.0)
@@ -82,7 +83,7 @@ def long_frame_of_8_bits(value: tuple[int, int]) -> Inputs:
 
 
 @case("stress", "render_sum", flags=[CAPACITY, "many"], each=CROWDS)
-def crowded_tile(value: int, rng: np.random.Generator) -> Inputs:
+def crowded_tile(value: int, rng: Draws) -> Inputs:
     """{key} splats on one tile, of which only the last is bright: a list that is too short loses it."""
     parameters, size = crowd(rng, value)
     expected = yield {"parameters": parameters, **size}
@@ -90,7 +91,7 @@ def crowded_tile(value: int, rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_sum_deterministic", flags=[CAPACITY, "many", "order"], each=LARGE_CROWDS)
-def crowded_tile_in_order(value: int, rng: np.random.Generator) -> Inputs:
+def crowded_tile_in_order(value: int, rng: Draws) -> Inputs:
     """{key} splats on one tile, added in the order of their indices, of which only the last is bright."""
     parameters, size = crowd(rng, value)
     expected = yield {"parameters": parameters, **size}
@@ -98,7 +99,7 @@ def crowded_tile_in_order(value: int, rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_frame", flags=[CAPACITY, "many"], each=LARGE_CROWDS)
-def crowded_tile_of_8_bits(value: int, rng: np.random.Generator) -> Inputs:
+def crowded_tile_of_8_bits(value: int, rng: Draws) -> Inputs:
     """{key} splats on one tile, of which only the last is bright: a list that is too short loses it."""
     parameters, size = crowd(rng, value)
     expected = yield {"parameters": parameters, **size, "bit_depth": 8}
@@ -124,7 +125,7 @@ def gradients_of_long_frames(value: tuple[int, int]) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=[CAPACITY, "many"], each=CROWDS)
-def gradients_of_a_crowd(value: int, rng: np.random.Generator) -> Inputs:
+def gradients_of_a_crowd(value: int, rng: Draws) -> Inputs:
     """{key} splats over one tile, each with a gradient: those that its list does not hold would have none."""
     parameters, size = crowd(rng, value)
     residual = rng.normal(0, 1, (size["height"], size["width"], 3)).astype(np.float32)
@@ -133,7 +134,7 @@ def gradients_of_a_crowd(value: int, rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "render_gradients", flags=FLAGS)
-def gradients_of_many_tiles(rng: np.random.Generator) -> Inputs:
+def gradients_of_many_tiles(rng: Draws) -> Inputs:
     """2,111 splats on 265 x 267 pixels, some over a hundred tiles, with other neighbours in each."""
     parameters = population(rng, 2111, 265, 267)
     parameters[:60] = population(rng, 60, 265, 267, radius=40.0)

@@ -6,18 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
+from gsvc_ref.draws import Draws
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
 
-def scene(rng: np.random.Generator, height: int, width: int, peak: int = 255) -> Frame:
+def scene(rng: Draws, height: int, width: int, peak: int = 255) -> Frame:
     """A frame with structure at every scale: a random walk along both axes, in whole numbers."""
     walk = rng.integers(-9, 10, (height, width, 3)).cumsum(axis=0).cumsum(axis=1)
     walk = walk - walk.min()
     return np.asarray(walk * peak // max(int(walk.max()), 1), np.uint8 if peak == 255 else np.uint16)
 
 
-def disturbed(rng: np.random.Generator, frame: Frame, amount: tuple[int, int, int], peak: int = 255) -> Frame:
+def disturbed(rng: Draws, frame: Frame, amount: tuple[int, int, int], peak: int = 255) -> Frame:
     """The frame with noise of a different size in each channel."""
     noise = rng.integers(-np.array(amount), np.array(amount) + 1, frame.shape)
     return np.asarray(np.clip(frame.astype(np.int64) + noise, 0, peak), frame.dtype)
@@ -30,7 +31,7 @@ SIZES = {
 
 
 @case("core", "metrics", flags=["metric", "odd-size"], each=SIZES)
-def noisy_scene(rng: np.random.Generator, value: tuple[int, int]) -> Inputs:
+def noisy_scene(rng: Draws, value: tuple[int, int]) -> Inputs:
     """A scene with noise of 3, 20 and 60 steps in R, G and B: {key} pixels.
 
     One MSE over the channels, while a mean of three PSNRs is several dB higher. The window shrinks on sides below 11,
@@ -46,7 +47,7 @@ def noisy_scene(rng: np.random.Generator, value: tuple[int, int]) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric"])
-def five_scales(rng: np.random.Generator) -> Inputs:
+def five_scales(rng: Draws) -> Inputs:
     """161x162 pixels, the least size with all five scales."""
     frame = scene(rng, 162, 161)
     expected = yield {"a": frame, "b": disturbed(rng, frame, (30, 60, 90)), "bit_depth": 8}
@@ -64,7 +65,7 @@ def psnr_by_hand() -> Inputs:
 
 
 @case("core", "metrics", flags=["metric", "bit-depth"], each={"8_bits": 8, "10_bits": 10})
-def darkness(rng: np.random.Generator, value: int) -> Inputs:
+def darkness(rng: Draws, value: int) -> Inputs:
     """Samples of {key}, up to 2 % of the peak: C1 and C2 decide, which are 0.01 and 0.03 of the peak, squared."""
     dtype = np.uint8 if value == 8 else np.uint16
     a, b = rng.integers(0, 5 << (value - 8), (2, 12, 14, 3)).astype(dtype)
@@ -74,7 +75,7 @@ def darkness(rng: np.random.Generator, value: int) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric", "cancellation"])
-def brightness(rng: np.random.Generator) -> Inputs:
+def brightness(rng: Draws) -> Inputs:
     """Samples of 250 to 255: variances of a few steps are the differences of means of squares near the peak's."""
     a, b = rng.integers(250, 256, (2, 22, 23, 3)).astype(np.uint8)
     expected = yield {"a": a, "b": b, "bit_depth": 8}
@@ -82,7 +83,7 @@ def brightness(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric"])
-def contrast_without_shift(rng: np.random.Generator) -> Inputs:
+def contrast_without_shift(rng: Draws) -> Inputs:
     """Half the contrast around the same mean: only the term of contrast and structure tells."""
     deviation = rng.integers(-50, 51, (24, 25, 3))
     a, b = (128 + 2 * (deviation // 2)).astype(np.uint8), (128 + deviation // 2).astype(np.uint8)
@@ -91,7 +92,7 @@ def contrast_without_shift(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric"])
-def brightness_and_structure_together(rng: np.random.Generator) -> Inputs:
+def brightness_and_structure_together(rng: Draws) -> Inputs:
     """One half is brighter and of another structure, the other equal: the mean of products, not a product of means."""
     a, b = rng.integers(0, 40, (2, 14, 28, 3)).astype(np.uint8)
     b[:, :14] += 120
@@ -101,7 +102,7 @@ def brightness_and_structure_together(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "metrics", flags=["bit-depth"], each={"10_bits": 10, "16_bits": 16})
-def deep_samples(rng: np.random.Generator, value: int) -> Inputs:
+def deep_samples(rng: Draws, value: int) -> Inputs:
     """Frames of 15x12 pixels and {key}: the peak, and with it PSNR and the constants, follow the depth."""
     peak = (1 << value) - 1
     frame = scene(rng, 12, 15, peak)
@@ -110,7 +111,7 @@ def deep_samples(rng: np.random.Generator, value: int) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric"])
-def inverted_structure(rng: np.random.Generator) -> Inputs:
+def inverted_structure(rng: Draws) -> Inputs:
     """A negative picture of 22x22 pixels: the mean of a scale is below 0 and counts as 0."""
     frame = scene(rng, 22, 22)
     expected = yield {"a": frame, "b": np.uint8(255) - frame, "bit_depth": 8}
@@ -127,7 +128,7 @@ def black_and_white() -> Inputs:
 
 
 @case("core", "metrics", flags=["metric", "empty"])
-def equal_frames(rng: np.random.Generator) -> Inputs:
+def equal_frames(rng: Draws) -> Inputs:
     """A frame of 14x12 pixels and itself: nothing differs, so that the PSNR is infinite and MS-SSIM is 1."""
     frame = scene(rng, 12, 14)
     expected = yield {"a": frame, "b": frame.copy(), "bit_depth": 8}
@@ -137,7 +138,7 @@ def equal_frames(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "metrics", flags=["metric"])
-def one_sample_differs(rng: np.random.Generator) -> Inputs:
+def one_sample_differs(rng: Draws) -> Inputs:
     """A single sample of 12x13 pixels is one step off, where a is below b: unsigned differences wrap around."""
     frame = np.minimum(scene(rng, 13, 12), 254).astype(np.uint8)
     other = frame.copy()
@@ -147,7 +148,7 @@ def one_sample_differs(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "metrics", flags=["odd-size"], each={"one_pixel": (1, 1), "one_row": (1, 30), "one_column": (14, 1)})
-def thin_scenes(rng: np.random.Generator, value: tuple[int, int]) -> Inputs:
+def thin_scenes(rng: Draws, value: tuple[int, int]) -> Inputs:
     """Frames of {key}: the window has a single tap on that side."""
     frame = scene(rng, *value)
     expected = yield {"a": frame, "b": np.clip(frame.astype(int) + 9, 0, 250).astype(np.uint8), "bit_depth": 8}

@@ -4,11 +4,12 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import anywhere, splat, splats
+from gsvc_ref.draws import Draws
 
 
 @case("core", "scale_parameters", flags=["order"], each={"double": (16, 9, 32, 18), "down": (48, 27, 16, 9)},
       said={"double": "twice as large", "down": "a third as large"})  # fmt: skip
-def same_shape(value: tuple[int, int, int, int], rng: np.random.Generator) -> Inputs:
+def same_shape(value: tuple[int, int, int, int], rng: Draws) -> Inputs:
     """To a frame of the same shape, {key}."""
     width, height, wider, higher = value
     parameters = anywhere(rng, 13, width, height, 5.0)
@@ -25,7 +26,7 @@ OTHER_SHAPES = {"wider": (7, 5, 61, 6), "higher": (30, 20, 31, 47), "to_1x1": (1
 
 @case("core", "scale_parameters", flags=["transposed", "division"], each=OTHER_SHAPES,
       said={key: "From {}x{} to {}x{} pixels".format(*sizes) for key, sizes in OTHER_SHAPES.items()})  # fmt: skip
-def other_shape(value: tuple[int, int, int, int], rng: np.random.Generator) -> Inputs:
+def other_shape(value: tuple[int, int, int, int], rng: Draws) -> Inputs:
     """{key}: l11 goes with the width, l21 and l22 with the height."""
     width, height, new_width, new_height = value
     parameters = anywhere(rng, 41, width, height, 5.0)

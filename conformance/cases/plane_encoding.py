@@ -7,6 +7,7 @@ from conformance.cases.building import Array, result
 from conformance.cases.planes import LANES, LARGEST, LARGEST_TABLE, LEAST_STATE, peaked
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.rans import decode_plain
+from gsvc_ref.draws import Draws
 
 
 @case("core", "encode_plane", flags=["overflow"])
@@ -30,7 +31,7 @@ def state_at_the_bound() -> Inputs:
 
 @case("core", "encode_plane", flags=["lanes"], each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES},
       said={"1_for_1_symbols": "1 for 1 symbol", "2_for_1_symbols": "2 for 1 symbol"})  # fmt: skip
-def encoded_lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def encoded_lanes(value: tuple[int, int], rng: Draws) -> Inputs:
     """Lanes, {key}: backwards through the symbols, each in its lane; the words are reversed at the end."""
     lanes, count = value
     symbols = peaked(rng, count, 5)
@@ -39,14 +40,14 @@ def encoded_lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "encode_plane", each={str(bits): bits for bits in (12, 14, 16)})
-def encoded_precision(value: int, rng: np.random.Generator) -> Inputs:
+def encoded_precision(value: int, rng: Draws) -> Inputs:
     """Planes with an entropy_precision of {key}."""
     symbols = peaked(rng, 150, 64)
     yield from encoding(symbols, normalized_frequencies(np.bincount(symbols, minlength=64), value), value, 3)
 
 
 @case("core", "encode_plane", flags=["table"])
-def symbols_that_do_not_occur(rng: np.random.Generator) -> Inputs:
+def symbols_that_do_not_occur(rng: Draws) -> Inputs:
     """Frequencies of 0 at both ends and in the middle."""
     symbols = rng.choice(np.array([3, 9, 31], np.uint16), 50)
     yield from encoding(symbols, normalized_frequencies(np.bincount(symbols, minlength=40), 12), 12, 2)

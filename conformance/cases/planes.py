@@ -12,6 +12,7 @@ from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.golomb import golomb_bits
 from gsvc_ref.bitstream.plane_coding import best_golomb_order
 from gsvc_ref.bitstream.rans import decode_plain, encode
+from gsvc_ref.draws import Draws
 
 LEAST_STATE: Final = 1 << 16
 
@@ -77,11 +78,11 @@ def decoding(symbols: Array, alphabet: int, precision: int, lanes: int, **table:
     assert np.array_equal(result(expected, "symbols"), symbols)
 
 
-def peaked(rng: np.random.Generator, count: int, alphabet: int) -> NDArray[np.uint16]:
+def peaked(rng: Draws, count: int, alphabet: int) -> NDArray[np.uint16]:
     """Symbols around the middle of the alphabet, the first two of which differ."""
     symbols = np.clip(np.rint(rng.normal(alphabet / 2, max(0.6, alphabet / 10), count)), 0, alphabet - 1)
     symbols[: 2 if count > 1 else 1] = (alphabet // 2, alphabet // 2 - 1)[: min(count, 2)]
-    return symbols.astype(np.uint16)
+    return np.asarray(symbols, np.uint16)
 
 
 ALPHABETS: Final = {f"alphabet_{a}": f"an alphabet of {a}" for a in (1, 2, 5, 256, 1000, 4096)}
@@ -103,7 +104,7 @@ def constant(value: tuple[int, int]) -> Inputs:
 
 @case("core", "decode_plane",
       each={f"alphabet_{a}": a for a in (1, 2, 5, 256, 1000, 4096)}, said=ALPHABETS)  # fmt: skip
-def raw(value: int, rng: np.random.Generator) -> Inputs:
+def raw(value: int, rng: Draws) -> Inputs:
     """Symbols as they are, of w bits each, of {key}.
 
     w is the least integer with 2^w at least the alphabet: 0 for 1, 3 for 5.
@@ -116,7 +117,7 @@ def raw(value: int, rng: np.random.Generator) -> Inputs:
 
 @case("core", "decode_plane", flags=["table"], rules=["R-6.6-4"],
       each={f"alphabet_{a}": a for a in (2, 5, 256, 4096)}, said=ALPHABETS)  # fmt: skip
-def coded_alphabet(value: int, rng: np.random.Generator) -> Inputs:
+def coded_alphabet(value: int, rng: Draws) -> Inputs:
     """A coded plane with the first and the last symbol of {key}."""
     symbols = peaked(rng, 90, value)
     symbols[-2:] = 0, value - 1
@@ -136,7 +137,7 @@ LANES: Final = ((1, 1), (1, 7), (2, 1), (2, 2), (2, 7), (3, 2), (3, 3), (3, 10),
 @case("core", "decode_plane", flags=["lanes"], rules=["R-7-1"],
       each={f"{l}_for_{n}_symbols": (l, n) for l, n in LANES},
       said={"1_for_1_symbols": "1 for 1 symbol", "2_for_1_symbols": "2 for 1 symbol"})  # fmt: skip
-def lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def lanes(value: tuple[int, int], rng: Draws) -> Inputs:
     """Lanes that take turns, {key}.
 
     There are min(lane_count, count) states, and one list of words for all lanes, in the order of symbols.
@@ -147,7 +148,7 @@ def lanes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "decode_plane", flags=["table"], each={str(bits): bits for bits in range(12, 17)})
-def precision(value: int, rng: np.random.Generator) -> Inputs:
+def precision(value: int, rng: Draws) -> Inputs:
     """An entropy_precision of {key}, and a table of as many bits."""
     yield from decoding(peaked(rng, 120, 64), 64, value, 3)
 
@@ -157,20 +158,20 @@ SHORT: Final = ((16, 1), (16, 5), (12, 1), (12, 11), (14, 7))
 
 @case("core", "decode_plane", flags=["table"], rules=["R-6.6-3"],
       each={f"{bits}_of_{precision}": (precision, bits) for precision, bits in SHORT})  # fmt: skip
-def table_bits(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def table_bits(value: tuple[int, int], rng: Draws) -> Inputs:
     """A table of fewer bits than entropy_precision, {key}: its frequencies are shifted up."""
     symbols = rng.integers(0, 2, 70).astype(np.uint16) * 3 + 1
     yield from decoding(symbols, 6, value[0], 2, table_bits=value[1])
 
 
 @case("core", "decode_plane", flags=["table"], each={str(order): order for order in range(16)})
-def golomb_order(value: int, rng: np.random.Generator) -> Inputs:
+def golomb_order(value: int, rng: Draws) -> Inputs:
     """Frequencies in exponential Golomb codes of order {key}."""
     yield from decoding(peaked(rng, 40, 16), 16, 12, 1, order=value)
 
 
 @case("core", "decode_plane", flags=["table"], rules=["R-6.6-4"])
-def zeros_in_the_table(rng: np.random.Generator) -> Inputs:
+def zeros_in_the_table(rng: Draws) -> Inputs:
     """Symbols between the first and the last that never occur: their frequency is 0."""
     symbols = rng.choice(np.array([3, 9, 31], np.uint16), 50)
     symbols[:3] = 3, 9, 31
@@ -191,7 +192,7 @@ def longest_golomb_code() -> Inputs:
 
 
 @case("core", "decode_plane")
-def many_words(rng: np.random.Generator) -> Inputs:
+def many_words(rng: Draws) -> Inputs:
     """More than 127 words: word_count takes two bytes."""
     symbols = rng.integers(0, 256, 700).astype(np.uint16)
     assert len(encode(symbols, np.full(256, 16), 0, 12, 4)[1]) > 127
@@ -208,7 +209,7 @@ def no_words() -> Inputs:
 
 
 @case("core", "decode_plane", flags=["overflow"])
-def states_of_32_bits(rng: np.random.Generator) -> Inputs:
+def states_of_32_bits(rng: Draws) -> Inputs:
     """States above 2^31, which are negative as signed integers of 32 bits."""
     symbols = rng.integers(0, 200, 130).astype(np.uint16)
     counts = np.ones(200, np.int64)

@@ -21,6 +21,7 @@ from conformance.cases.building import (
 )
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
 QUANTIZER_12: Final = quantizer_of([2.0**-9, 2.0**-8, 2.0**-9], [0.5, -8, 0.5])
@@ -82,7 +83,7 @@ def without(value: str) -> Inputs:
 
 
 @on("core", "reconstruct_stream", flags=["lanes"])
-def lanes_64_and_words(rng: np.random.Generator) -> Inputs:
+def lanes_64_and_words(rng: Draws) -> Inputs:
     """64 lanes that take words: Cholesky codes of 12 bits that are alike take less than as many bits."""
     block = intra_block(400)
     codes = np.clip(np.rint(rng.normal(2000, 4, (400, 3))), 0, 4095).astype(np.uint16)

@@ -5,6 +5,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.training import f4
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 
 def channels(scale: float, offset: float) -> Values:
@@ -12,7 +13,7 @@ def channels(scale: float, offset: float) -> Values:
     return {"scale": f4(scale), "offset": f4(offset)}
 
 
-def random_values(rng: np.random.Generator, count: int, bits: int) -> Values:
+def random_values(rng: Draws, count: int, bits: int) -> Values:
     """Values of three unlike channels, a fifth of them beyond the range of codes, and none near a tie."""
     scale, offset = f4(0.11, 0.73, 1.9), f4(0.31, -7.7, -21)
     codes = rng.uniform(-0.2, 1.2, (count, 3)) * (2**bits - 1)
@@ -23,7 +24,7 @@ def random_values(rng: np.random.Generator, count: int, bits: int) -> Values:
 
 
 @case("core", "lsq_quantize", flags=["region"], each={"1_bit": 1, "6_bits": 6, "12_bits": 12})
-def codes_below_inside_and_above(rng: np.random.Generator, value: int) -> Inputs:
+def codes_below_inside_and_above(rng: Draws, value: int) -> Inputs:
     """Three channels with scales and offsets of their own, values below, inside and above the range of {key}."""
     expected = yield random_values(rng, 40, value)
     codes = expected["codes"].value
@@ -96,7 +97,7 @@ def codes_of_extreme_scales() -> Inputs:
 
 
 @case("core", "lsq_dequantize", flags=["fused"])
-def values_where_fusing_differs(rng: np.random.Generator) -> Inputs:
+def values_where_fusing_differs(rng: Draws) -> Inputs:
     """Codes whose product and sum, each rounded, differ from a fused multiply-add in nearly half of the values."""
     codes = rng.integers(0, 4096, (60, 3)).astype(np.uint16)
     scale, offset = f4(0.0123, 0.00271, 1.37), f4(-13.1, 0.37, -2000.3)
@@ -120,7 +121,7 @@ def values_of_large_codes() -> Inputs:
 
 
 @case("core", "lsq_gradients", flags=["region", "straight-through"], each={"1_bit": 1, "6_bits": 6, "12_bits": 12})
-def gradients_of_all_regions(rng: np.random.Generator, value: int) -> Inputs:
+def gradients_of_all_regions(rng: Draws, value: int) -> Inputs:
     """Values below, inside and above the range of {key} in three channels.
 
     Sums over the splats of a channel, without the factor 1/sqrt(N p) that the literature offers.

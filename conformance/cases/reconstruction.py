@@ -8,6 +8,7 @@ from conformance.case import Inputs, case
 from conformance.cases import halves as half_cases  # their cases belong to this group, too
 from conformance.cases import work as work_cases
 from conformance.cases.building import Array, halves, result, same_bits
+from gsvc_ref.draws import Draws
 
 __all__ = ["half_cases", "work_cases"]
 
@@ -16,7 +17,7 @@ TINY: Final = F4(2.0**-149)
 """The least positive binary32."""
 
 
-def codes(count: int, rng: np.random.Generator, sizes: tuple[int, ...] = (5, 8), bits: int = 6) -> dict[str, Any]:
+def codes(count: int, rng: Draws, sizes: tuple[int, ...] = (5, 8), bits: int = 6) -> dict[str, Any]:
     """Random codes of a block, with a quantiser and codebooks of such sizes."""
     return {
         "positions": halves(rng.uniform(-1, 1, (count, 2))),
@@ -38,7 +39,7 @@ SHAPES: Final = {
 
 
 @case("core", "reconstruct_intra", each=SHAPES, said={"large": "two stages, one of them large"})
-def intra(value: tuple[int, ...], rng: np.random.Generator) -> Inputs:
+def intra(value: tuple[int, ...], rng: Draws) -> Inputs:
     """Values of 23 splats, whose colours are sums of codewords of {key}."""
     expected = yield {"width": 37, "height": 22, **codes(23, rng, value)}
     assert len(result(expected, "parameters")) == 23
@@ -66,10 +67,10 @@ def _one(places: Any, *, code: Any = 0, scale: Any = 1, offset: Any = 1, words: 
 
 
 @case("core", "reconstruct_intra", flags=["fused"], equations=["8-1", "8-2", "8-3"])
-def intra_rounds_twice(rng: np.random.Generator) -> Inputs:
+def intra_rounds_twice(rng: Draws) -> Inputs:
     """Numbers for which fl(fl(q s) + beta) and fl(fl(h + 1) W/2) are not what one rounding gives (R-3.3-1)."""
     block = codes(40, rng, bits=12)
-    block["positions"] = halves(rng.uniform(-1, 1, (40, 2)) * 2.0 ** rng.integers(-14, -8, (40, 2)))
+    block["positions"] = halves(np.ldexp(rng.uniform(-1, 1, (40, 2)), rng.integers(-14, -8, (40, 2), np.int32)))
     expected = yield {"width": 37, "height": 1001, **block}
     found = result(expected, "parameters").astype(np.float64)
     once = block["cholesky"].astype(np.float64) * block["scale"] + block["offset"]
@@ -115,7 +116,7 @@ def far_and_huge(value: tuple[int, int]) -> Inputs:
     assert abs(found[:, :2]).max() > 2e9
 
 
-def reference(count: int, rng: np.random.Generator) -> Array:
+def reference(count: int, rng: Draws) -> Array:
     """Parameters (count, 8) f4 of a frame before."""
     return rng.normal(0, 3, (count, 8)).astype(F4) + np.array([10, 7, 4, 0, 4, 0, 0, 0], F4)
 
@@ -140,7 +141,7 @@ COLUMNS: Final = {"positions": slice(0, 2), "cholesky": slice(2, 5), "colors": s
 
 
 @case("core", "reconstruct_inter", flags=["survivors"], each={"all_stay": 1.0, "some_stay": 0.6, "one_stays": 0.0})
-def inter(value: float, rng: np.random.Generator) -> Inputs:
+def inter(value: float, rng: Draws) -> Inputs:
     """Differences of survivors: {key}, and splat n of the differences is the n-th survivor."""
     survivors = (rng.random(29) < value).astype(np.uint8)
     survivors[17] = 1
@@ -153,7 +154,7 @@ def inter(value: float, rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "reconstruct_inter", flags=["empty"])
-def none_survives(rng: np.random.Generator) -> Inputs:
+def none_survives(rng: Draws) -> Inputs:
     """All splats go: nothing is left."""
     expected = yield {"width": 8, "height": 8, "reference": reference(3, rng), "survivors": np.zeros(3, np.uint8),
                       **NOTHING}  # fmt: skip
@@ -163,7 +164,7 @@ def none_survives(rng: np.random.Generator) -> Inputs:
 @case("core", "reconstruct_inter", flags=["signed-zero"], each={name: name for name in (*ATTRIBUTES, "nothing")},
       said={"positions": "Only positions are present", "cholesky": "Only Cholesky factors are present",
             "colors": "Only colours are present", "nothing": "No attribute is present"})  # fmt: skip
-def only(value: str, rng: np.random.Generator) -> Inputs:
+def only(value: str, rng: Draws) -> Inputs:
     """{key}: what is not keeps its bits, also those of -0 and of subnormal numbers."""
     before = reference(5, rng)
     before[1], before[2], before[3] = F4(-0.0), TINY, -TINY
@@ -176,7 +177,7 @@ def only(value: str, rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "reconstruct_inter", flags=["fused", "order"])
-def inter_rounds_each_time(rng: np.random.Generator) -> Inputs:
+def inter_rounds_each_time(rng: Draws) -> Inputs:
     """Numbers for which ref + q s + beta and ref + h W/2 in another order, or rounded less often, differ (R-3.3-1)."""
     block = codes(60, rng, bits=12)
     before = reference(60, rng)
@@ -195,7 +196,7 @@ def inter_rounds_each_time(rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "reconstruct_inter", flags=["fused"])
-def inter_rounds_rows_each_time(rng: np.random.Generator) -> Inputs:
+def inter_rounds_rows_each_time(rng: Draws) -> Inputs:
     """Numbers for which ref + h H/2, rounded once, differs, and ref + h W/2 cannot (R-3.3-1)."""
     positions = codes(20, rng)["positions"]
     before = reference(20, rng)
@@ -231,7 +232,7 @@ def inter_subnormals() -> Inputs:
 
 @case("core", "parameter_checksum", each={"none": 0, "one": 1, "many": 19},
       said={"none": "no splats", "one": "one splat", "many": "19 splats"})  # fmt: skip
-def checksum(value: int, rng: np.random.Generator) -> Inputs:
+def checksum(value: int, rng: Draws) -> Inputs:
     """CRC-32C of all positions, then all Cholesky factors, then all colours of {key}; of none it is 0."""
     expected = yield {"parameters": reference(value, rng)}
     assert (result(expected, "checksum") == 0) == (value == 0)

@@ -1,11 +1,15 @@
 """Sums of splats within the error bound (spec.md sections 9.1 and 9.2)."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import COLOR, FEWEST_GUARDS, population, splat, splats
 from conformance.stages.rendering import edge_margins
+from gsvc_ref.draws import Draws
+from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 SMALLEST = 2.0**-126
 
@@ -82,14 +86,14 @@ def the_edge_of_the_support() -> Inputs:
 @case("uncommon", "render_sum", flags=["support"], rules=["R-9.1-3"])
 def the_edge_within_rounding() -> Inputs:
     """A pixel at sigma = ln 255 as far as binary32 can tell: covered or not, both are right."""
-    l11 = 4 / np.sqrt(2 * np.log(255))
+    l11 = 4 / math.sqrt(2 * SUPPORT_SIGMA)
     expected = yield {"parameters": splat(10.5, 3.5, l11, 0.0, 0.5, (1, 1, 1)), "width": 21, "height": 7}
     wide = expected["sum"].bound[..., 0] > 1 / 256
     assert np.argwhere(wide).tolist() == [[3, 6], [3, 14]]
 
 
 @case("core", "render_sum", flags=["support"], rules=["R-9.1-3"])
-def just_beyond_the_edge(rng: np.random.Generator) -> Inputs:
+def just_beyond_the_edge(rng: Draws) -> Inputs:
     """36 splats, each with a pixel so little beyond sigma = ln 255 that it only just must not be covered.
 
     A constant that is 20 units in the last place too high, by far less than any formula is wrong, covers some of them.
@@ -98,9 +102,9 @@ def just_beyond_the_edge(rng: np.random.Generator) -> Inputs:
     while len(rows) < 36:
         i, j = len(rows) % 2 * 6 + 2, len(rows) % 9  # right or left of a pixel of that column and row
         l11 = np.float32(rng.uniform(1.0, 3.0))
-        d = float(np.float32(np.sqrt(2 * np.log(255) + 1.8e-5) * l11)) * (1 if i == 2 else -1)
+        d = float(np.float32(math.sqrt(2 * SUPPORT_SIGMA + 1.8e-5) * l11)) * (1 if i == 2 else -1)
         one = splat(i + 0.5 + d, j + 0.5, float(l11), 0.0, 0.125, (1, 1, 1))
-        beyond = ((i + 0.5 - np.float64(one[0, 0])) / np.float64(l11)) ** 2 / 2 - np.log(255)
+        beyond = ((i + 0.5 - np.float64(one[0, 0])) / np.float64(l11)) ** 2 / 2 - SUPPORT_SIGMA
         if beyond > 0 and 1 < edge_margins(one, 11, 9)[0] < 1.05:
             rows.append(one)
     expected = yield {"parameters": splats(*rows), "width": 11, "height": 9}
@@ -149,7 +153,7 @@ def outside_of_the_frame() -> Inputs:
 
 
 @case("core", "render_sum", flags=["many"], each={"257": 257, "600": 600})
-def splats_on_one_pixel(value: int, rng: np.random.Generator) -> Inputs:
+def splats_on_one_pixel(value: int, rng: Draws) -> Inputs:
     """{key} splats over the same 16x16 pixels, all seen: a tile that keeps 256 loses the others."""
     parameters = population(rng, value, 16, 16, radius=6.0)
     parameters[:, :2] = 8 + (parameters[:, :2] - 8) / 4
@@ -168,7 +172,7 @@ def splats_side_by_side_in_a_tile() -> Inputs:
 
 
 @case("core", "render_sum", flags=["many"])
-def the_last_of_many(rng: np.random.Generator) -> Inputs:
+def the_last_of_many(rng: Draws) -> Inputs:
     """300 splats outside of the frame, then one inside."""
     outside = population(rng, 300, 16, 16, radius=2.0) + np.eye(1, 8, dtype=np.float32) * 100
     expected = yield {"parameters": splats(outside, splat(6.4, 4.2, 2.0, 1.0, 1.5)), "width": 13, "height": 9}
@@ -200,7 +204,7 @@ SIZES = {"1x1": (1, 1), "1x17": (1, 17), "19x1": (19, 1), "16x16": (16, 16), "17
 
 
 @case("core", "render_sum", flags=["odd-size", "transposed"], each=SIZES)
-def size(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def size(value: tuple[int, int], rng: Draws) -> Inputs:
     """A frame of {key} pixels."""
     width, height = value
     parameters = population(rng, 11, width, height, radius=4.0)
@@ -210,7 +214,7 @@ def size(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
 
 
 @case("core", "render_sum", flags=["odd-size"], each={"101": (101, 43, 31), "400": (400, 64, 48)})
-def many_splats(value: tuple[int, int, int], rng: np.random.Generator) -> Inputs:
+def many_splats(value: tuple[int, int, int], rng: Draws) -> Inputs:
     """{key} splats of natural sizes all over a frame, about ten on a pixel."""
     count, width, height = value
     expected = yield {"parameters": population(rng, count, width, height), "width": width, "height": height}
@@ -218,7 +222,7 @@ def many_splats(value: tuple[int, int, int], rng: np.random.Generator) -> Inputs
 
 
 @case("core", "render_sum", flags=["clamp"])
-def negative_colours(rng: np.random.Generator) -> Inputs:
+def negative_colours(rng: Draws) -> Inputs:
     """Colours that are all negative."""
     parameters = population(rng, 13, 15, 11)
     parameters[:, 5:] = -abs(parameters[:, 5:])
@@ -235,7 +239,7 @@ def the_same_splat_again_and_again() -> Inputs:
 
 
 @case("core", "render_sum", flags=["cancellation", "shear"])
-def small_leaning_splats_far_down(rng: np.random.Generator) -> Inputs:
+def small_leaning_splats_far_down(rng: Draws) -> Inputs:
     """Small splats that lean, a thousand rows down a narrow frame.
 
     (j + 1/2) - (y + l21 u1) rounds l21 u1 to the steps of y; d_y - l21 u1 does not.

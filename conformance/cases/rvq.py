@@ -9,16 +9,17 @@ from conformance.cases.training import F4, f4
 from conformance.stage import Values
 from conformance.stages.codebooks import books_of
 from conformance.stages.quantization import rvq_assign_oracle
+from gsvc_ref.draws import Draws
 
 
-def codebooks(rng: np.random.Generator, sizes: list[int]) -> Values:
+def codebooks(rng: Draws, sizes: list[int]) -> Values:
     """Codebooks of binary16 numbers, each stage a third as wide as the one before."""
-    books = [rng.normal(size=(size, 3)) * 3.0**-k for k, size in enumerate(sizes)]
+    books = [rng.normal(size=(size, 3)) / 3**k for k, size in enumerate(sizes)]
     rows = np.concatenate(books).astype(np.float16).astype(np.float32)
     return {"codebook_sizes": np.array(sizes, np.int64), "codebooks": rows}
 
 
-def clear_vectors(rng: np.random.Generator, count: int, books: Values) -> F4:
+def clear_vectors(rng: Draws, count: int, books: Values) -> F4:
     """Vectors (count, 3) f4 whose every choice has a margin of more than sixteen times its error."""
     vectors: list[F4] = []
     while len(vectors) < count:
@@ -32,7 +33,7 @@ def clear_vectors(rng: np.random.Generator, count: int, books: Values) -> F4:
     return np.concatenate(vectors)
 
 
-def assigned(rng: np.random.Generator, count: int, sizes: list[int]) -> Values:
+def assigned(rng: Draws, count: int, sizes: list[int]) -> Values:
     """Vectors, codebooks and the indices that belong to them."""
     books = codebooks(rng, sizes)
     x = clear_vectors(rng, count, books)
@@ -43,7 +44,7 @@ def assigned(rng: np.random.Generator, count: int, sizes: list[int]) -> Values:
 @case(
     "core", "rvq_assign", flags=["stages"], each={"one_stage": [8], "two_stages": [8, 8], "four_stages": [5, 3, 7, 6]}
 )
-def nearest_codewords(rng: np.random.Generator, value: list[int]) -> Inputs:
+def nearest_codewords(rng: Draws, value: list[int]) -> Inputs:
     """Random vectors and {key}: every stage takes what is left over."""
     books = codebooks(rng, value)
     x = clear_vectors(rng, 31, books)
@@ -94,7 +95,7 @@ def squares_and_not_magnitudes() -> Inputs:
 
 
 @case("core", "rvq_assign", flags=["cancellation"])
-def codewords_side_by_side(rng: np.random.Generator) -> Inputs:
+def codewords_side_by_side(rng: Draws) -> Inputs:
     """Vectors between neighbouring binary16 numbers, far from 0: their distances are a millionth of their squares.
 
     |C|^2 - 2 r . C is the same in real numbers, and in binary32 its errors decide.
@@ -111,7 +112,7 @@ def codewords_side_by_side(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "rvq_assign", flags=["many"])
-def three_hundred_codewords(rng: np.random.Generator) -> Inputs:
+def three_hundred_codewords(rng: Draws) -> Inputs:
     """300 codewords, more than a byte can number."""
     books = codebooks(rng, [300, 1])
     expected = yield {"x": clear_vectors(rng, 60, books), **books}
@@ -120,7 +121,7 @@ def three_hundred_codewords(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "rvq_assign", flags=["empty"])
-def no_vectors(rng: np.random.Generator) -> Inputs:
+def no_vectors(rng: Draws) -> Inputs:
     """A block without splats."""
     expected = yield {"x": np.zeros((0, 3), np.float32), **codebooks(rng, [4, 2])}
     assert expected["indices"].value.shape == (0, 2)
@@ -136,7 +137,7 @@ def large_vectors() -> Inputs:
 
 
 @case("core", "commitment", flags=["factor", "stages"], each={"one_stage": [8], "three_stages": [6, 5, 4]})
-def commitment_of_random_vectors(rng: np.random.Generator, value: list[int]) -> Inputs:
+def commitment_of_random_vectors(rng: Draws, value: list[int]) -> Inputs:
     """Random vectors and {key}: the loss adds up what every stage leaves over, and is a mean over 3 N components."""
     inputs = assigned(rng, 19, value)
     expected = yield inputs
@@ -162,7 +163,7 @@ def commitment_by_hand() -> Inputs:
 
 
 @case("uncommon", "commitment", flags=["empty"])
-def commitment_of_nothing(rng: np.random.Generator) -> Inputs:
+def commitment_of_nothing(rng: Draws) -> Inputs:
     """Without splats the loss is 0, not a quotient of zeros."""
     expected = yield {
         "x": np.zeros((0, 3), np.float32), "indices": np.zeros((0, 2), np.uint16), **codebooks(rng, [4, 2])

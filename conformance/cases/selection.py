@@ -5,6 +5,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.training import f4, trained_rows
 from conformance.stage import Values
+from gsvc_ref.draws import Draws
 
 # --- Pruning ---------------------------------------------------------------------------------------------------------
 
@@ -120,7 +121,7 @@ def equal_weights() -> Inputs:
 
 
 @case("core", "prune", flags=["survivors"])
-def random_weights(rng: np.random.Generator) -> Inputs:
+def random_weights(rng: Draws) -> Inputs:
     """A tenth of 101 splats goes; the survivors keep their order."""
     weights = trained_rows(rng, 101)[:, 8]
     expected = yield {"weights": weights, "removed": 10}
@@ -153,7 +154,7 @@ def extreme_weights() -> Inputs:
 # --- Compaction ------------------------------------------------------------------------------------------------------
 
 
-def state_of(rng: np.random.Generator, count: int) -> Values:
+def state_of(rng: Draws, count: int) -> Values:
     """Splats in training and what Adan knows of them; no two numbers of a column are alike."""
     m, v, n, previous = rng.normal(size=(4, count, 9)).astype(np.float32)
     steps = rng.permutation(count) + 1
@@ -161,7 +162,7 @@ def state_of(rng: np.random.Generator, count: int) -> Values:
 
 
 @case("core", "compact", flags=["survivors", "mixed-ages"])
-def survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
+def survivors_keep_their_state(rng: Draws) -> Inputs:
     """Thirteen splats of nineteen stay, each with its own moments and its own count of steps."""
     state, stay = state_of(rng, 19), np.array([0, 2, 3, 5, 6, 8, 10, 11, 12, 15, 16, 17, 18])
     expected = yield {"survivors": stay, **state}
@@ -171,7 +172,7 @@ def survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "compact", flags=["empty"], each={"none": [], "all": [0, 1, 2, 3, 4]})
-def extreme_compactions(value: list[int], rng: np.random.Generator) -> Inputs:
+def extreme_compactions(value: list[int], rng: Draws) -> Inputs:
     """Of five splats {key} stay."""
     expected = yield {"survivors": np.array(value, np.int64), **state_of(rng, 5)}
     assert len(expected["steps"].value) == len(value)
@@ -192,7 +193,7 @@ def odd_numbers_are_copied() -> Inputs:
 
 
 @case("core", "augment", flags=["odd-size", "order"])
-def new_splats_of_a_wide_frame(rng: np.random.Generator) -> Inputs:
+def new_splats_of_a_wide_frame(rng: Draws) -> Inputs:
     """Five splats more on 200x30 pixels: x spans the width and y the height, factors begin at 1/2, w is 0.01."""
     values, uniforms = trained_rows(rng, 3), rng.random((5, 8), np.float32)
     expected = yield {"values": values, "uniforms": uniforms, "width": 200, "height": 30}
@@ -212,7 +213,7 @@ def new_splats_by_hand() -> Inputs:
 
 
 @case("uncommon", "augment", flags=["empty"])
-def no_new_splats(rng: np.random.Generator) -> Inputs:
+def no_new_splats(rng: Draws) -> Inputs:
     """Nothing to add: the old splats stay as they are."""
     values = trained_rows(rng, 4)
     expected = yield {"values": values, "uniforms": np.zeros((0, 8), np.float32), "width": 8, "height": 8}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.stages.rendering import edge_margins
+from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]
 
@@ -26,7 +27,7 @@ def splats(*rows: F4) -> F4:
     return np.concatenate([np.empty((0, 8), np.float32), *rows])
 
 
-def population(rng: np.random.Generator, count: int, width: int, height: int, radius: float | None = None) -> F4:
+def population(rng: Draws, count: int, width: int, height: int, radius: float | None = None) -> F4:
     """Splats of natural sizes all over a frame, drawn until each is clear of decisions within rounding: (N, 8) f4.
 
     Parameters
@@ -41,7 +42,7 @@ def population(rng: np.random.Generator, count: int, width: int, height: int, ra
     return packed
 
 
-def anywhere(rng: np.random.Generator, count: int, width: int, height: int, size: float) -> F4:
+def anywhere(rng: Draws, count: int, width: int, height: int, size: float) -> F4:
     """The same without a look at their edges."""
     columns = [
         rng.random((count, 2)) * (width + size, height + size) - size / 2,

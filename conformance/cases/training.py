@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
+from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]
 
@@ -19,7 +20,7 @@ def f4(*numbers: Any) -> F4:
 
 
 @case("core", "loss", flags=["factor", "odd-size"])
-def loss_of_a_wide_picture(rng: np.random.Generator) -> Inputs:
+def loss_of_a_wide_picture(rng: Draws) -> Inputs:
     """A picture of 19x11 pixels within [0, 1].
 
     The three channels are added, not averaged, and W x H is not a square: a mean over 3 H W is a third of the loss.
@@ -84,7 +85,7 @@ def loss_of_bright_sums() -> Inputs:
 
 
 @case("uncommon", "loss", flags=["empty"])
-def loss_of_equal_pictures(rng: np.random.Generator) -> Inputs:
+def loss_of_equal_pictures(rng: Draws) -> Inputs:
     """A picture that equals its target: no loss, and no residual."""
     picture = rng.random((5, 3, 3), np.float32)
     expected = yield {"picture": picture, "target": picture}
@@ -102,7 +103,7 @@ def loss_of_huge_sums() -> Inputs:
 # --- Weights ---------------------------------------------------------------------------------------------------------
 
 
-def trained_rows(rng: np.random.Generator, count: int) -> F4:
+def trained_rows(rng: Draws, count: int) -> F4:
     """Rows as training has them: weights of both signs and very different sizes."""
     values = rng.uniform(-1, 1, (count, 9)).astype(np.float32)
     values[:, :5] *= f4(30, 20, 4, 4, 4)
@@ -111,7 +112,7 @@ def trained_rows(rng: np.random.Generator, count: int) -> F4:
 
 
 @case("core", "weighted_parameters", flags=["factor"])
-def weights_multiply_colours(rng: np.random.Generator) -> Inputs:
+def weights_multiply_colours(rng: Draws) -> Inputs:
     """Weights of both signs: each colour is multiplied once, and nothing else changes."""
     values = trained_rows(rng, 13)
     expected = yield {"values": values}
@@ -130,7 +131,7 @@ def weight_of_zero() -> Inputs:
 
 
 @case("core", "weighted_gradients", flags=["factor"])
-def gradients_of_weights(rng: np.random.Generator) -> Inputs:
+def gradients_of_weights(rng: Draws) -> Inputs:
     """Gradients of colours are times w; that of w is the scalar product with the unweighted colour c'."""
     values, gradients = trained_rows(rng, 17), rng.normal(size=(17, 8)).astype(np.float32)
     expected = yield {"values": values, "gradients": gradients}

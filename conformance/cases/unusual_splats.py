@@ -4,6 +4,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import COLOR, population, splat, splats
+from gsvc_ref.draws import Draws
 
 SMALLEST = 2.0**-126
 
@@ -42,7 +43,7 @@ def degenerate(value: tuple[float, float]) -> Inputs:
 
 
 @case("core", "render_sum", flags=["degenerate"], rules=["R-9.1-2"])
-def degenerate_among_others(rng: np.random.Generator) -> Inputs:
+def degenerate_among_others(rng: Draws) -> Inputs:
     """Every other splat is degenerate: the others keep their own parameters."""
     parameters = population(rng, 22, 17, 13)
     parameters[::2, 2:5:2] *= np.array([[-1, 1], [0, 1]] * 5 + [[1, -1]], np.float32)

@@ -152,7 +152,7 @@ def _right_types(judged: Judged) -> bool:
     """Whether arrays have the types that they must have; if not, that is told, and no bug is looked for behind it."""
     given = judged.outputs or {}
     mine = {port: given.get(port.name) for port in judged.vector.stage.outputs if port.type in DTYPES}
-    return all(array.dtype == DTYPES[port.type] for port, array in mine.items() if isinstance(array, np.ndarray))
+    return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:

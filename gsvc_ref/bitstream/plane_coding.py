@@ -12,6 +12,7 @@ from gsvc_ref.bitstream.golomb import golomb_sizes, golomb_totals
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.rans import encode
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import log2
 
 CONSTANT: Final = 0
 RAW: Final = 1
@@ -108,7 +109,7 @@ def _tables(counts: I8, precision: int) -> list[tuple[int, int, I8, float]]:
     """
     used = counts > 0
     n = counts[used]
-    entropy = float(n.sum() * np.log2(n.sum()) - np.sum(n * np.log2(n)))
+    entropy = float(n.sum() * log2(n.sum()) - np.sum(n * log2(n)))
     best: list[tuple[int, int, I8, float]] = []
     for table_bits, frequencies in all_frequencies(counts, precision):
         order, table_size = best_golomb_order(frequencies)

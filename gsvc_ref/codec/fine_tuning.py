@@ -34,7 +34,7 @@ REUSE_LOSS: Final = 1.25
 STEPS_PSNR: Final = 35.0
 """PSNR in dB for which the fixed steps of `BlockSettings` are meant."""
 
-DB_PER_ERROR_DOUBLING: Final = 20 * math.log10(2)
+DB_PER_ERROR_DOUBLING: Final = 6.020599913279624  # 20 log10(2)
 
 MOST_DOUBLINGS: Final = 2
 """How often fixed steps are doubled or halved at most."""
@@ -148,7 +148,7 @@ def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:
     if settings.cholesky_step is None or loss <= 0:
         return settings
     doublings = round((STEPS_PSNR - psnr_of_loss(loss)) / DB_PER_ERROR_DOUBLING)
-    factor = 2.0 ** min(max(doublings, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+    factor = math.ldexp(1.0, min(max(doublings, -MOST_DOUBLINGS), MOST_DOUBLINGS))
     position_step = None if settings.position_step is None else settings.position_step * factor
     return replace(settings, position_step=position_step, cholesky_step=settings.cholesky_step * factor)
 

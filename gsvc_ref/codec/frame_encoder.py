@@ -16,6 +16,7 @@ from gsvc_ref.codec.quantizer_choice import with_best_quantizer
 from gsvc_ref.codec.rate_control import hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.codec.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr
+from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
@@ -205,7 +206,7 @@ class _FrameWork:
                 best = result
             if best.psnr >= self.settings.psnr or len(population) >= most:
                 break
-            goal *= 10 ** ((result.psnr - self.settings.psnr - SAFETY) / 10)
+            goal *= power(10.0, (result.psnr - self.settings.psnr - SAFETY) / 10)
         assert best is not None  # there is at least one round
         fewer_splats = fitted - len(best.state.splats)
         if self.settings.effects.gsp == "auto":

@@ -36,7 +36,7 @@ NEW_RATIO: Final = 1.25
 URGENT_RATIO: Final = 5.0
 """Blocks that exceed the error left by more than this get new splats in proportion to the excess."""
 
-MOST_ERROR: Final = 3 * 10**-2.5
+MOST_ERROR: Final = 0.009486832980505138  # 3 * 10^-2.5
 """Error per pixel, summed over the channels, beyond which a block counts as left with no more: 25 dB. A block that is
 worse is never good enough to be left alone, whatever it was before."""
 

@@ -11,6 +11,7 @@ from gsvc_ref.codec.fine_tuning import FrameQuantizer, fine_tune
 from gsvc_ref.codec.quantizer import with_codewords
 from gsvc_ref.codec.rate_control import DB_PER_DOUBLING, psnr_of_loss
 from gsvc_ref.codec.settings import Settings, scaled
+from gsvc_ref.portable import log2
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.fit import Population
@@ -40,7 +41,7 @@ def with_best_quantizer(
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
         if psnr >= NOTHING_TO_TELL:
             return settings
-        score = psnr - DB_PER_DOUBLING * float(np.log2(frame_bytes(codes, candidate, before)))
+        score = psnr - DB_PER_DOUBLING * log2(frame_bytes(codes, candidate, before))
         if score > highest:
             best, highest = candidate, score
     return best

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.portable import log10, power
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
@@ -33,12 +34,12 @@ MOST_CHANGES: Final = 12
 
 def psnr_of_loss(loss: float) -> float:
     """PSNR in dB of a loss (paper, the L2 equation), which is three times the mean squared error; infinite for 0."""
-    return 10 * math.log10(3 / loss) if loss > 0 else math.inf
+    return 10 * float(log10(3 / loss)) if loss > 0 else math.inf
 
 
 def loss_of_psnr(psnr: float) -> float:
     """The loss of a PSNR in dB."""
-    return 3 * 10 ** (-psnr / 10)
+    return 3 * float(power(10.0, -psnr / 10))
 
 
 def visibility(parameters: F4) -> F4:
@@ -109,7 +110,7 @@ def hold_quality(
     loss = objective.loss(population.parameters())
     for _ in range(MOST_CHANGES):
         surplus = psnr_of_loss(loss) - psnr_of_loss(goal)
-        growth = 2 ** (-surplus / DB_PER_DOUBLING)
+        growth = power(2.0, -surplus / DB_PER_DOUBLING)
         if (
             0 <= surplus < TOLERANCE
             or (surplus < 0 and len(population) >= most)

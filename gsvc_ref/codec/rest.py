@@ -40,6 +40,6 @@ def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _pixels(
     center: NDArray[np.float64], half_extent: NDArray[np.float64], size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first pixel of each interval and the one after the last, with one more on either side."""
-    first = np.clip(np.floor(center - half_extent) - 1, 0, size).astype(np.int64)
-    return first, np.clip(np.ceil(center + half_extent) + 1, first, size).astype(np.int64)
+    """The first pixel of each interval and the one after the last, with one more on either side; of NaN all pixels."""
+    first = np.fmin(np.fmax(np.floor(center - half_extent) - 1, 0), size).astype(np.int64)
+    return first, np.fmax(np.fmin(np.ceil(center + half_extent) + 1, size), first).astype(np.int64)

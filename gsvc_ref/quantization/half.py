@@ -106,7 +106,8 @@ def from_half_bits(bits: ArrayLike) -> NDArray[np.float32]:
     UsageError
         The array is not of unsigned 16-bit integers.
     """
-    return np.asarray(_patterns(bits).view(np.float16).astype(np.float32))
+    with np.errstate(invalid="ignore"):  # some machines warn of the patterns of signalling NaNs
+        return np.asarray(_patterns(bits).view(np.float16).astype(np.float32))
 
 
 def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:

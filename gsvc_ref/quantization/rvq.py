@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import log2
 from gsvc_ref.quantization.half import from_half_bits, to_half_bits
 
 F4 = NDArray[np.float32]
@@ -182,7 +183,7 @@ def codeword_bits(indices: ArrayLike, codebooks: Codebooks) -> list[F4]:
     books = _checked_codebooks(codebooks)
     chosen = _checked_indices(indices, books)
     counts = [np.bincount(chosen[:, k], minlength=len(book)) + 1 for k, book in enumerate(books)]
-    return [np.log2(count.sum() / count).astype(np.float32) for count in counts]
+    return [np.asarray(log2(count.sum() / count), np.float32) for count in counts]
 
 
 def round_codebooks(codebooks: Sequence[NDArray[np.floating]]) -> tuple[F4, ...]:

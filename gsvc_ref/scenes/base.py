@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import GsvcError
+from gsvc_ref.portable import cos, sin, total
 from gsvc_ref.scenes.parameters import (
     Checked,
     ParameterError,
@@ -20,6 +21,7 @@ from gsvc_ref.scenes.parameters import (
     table,
     text,
 )
+from gsvc_ref.scenes.sampling import smoothed
 from gsvc_ref.scenes.seeds import generator
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ class Gradient(Checked):
 
     def picture(self, canvas: "Canvas", seed: int) -> F4:
         """Its picture of the frame's size, (H, W, 3) f4; the two colours stand in the outermost corners or edges."""
-        cosine, sine = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        cosine, sine = cos(math.radians(self.angle)), sin(math.radians(self.angle))
         x, y = canvas.centres()
         length = canvas.width * abs(cosine) + canvas.height * abs(sine)
         share = ((x - canvas.width / 2) * cosine + (y - canvas.height / 2) * sine) / length + 0.5  # (H, W) f8
@@ -77,13 +79,12 @@ class Noise(Checked):
 
     def picture(self, canvas: "Canvas", seed: int) -> F4:
         """Its picture of the frame's size, (H, W, 3) f4; the channels are independent."""
-        from scipy.ndimage import gaussian_filter
-
         samples = generator(seed, "base noise").standard_normal((canvas.height, canvas.width, 3))
         sigma = 0.5 * self.size * canvas.shorter
         if sigma > 0:
-            samples = gaussian_filter(samples, (sigma, sigma, 0), mode="reflect")
-            samples /= max(float(samples.std()), 1e-12)
+            samples = smoothed(samples, sigma)
+            off = samples - total(samples) / samples.size
+            samples /= max(math.sqrt(total(off * off) / samples.size), 1e-12)
         return np.asarray(np.clip(np.array(self.mean) + self.contrast * samples, 0, 1), np.float32)
 
 

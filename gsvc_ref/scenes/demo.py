@@ -8,7 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import sin
 from gsvc_ref.scenes.camera import Camera, view
 from gsvc_ref.scenes.paths import gentle
 from gsvc_ref.scenes.photographs import photograph
@@ -53,10 +55,10 @@ def demo_clip(width: int = 192, height: int = 112, frames: int = 40, seed: int =
         raise UsageError(
             f"a demo clip of {frames} frames of {width}x{height} pixels was asked for; all must be positive"
         )
-    return _draw(width, height, frames, np.random.default_rng(seed))
+    return _draw(width, height, frames, Draws(seed))
 
 
-def _draw(width: int, height: int, frames: int, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
+def _draw(width: int, height: int, frames: int, rng: Draws) -> Iterator[NDArray[np.uint8]]:
     """Yield the frames of the checked clip."""
     sway_x, sway_y = _sway(frames, rng), _sway(frames, rng)
     cut = demo_cut(frames)
@@ -94,9 +96,11 @@ def _ball(number: int, width: int, height: int) -> Ball:
     )
 
 
-def _sway(frames: int, rng: np.random.Generator) -> list[float]:
+def _sway(frames: int, rng: Draws) -> list[float]:
     """How far a hand moves the camera, per frame, as a fraction of the picture: three slow waves of random phase."""
     phases = rng.uniform(0, 2 * math.pi, 3)
     seconds = np.arange(frames) / float(DEMO_FRAME_RATE)
-    waves = np.sin(2 * math.pi * np.outer(seconds, [0.7, 1.3, 2.1]) + phases)  # (frames, 3) f8
-    return [float(value) for value in _SWAY * (waves @ [0.6, 0.3, 0.1])]
+    slow, middle, fast = (
+        sin(2 * math.pi * frequency * seconds + phase) for frequency, phase in zip((0.7, 1.3, 2.1), phases, strict=True)
+    )
+    return [float(value) for value in _SWAY * (0.6 * slow + 0.3 * middle + 0.1 * fast)]

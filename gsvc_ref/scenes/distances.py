@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gsvc_ref.portable import hypot
 from gsvc_ref.scenes.effect import F8, Canvas
 
 Box = tuple[float, float, float, float]
@@ -48,9 +49,9 @@ def segment_distance(x: F8, y: F8, ends: Sequence[tuple[float, float]]) -> F8:
     """
     nearest = np.full(np.broadcast_shapes(x.shape, y.shape), np.inf)
     for (ax, ay), (bx, by) in zip(ends, ends[1:] or ends, strict=False):
-        length = (bx - ax) ** 2 + (by - ay) ** 2
+        length = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
         along = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length, 0, 1) if length > 0 else 0.0
-        nearest = np.minimum(nearest, np.hypot(x - ax - along * (bx - ax), y - ay - along * (by - ay)))
+        nearest = np.minimum(nearest, hypot(x - ax - along * (bx - ax), y - ay - along * (by - ay)))
     return nearest
 
 

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
 from gsvc_ref.scenes.parameters import Checked
 
@@ -90,7 +91,7 @@ class Effect(Checked, ABC):
     SUMMARY: ClassVar[str] = ""
     STAGE: ClassVar[Stage]
 
-    def prepare(self, canvas: Canvas, rng: Callable[[], np.random.Generator]) -> Self:
+    def prepare(self, canvas: Canvas, rng: Callable[[], Draws]) -> Self:
         """The effect, ready for a clip; `rng()` makes its generator, for those that draw something once."""
         return self
 
@@ -191,7 +192,7 @@ class SensorEffect(Effect):
     STAGE = "sensor"
 
     @abstractmethod
-    def develop(self, picture: F4, canvas: Canvas, frame: int, rng: np.random.Generator) -> F4:
+    def develop(self, picture: F4, canvas: Canvas, frame: int, rng: Draws) -> F4:
         """The picture with it, a new array; `rng` is of this frame and this effect alone."""
 
 

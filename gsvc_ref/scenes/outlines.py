@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_ref.portable import arctan2, cos, hypot, sin
 from gsvc_ref.scenes.distances import Box, polygon_distance
 from gsvc_ref.scenes.effect import F8
 
@@ -52,19 +53,19 @@ class Pose:
 
     def bulge(self, theta: F8) -> F8:
         """How many times farther from the centre points are by the bulges, by their direction in own coordinates."""
-        return np.asarray(1 + self.wobble * np.sin(self.waves * theta + self.phase))
+        return np.asarray(1 + self.wobble * sin(self.waves * theta + self.phase))
 
     def own(self, x: F8, y: F8) -> tuple[F8, F8]:
         """The own coordinates of places in the frame."""
         u, v = self.turned_back(x, y)
-        bulge = self.bulge(np.arctan2(v, u))
+        bulge = self.bulge(arctan2(v, u))
         return u / bulge, v / bulge
 
     def frame(self, u: F8, v: F8) -> tuple[F8, F8]:
         """The places in the frame, in pixels, of own coordinates: the inverse of `own`."""
-        bulge = self.bulge(np.arctan2(v, u))
+        bulge = self.bulge(arctan2(v, u))
         across, down = u * bulge * self.a, v * bulge * self.b
-        cosine, sine = math.cos(self.angle), math.sin(self.angle)
+        cosine, sine = cos(self.angle), sin(self.angle)
         return self.x + across * cosine - down * sine, self.y + across * sine + down * cosine
 
     def placed(self, corners: Corners) -> F8:
@@ -74,7 +75,7 @@ class Pose:
 
     def turned_back(self, x: F8, y: F8) -> tuple[F8, F8]:
         """Own coordinates but for the bulges."""
-        cosine, sine = math.cos(self.angle), math.sin(self.angle)
+        cosine, sine = cos(self.angle), sin(self.angle)
         dx, dy = x - self.x, y - self.y
         return (dx * cosine + dy * sine) / self.a, (dy * cosine - dx * sine) / self.b
 
@@ -101,9 +102,9 @@ def star(points: int, inner: float) -> Corners:
 
 def round_bounds(pose: Pose) -> Box:
     """Left, top, right and bottom of all that an ellipse with bulges may touch, in pixels."""
-    cosine, sine = math.cos(pose.angle), math.sin(pose.angle)
-    across = math.hypot(pose.a * cosine, pose.b * sine) * (1 + pose.wobble)
-    down = math.hypot(pose.a * sine, pose.b * cosine) * (1 + pose.wobble)
+    cosine, sine = cos(pose.angle), sin(pose.angle)
+    across = hypot(pose.a * cosine, pose.b * sine) * (1 + pose.wobble)
+    down = hypot(pose.a * sine, pose.b * cosine) * (1 + pose.wobble)
     return pose.x - across, pose.y - down, pose.x + across, pose.y + down
 
 
@@ -119,14 +120,14 @@ def round_distance(x: F8, y: F8, pose: Pose) -> F8:
     With rho and theta the polar coordinates in units of the ellipse's own axes, f = rho - bulge(theta).
     """
     u, v = pose.turned_back(x, y)
-    rho, theta = np.hypot(u, v), np.arctan2(v, u)
+    rho, theta = hypot(u, v), arctan2(v, u)
     bulge = pose.bulge(theta)
-    slope = pose.wobble * pose.waves * np.cos(pose.waves * theta + pose.phase)  # d bulge / d theta
+    slope = pose.wobble * pose.waves * cos(pose.waves * theta + pose.phase)  # d bulge / d theta
     # Deep inside only the sign matters, and the gradient has no limit at the centre.
     safe = np.maximum(rho, 0.5 * bulge)
-    along_u = np.cos(theta) + slope * np.sin(theta) / safe
-    along_v = np.sin(theta) - slope * np.cos(theta) / safe
-    return np.asarray((rho - bulge) / np.hypot(along_u / pose.a, along_v / pose.b))
+    along_u = cos(theta) + slope * sin(theta) / safe
+    along_v = sin(theta) - slope * cos(theta) / safe
+    return np.asarray((rho - bulge) / hypot(along_u / pose.a, along_v / pose.b))
 
 
 def corner_distance(x: F8, y: F8, corners: Corners, pose: Pose) -> F8:
@@ -135,4 +136,4 @@ def corner_distance(x: F8, y: F8, corners: Corners, pose: Pose) -> F8:
 
 
 def _on_circle(turn: float, radius: float) -> tuple[float, float]:
-    return radius * math.sin(2 * math.pi * turn), -radius * math.cos(2 * math.pi * turn)
+    return radius * sin(2 * math.pi * turn), -radius * cos(2 * math.pi * turn)

@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from gsvc_ref.portable import cos
 from gsvc_ref.scenes.parameters import ParameterError
 
 PACES: Final = ("even", "gentle")
@@ -20,7 +21,7 @@ def begun(time: float, start: int) -> bool:
 
 def gentle(share: float) -> float:
     """How far something has come that is slow at both ends, by a cosine, from 0 at 0 to 1 at 1."""
-    return 0.5 - 0.5 * math.cos(math.pi * share)
+    return float(0.5 - 0.5 * cos(math.pi * share))
 
 
 def progress(time: float, start: int, end: int | None, frames: int, pace: str = "even") -> float:

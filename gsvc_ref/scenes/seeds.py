@@ -2,10 +2,10 @@
 
 from zlib import crc32
 
-import numpy as np
+from gsvc_ref.draws import Draws
 
 
-def generator(seed: int, name: str, *numbers: int) -> np.random.Generator:
+def generator(seed: int, name: str, *numbers: int) -> Draws:
     """The generator of a part of a scene.
 
     Parameters
@@ -17,4 +17,4 @@ def generator(seed: int, name: str, *numbers: int) -> np.random.Generator:
     numbers
         What else tells parts apart, such as the number of a frame; 0 or more each.
     """
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()), *numbers)))
+    return Draws([seed, crc32(name.encode()), *numbers])

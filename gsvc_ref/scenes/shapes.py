@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.portable import hypot
+
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 Color = tuple[float, float, float]
@@ -32,7 +34,7 @@ class Ball:
     color: Color
 
 
-_LIGHT = np.array([-0.5, -0.6, 0.62]) / math.hypot(0.5, 0.6, 0.62)
+_LIGHT = np.array([-0.5, -0.6, 0.62]) / math.sqrt(0.25 + 0.36 + 0.62 * 0.62)
 
 
 def paint_ball(picture: F4, ball: Ball) -> F4:
@@ -43,7 +45,7 @@ def paint_ball(picture: F4, ball: Ball) -> F4:
     height, width = picture.shape[:2]
     dx = (np.arange(width) + 0.5 - ball.x) / ball.radius  # (W,) f8
     dy = ((np.arange(height) + 0.5 - ball.y) / ball.radius)[:, None]  # (H, 1) f8
-    part = np.clip((1 - np.hypot(dx, dy)) * ball.radius + 0.5, 0, 1)[..., None]  # (H, W, 1) f8
+    part = np.clip((1 - hypot(dx, dy)) * ball.radius + 0.5, 0, 1)[..., None]  # (H, W, 1) f8
     return np.asarray(picture * (1 - part) + ball_colors(dx, dy, ball.color) * part, np.float32)
 
 
@@ -52,11 +54,14 @@ def ball_colors(dx: NDArray[np.floating[Any]], dy: NDArray[np.floating[Any]], co
 
     Beyond its outline it has the colours of the nearest point of the outline.
     """
-    distance = np.hypot(dx, dy)  # (H, W) f8, in radii
+    distance = hypot(dx, dy)  # (H, W) f8, in radii
     inside = np.minimum(distance, 1)
     scale = np.divide(inside, distance, out=np.ones_like(distance), where=distance > 0)
-    facing = dx * scale * _LIGHT[0] + dy * scale * _LIGHT[1] + np.sqrt(1 - inside**2) * _LIGHT[2]  # normal . light
+    out = np.sqrt(1 - inside * inside)
+    facing = dx * scale * _LIGHT[0] + dy * scale * _LIGHT[1] + out * _LIGHT[2]  # normal . light
     diffuse = 0.30 + 0.70 * np.maximum(facing, 0)
-    highlight = 0.55 * np.maximum(facing, 0) ** 24
+    lit = np.maximum(facing, 0)
+    sixth = lit * lit * lit * (lit * lit * lit)
+    highlight = 0.55 * (sixth * sixth * (sixth * sixth))  # times lit^24
     shaded = diffuse[..., None] * np.asarray(color) + highlight[..., None]  # (H, W, 3) f8
     return np.asarray(np.minimum(shaded, 1))

@@ -168,6 +168,6 @@ def _parabolas(points: Sequence[tuple[float, float]]) -> Line:
     for (ax, ay), (bx, by), (cx, cy) in zip(points[:-2:2], points[1::2], points[2::2], strict=True):
         for piece in range(1, _PARABOLA_PIECES + 1):
             t = piece / _PARABOLA_PIECES
-            p, q, r = (1 - t) ** 2, 2 * t * (1 - t), t**2
+            p, q, r = (1 - t) * (1 - t), 2 * t * (1 - t), t * t
             line.append((p * ax + q * bx + r * cx, p * ay + q * by + r * cy))
     return tuple(line)

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TypeVar
 
-import numpy as np
+from gsvc_ref.draws import Draws
 
 T = TypeVar("T")
 
@@ -24,9 +24,9 @@ class Choices(ABC):
         """False or true."""
         return self.pick((False, True))
 
-    def generator(self) -> np.random.Generator:
+    def generator(self) -> Draws:
         """A generator of a seed of its own, to paint bulk data with."""
-        return np.random.default_rng(self.integer(0, 2**32 - 1))
+        return Draws(self.integer(0, 2**32 - 1))
 
     def binary(self, longest: int) -> bytes:
         """At most `longest` bytes."""
@@ -37,8 +37,8 @@ class SeededChoices(Choices):
     """Choices that a seed determines."""
 
     def __init__(self, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
+        self._rng = Draws(seed)
 
     def integer(self, lowest: int, highest: int) -> int:
         """An integer in lowest..highest."""
-        return int(self._rng.integers(lowest, highest, endpoint=True))
+        return self._rng.integers(lowest, highest + 1)

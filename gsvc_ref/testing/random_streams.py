@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
+from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import (
     BlockKind,
     Codebooks,
@@ -199,7 +200,7 @@ def _columns(choices: Choices, count: int, alphabets: tuple[int, ...]) -> U2:
     return columns
 
 
-def paint_symbols(rng: np.random.Generator, kind: str, count: int, alphabet: int) -> U2:
+def paint_symbols(rng: Draws, kind: str, count: int, alphabet: int) -> U2:
     """Symbols (count,) u2 below `alphabet` of one kind: constant, uniform, peaked, sparse or rare."""
     if kind == "constant":
         return np.full(count, rng.integers(alphabet), np.uint16)
@@ -207,7 +208,7 @@ def paint_symbols(rng: np.random.Generator, kind: str, count: int, alphabet: int
         return rng.integers(0, alphabet, count, np.uint16)
     if kind == "peaked":
         spread = rng.normal(rng.integers(alphabet), max(1.0, alphabet / 12), count)
-        return np.clip(np.rint(spread), 0, alphabet - 1).astype(np.uint16)
+        return np.asarray(np.clip(np.rint(spread), 0, alphabet - 1), np.uint16)
     if kind == "sparse":
         return rng.choice(rng.integers(0, alphabet, 3, np.uint16), count)
     symbols = np.full(count, rng.integers(alphabet), np.uint16)

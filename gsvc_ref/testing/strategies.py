@@ -10,6 +10,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from gsvc_ref.draws import Draws
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.testing.random_streams import SYMBOL_KINDS, U2, paint_symbols
 
@@ -18,9 +19,9 @@ HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -
 
 
 @st.composite
-def painters(draw: st.DrawFn) -> np.random.Generator:
+def painters(draw: st.DrawFn) -> Draws:
     """Random generators, each of its own seed."""
-    return np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    return Draws(draw(st.integers(0, 2**32 - 1)))
 
 
 @st.composite
@@ -48,7 +49,7 @@ def splat_sets(
     parameters: F4 = np.concatenate([positions, cholesky, colors], axis=1).astype(np.float32)  # (count, 8) f4
     if hard and count:
         where = rng.random(parameters.shape) < draw(st.sampled_from((0.05, 0.5)))
-        parameters[where] = rng.choice(np.array(HARD_NUMBERS, np.float32), np.count_nonzero(where))
+        parameters[where] = rng.choice(np.array(HARD_NUMBERS, np.float32), int(np.count_nonzero(where)))
     return Splats.from_array(parameters)
 
 
@@ -85,11 +86,11 @@ def videos(
     kind = draw(st.sampled_from(("noise", "flat", "extremes", "moving")))
     peak, dtype = 2**bit_depth - 1, np.uint8 if bit_depth == 8 else np.uint16
     shape = (height, width, 3)
-    still = rng.integers(0, peak, shape, endpoint=True)
+    still = rng.integers(0, peak + 1, shape)
     frames: list[NDArray[np.unsignedinteger]] = []
     for number in range(draw(st.integers(1, max_frames))):
         if kind == "noise":
-            frame = rng.integers(0, peak, shape, endpoint=True)
+            frame = rng.integers(0, peak + 1, shape)
         elif kind == "flat":
             frame = np.broadcast_to(still[0, 0], shape)
         elif kind == "extremes":

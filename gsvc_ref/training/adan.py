@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import log2
 
 F4 = NDArray[np.float32]
 
@@ -185,7 +186,7 @@ def _coefficients(settings: AdanSettings) -> F4:
 def _settled(settings: AdanSettings) -> int:
     """A number of steps from which on 1 - b^k is 1 in binary64 for all three b, and corrections no longer change."""
     slowest = max(settings.beta1, settings.beta2, settings.beta3)
-    return math.ceil(-60 / math.log2(slowest)) if slowest > 0 else 1
+    return math.ceil(-60 / float(log2(slowest))) if slowest > 0 else 1
 
 
 def _corrections(settings: AdanSettings, steps: int) -> F4:

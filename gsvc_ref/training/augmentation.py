@@ -143,7 +143,7 @@ def image_start(
     positions = draw_from_density(rho, count, rng)
     radius = max(1, round(0.5 * math.sqrt(height * width / max(count, 1))))
     size = (size_factor / np.sqrt(_box_means(rho, positions, radius))).astype(np.float32)
-    colors = picture[_pixels(positions, width, height)] / np.float32(2 * math.pi * size_factor**2)
+    colors = picture[_pixels(positions, width, height)] / np.float32(2 * math.pi * size_factor * size_factor)
     return Splats(positions, np.stack([size, np.zeros_like(size), size], axis=1), colors)
 
 

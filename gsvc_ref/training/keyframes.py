@@ -121,7 +121,7 @@ class KeyFrameSelector:
     def _decide(self) -> bool:
         frame = self._waiting.popleft()
         values = [other.difference for other in (*self._decided, frame, *self._waiting)]
-        if self._paper and len(values) - 1 > self._threshold**2:
+        if self._paper and len(values) - 1 > self._threshold * self._threshold:
             is_key = _exceeds(frame.difference, values, self._threshold)
         else:
             ordinary = [other.difference for other in (*self._decided, *self._waiting) if not other.is_key]

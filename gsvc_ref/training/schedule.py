@@ -6,6 +6,7 @@ from typing import Final, Protocol
 
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import cos, whole_power
 
 
 class Schedule(Protocol):
@@ -45,7 +46,7 @@ class StepDecay:
 
     def __call__(self, iteration: int) -> float:
         """Factor ** (iteration // interval)."""
-        return float(self.factor ** (iteration // self.interval))
+        return whole_power(self.factor, iteration // self.interval)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Cosine:
     def __call__(self, iteration: int) -> float:
         """Final + (1 - final) (1 + cos(pi iteration / steps)) / 2."""
         progress = min(iteration / self.steps, 1.0)
-        return self.final + (1 - self.final) * (1 + math.cos(math.pi * progress)) / 2
+        return self.final + (1 - self.final) * (1 + float(cos(math.pi * progress))) / 2
 
 
 PAPER_SCHEDULE: Final = StepDecay()

@@ -18,6 +18,16 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 TIMEOUT_S = 120
 
 
+@pytest.fixture(autouse=True)
+def signals_as_in_a_terminal():
+    """`nohup`, a container or a shell's background job may have had this process ignore them."""
+    asked = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), signal.SIG_DFL)
+    before = {number: signal.signal(number, handler) for number, handler in asked.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 def signalling(number: int, call: Callable, after: int = 1) -> Callable:
     """The function, which sends this process a signal before its call number `after`."""
     calls = 0
@@ -48,6 +58,15 @@ def test_an_ended_decode_leaves_nothing(stream, tmp_path, monkeypatch, capsys, n
     assert signal.getsignal(number) is signal.SIG_DFL
     monkeypatch.undo()
     assert main(["decode", str(stream), str(out), "--quiet"]) == 0
+
+
+def test_a_signal_that_the_parent_ignores_ends_nothing(stream, tmp_path, monkeypatch):
+    """`nohup gsvc decode` goes on when its terminal is closed."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    monkeypatch.setattr(y4m.Y4mWriter, "_write", signalling(signal.SIGHUP, y4m.Y4mWriter._write, after=2))
+    assert main(["decode", str(stream), str(tmp_path / "out.y4m"), "--quiet"]) == 0
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    assert [path.name for path in tmp_path.iterdir()] == ["out.y4m"]
 
 
 def test_a_picture_that_has_just_got_its_name_is_removed_too(stream, tmp_path, monkeypatch):

@@ -454,11 +454,12 @@ def test_verify(folder, monkeypatch, capsys):
 
 
 def test_generate(folder, monkeypatch, capsys):
-    monkeypatch.setattr("conformance.generate.generate", lambda folder, on_case: len(INPUTS))
+    monkeypatch.setattr("conformance.generate.generate", lambda folder, on_case, jobs: len(INPUTS))
     assert main(["generate", "--vectors", str(folder), "--quiet"]) == 0
     assert f"SHA-256 of the set {set_hash(folder)}" in capsys.readouterr().out
     for found, status in (([], 0), (["core/x differs", "to write them again: ..."], 1)):
-        monkeypatch.setattr("conformance.generate.differences", lambda folder, on_case, found=found: found)
+        monkeypatch.setattr("conformance.generate.make", lambda on_case, jobs, kills_in: {})
+        monkeypatch.setattr("conformance.generate.differences", lambda folder, made, found=found: found)
         assert main(["generate", "--check", "--vectors", str(folder), "--quiet"]) == status
         assert all(line in capsys.readouterr().out for line in found[:1])
     assert main(["generate", "--check", "--vectors", str(folder / "none"), "--quiet"]) == 2

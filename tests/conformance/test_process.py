@@ -13,6 +13,7 @@ from conformance.implementations import Failure, Unsupported
 from conformance.process import MOST_BYTES, ProcessImplementation, read_output
 from conformance.selection import Selection
 from conformance.stage import Port
+from conformance.vectors import npy
 from gsvc_ref.errors import UsageError
 
 
@@ -206,3 +207,13 @@ def test_no_shell_sees_a_command(folder, tmp_path):
     command = f"{sys.executable} -c 'raise SystemExit(77)' ; touch {target}"
     judge(folder, ProcessImplementation(command, 60), Selection(stages=("halve",)))
     assert not target.exists()
+
+
+def test_arrays_become_native_and_are_little_endian_on_all_machines(tmp_path):
+    (tmp_path / "half.npy").write_bytes(npy(np.array([1, 2], "<i8")))
+    array = read_output(tmp_path, Port("half", "i8", "(N,)"))
+    assert array.dtype.isnative
+    assert array.tolist() == [1, 2]
+    (tmp_path / "half.npy").write_bytes(npy(np.array([1, 2], ">i8")))
+    with pytest.raises(ValueError, match=r"^half\.npy has numbers of type >i8, most significant byte first"):
+        read_output(tmp_path, Port("half", "i8", "(N,)"))

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.ndimage import map_coordinates
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.scenes import Camera, view
-from gsvc_ref.scenes.camera import Sizes, read_grid
+from gsvc_ref.scenes.camera import Sizes
 
 
 def waves(height, width, period_x, period_y, shift=(0.0, 0.0)):
@@ -39,18 +38,6 @@ def test_zoom_shows_a_part_larger():
     x, y = (np.arange(120) + 0.5) / 2 + 30, ((np.arange(80) + 0.5) / 2 + 20)[:, None]
     expected = 0.5 + 0.2 * np.sin(2 * math.pi * x / 40) + 0.2 * np.sin(2 * math.pi * y / 40)
     np.testing.assert_allclose(seen[..., 0], expected, atol=1e-3)
-
-
-@given(
-    st.integers(1, 9), st.integers(1, 9),
-    st.lists(st.floats(-40, 40), min_size=1, max_size=4), st.lists(st.floats(-40, 40), min_size=1, max_size=4),
-)  # fmt: skip
-def test_the_fast_reading_of_a_grid_is_that_of_scipy(height, width, rows, columns):
-    coefficients = np.random.default_rng(height * 10 + width).standard_normal((height, width))
-    rows, columns = np.array(rows), np.array(columns)
-    places = np.broadcast_arrays(rows[:, None], columns[None, :])
-    expected = map_coordinates(coefficients, places, order=3, mode="reflect", prefilter=False)
-    np.testing.assert_allclose(read_grid(coefficients, rows, columns), expected, atol=1e-9)
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.floats(0.1, 2), st.floats(-7, 7))

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scene_cases import scene
 
+from gsvc_ref.draws import Draws
 from gsvc_ref.scenes import Clip, truth
 from gsvc_ref.scenes.effect import Canvas
 from gsvc_ref.scenes.effects.grain import Grain
@@ -16,7 +17,7 @@ def flat(level):
 
 def developed(effect, level, seed=0):
     """What an effect adds to a flat picture, (H, W, 3) f8."""
-    picture = effect.develop(flat(level), CANVAS, 0, np.random.default_rng(seed))
+    picture = effect.develop(flat(level), CANVAS, 0, Draws(seed))
     return picture.astype(np.float64) - np.float32(level)
 
 
@@ -106,6 +107,6 @@ def test_two_of_a_kind_draw_differently_and_neither_changes_the_other():
 def test_samples_stay_in_range():
     for level in (0.0, 1.0):
         for effect in (Noise(read=0.3), Grain(strength=0.5)):
-            picture = effect.develop(flat(level), CANVAS, 0, np.random.default_rng(0))
+            picture = effect.develop(flat(level), CANVAS, 0, Draws(0))
             assert 0 <= picture.min() < picture.max() <= 1
             assert (picture == level).mean() > 0.3  # about half of what is added is clipped

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scene_cases import WAVES_SIZE, scene, waves, waves_file
 
+from gsvc_ref.draws import Draws
 from gsvc_ref.scenes import Clip, Scene, truth
 from gsvc_ref.scenes.effect import Canvas
 from gsvc_ref.scenes.effects.sway import Sway
@@ -17,7 +18,7 @@ def grid(canvas=CANVAS):
 
 
 def prepared(water, seed=0, canvas=CANVAS):
-    return water.prepare(canvas, lambda: np.random.default_rng(seed))
+    return water.prepare(canvas, lambda: Draws(seed))
 
 
 def test_water_has_the_strength_that_is_asked_for():

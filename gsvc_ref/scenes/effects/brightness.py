@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_ref.portable import sin
 from gsvc_ref.scenes.effect import F4, Canvas, LightEffect
 from gsvc_ref.scenes.keyframes import check_keys, frames, key_before, value_at, values
 from gsvc_ref.scenes.parameters import choice, number, parameter
@@ -46,7 +47,7 @@ class Brightness(LightEffect):
         """What holds at a time."""
         count = len(self.at) or max(len(self.gain), len(self.offset))
         key, part = key_before(self.at, count, canvas, time, self.pace)
-        wave = 1 + self.swing * math.sin(2 * math.pi * time / self.period)
+        wave = 1 + self.swing * sin(2 * math.pi * time / self.period)
         return value_at(self.gain, key, part) * wave, value_at(self.offset, key, part)
 
 

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_ref.portable import exp
 from gsvc_ref.scenes.effect import F4, F8, Canvas, ObjectEffect
 from gsvc_ref.scenes.keyframes import check_keys, frames, is_shown, key_before, places, value_at, values
 from gsvc_ref.scenes.parameters import choice, flag, frame_number, number, parameter
@@ -71,8 +72,11 @@ class Highlight(ObjectEffect):
         """The (H, W) f8 light."""
         x, y, strength = self._spot(canvas, time)
         across, down = canvas.centres()
-        square = ((across - x) ** 2 + (down - y) ** 2) / (self.radius * canvas.shorter) ** 2
-        return np.asarray(strength * (np.exp(-square / 2) if self.lobe == "gaussian" else 1 / (1 + square) ** 2))
+        across, down = (across - x) / (self.radius * canvas.shorter), (down - y) / (self.radius * canvas.shorter)
+        square = across * across + down * down
+        if self.lobe == "gaussian":
+            return np.asarray(strength * exp(-square / 2))
+        return np.asarray(strength / ((1 + square) * (1 + square)))
 
 
 EFFECT = Highlight

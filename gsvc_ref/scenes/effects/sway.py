@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from gsvc_ref.portable import cos, hypot, sin
 from gsvc_ref.scenes.effect import F8, Canvas, WarpEffect
 from gsvc_ref.scenes.parameters import number, pair, parameter
 
@@ -35,17 +36,17 @@ class Sway(WarpEffect):
         phase = 2 * math.pi * time / self.period
         dx, dy = x - self.place[0] * canvas.width, y - self.place[1] * canvas.height
         size = canvas.shorter / 2
-        share = self._share(np.hypot(dx / (self.width * size), dy / (self.height * size)))
-        angle = -math.radians(self.turn) * math.cos(phase)  # what has turned one way is read from the other
-        cosine, sine = math.cos(angle), math.sin(angle)
-        right = dx * cosine - dy * sine - dx - self.reach[0] * canvas.shorter * math.sin(phase)
-        below = dx * sine + dy * cosine - dy - self.reach[1] * canvas.shorter * math.sin(2 * phase)
+        share = self._share(hypot(dx / (self.width * size), dy / (self.height * size)))
+        angle = -math.radians(self.turn) * cos(phase)  # what has turned one way is read from the other
+        cosine, sine = cos(angle), sin(angle)
+        right = dx * cosine - dy * sine - dx - self.reach[0] * canvas.shorter * sin(phase)
+        below = dx * sine + dy * cosine - dy - self.reach[1] * canvas.shorter * sin(2 * phase)
         return np.asarray(share * right), np.asarray(share * below)
 
     def _share(self, radius: F8) -> F8:
         """1 up to half of its size, 0 from its edge, smooth between."""
         part = np.clip(2 * (1 - radius), 0, 1)
-        return np.asarray(part**2 * (3 - 2 * part))
+        return np.asarray(part * part * (3 - 2 * part))
 
 
 EFFECT = Sway

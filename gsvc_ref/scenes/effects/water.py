@@ -8,6 +8,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from gsvc_ref.draws import Draws
+from gsvc_ref.portable import cos, power, sin
 from gsvc_ref.scenes.effect import F4, F8, Canvas, WarpEffect
 from gsvc_ref.scenes.parameters import number, parameter, whole
 
@@ -46,19 +48,19 @@ class Water(WarpEffect):
     shore: float = parameter(number(0, 1), "where the water begins, as a fraction of the height from the top", 0.0)
     _waves: tuple[Wave, ...] = field(default=(), init=False, repr=False)
 
-    def prepare(self, canvas: Canvas, rng: Callable[[], np.random.Generator]) -> Self:
+    def prepare(self, canvas: Canvas, rng: Callable[[], Draws]) -> Self:
         """The effect with its waves drawn: directions, lengths and phases."""
         draw = rng()
         middle, spread = math.radians(self.direction), math.radians(self.spread)
         waves = []
         for _ in range(self.waves):
             angle = middle + spread * draw.uniform(-1, 1)
-            longer = _LONGEST ** draw.uniform(-1, 1)
+            longer = power(_LONGEST, draw.uniform(-1, 1))
             k = 2 * math.pi / (self.wavelength * longer * canvas.shorter)
             # In deep water the square of the frequency goes with the wave number.
             omega = 2 * math.pi / (self.period * math.sqrt(longer))
-            waves.append(Wave(k * math.cos(angle), k * math.sin(angle), omega, draw.uniform(0, 2 * math.pi), longer))
-        square = sum(0.5 * (wave.height * math.hypot(wave.kx, wave.ky)) ** 2 for wave in waves)
+            waves.append(Wave(k * cos(angle), k * sin(angle), omega, draw.uniform(0, 2 * math.pi), longer))
+        square = sum(0.5 * wave.height * wave.height * (wave.kx * wave.kx + wave.ky * wave.ky) for wave in waves)
         scale = self.strength * canvas.shorter / math.sqrt(square)
         drawn = copy.copy(self)
         scaled = (Wave(wave.kx, wave.ky, wave.omega, wave.phase, scale * wave.height) for wave in waves)
@@ -72,7 +74,7 @@ class Water(WarpEffect):
         for wave in self._waves:
             # cos(across + down), a product of rows and columns where x and y are such.
             across, down = wave.kx * x, wave.ky * y - wave.omega * time + wave.phase
-            slope = wave.height * (np.cos(across) * np.cos(down) - np.sin(across) * np.sin(down))
+            slope = wave.height * (cos(across) * cos(down) - sin(across) * sin(down))
             right += wave.kx * slope
             below += wave.ky * slope
         depth = self._depth(y, canvas)
@@ -91,7 +93,7 @@ class Water(WarpEffect):
         if self.shore == 0:
             return np.ones_like(y)
         part = np.clip((y / canvas.height - self.shore) / 0.15, 0, 1)
-        return np.asarray(part**2 * (3 - 2 * part))
+        return np.asarray(part * part * (3 - 2 * part))
 
 
 EFFECT = Water

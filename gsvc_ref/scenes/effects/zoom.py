@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from gsvc_ref.portable import power
 from gsvc_ref.scenes.camera import Camera
 from gsvc_ref.scenes.effect import CameraEffect, Canvas
 from gsvc_ref.scenes.parameters import choice, frame_number, number, pair, parameter
@@ -33,7 +34,7 @@ class Zoom(CameraEffect):
         share = progress(time, self.start, self.end, canvas.frames, self.pace)
         span = camera.span if self.from_ is None else self.from_
         x, y = self.at or (camera.x, camera.y)
-        return replace(camera, x=x, y=y, span=span * (self.to / span) ** share)
+        return replace(camera, x=x, y=y, span=span * power(self.to / span, share))
 
 
 EFFECT = Zoom

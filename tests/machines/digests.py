@@ -1,0 +1,147 @@
+"""What this machine makes, as SHA-256: ``python -m tests.machines.digests [PART ...]``; kept in digests.sha256.
+
+``--write`` puts the digests of this machine into that file, for whoever changes on purpose what is made. Any machine is
+compared with it, and through it with all others. The golden vectors need no line there: their hash is that of
+vectors/SHA256SUMS.
+"""
+
+import hashlib
+import json
+import sys
+from argparse import ArgumentParser
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from io import BytesIO
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+KEPT = Path(__file__).with_name("digests.sha256")
+
+
+def hashed(parts: Iterator[bytes]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def in_files(array: Any) -> bytes:
+    """An array's type, shape and numbers as a little-endian machine has them."""
+    little = np.asarray(array)
+    little = little.astype(little.dtype.newbyteorder("<"))
+    return f"{little.dtype.str} {little.shape} ".encode() + little.tobytes()
+
+
+def vectors(*, kills: bool = False) -> str:
+    """The golden vectors, made again by their cases; what they kill is taken as it is stored, or found again."""
+    from conformance.generate import make
+    from conformance.vectors import VECTORS, sums_of
+
+    return hashed(iter([sums_of(make(jobs=1, kills_in=None if kills else VECTORS))]))
+
+
+def scenes() -> str:
+    """Two small frames of every built-in scene, and what is known of the second."""
+    from gsvc_ref.scenes import Scene, frames, scene_names, truth
+
+    def parts() -> Iterator[bytes]:
+        for name in scene_names():
+            scene = Scene.named(name).resized(width=64, height=48, frames=2)
+            yield from map(in_files, frames(scene))
+            for key, value in sorted(truth(scene, 1).items()):
+                yield key.encode() + in_files(value)
+
+    return hashed(parts())
+
+
+def random_streams() -> str:
+    """The streams of twenty seeds."""
+    from gsvc_ref.testing import random_stream
+
+    return hashed(random_stream(seed).data for seed in range(20))
+
+
+def decoding(precision: str) -> str:
+    """The frames of small streams."""
+    from gsvc_ref.codec import decode
+    from gsvc_ref.testing import random_stream
+
+    streams = (random_stream(seed, max_frames=3, max_count=40, max_pixels=600).data for seed in range(40, 52))
+    return hashed(in_files(frame) for stream in streams for frame in decode(stream, precision=precision))
+
+
+def encoding(size: tuple[int, int], **settings: Any) -> str:
+    """An encode of a moving picture in the precision deterministic, and its frames."""
+    from gsvc_ref.codec import Settings, decode, encode
+    from gsvc_ref.scenes import Scene, frames
+    from gsvc_ref.video import ColorDescription, VideoFormat
+
+    color = ColorDescription(primaries=1, transfer=13, matrix=0, full_range=True, chroma_location=0)
+    form = VideoFormat(*size, Fraction(25), 8, "rgb", color, frame_count=None)
+    water = {"kind": "water", "strength": 0.02}
+    noise = {"kind": "noise"}
+    scene = {"title": "t", "size": size, "frames": 3, "base": {"checker": {"size": 0.3}}, "effects": [water, noise]}
+    clip = list(frames(Scene.from_dict(scene)))
+    file = BytesIO()
+    encode((clip, form), file, Settings.quick(**settings, threads=1, precision="deterministic"))
+    decoded = decode(file.getvalue(), precision="deterministic")
+    return hashed(iter([file.getvalue(), *map(in_files, decoded)]))
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "vectors": vectors,
+    "kills": lambda: vectors(kills=True),
+    "scenes": scenes,
+    "streams": random_streams,
+    "decode": lambda: decoding("deterministic"),
+    "decode-exact": lambda: decoding("exact"),
+    "decode-fast": lambda: decoding("fast"),
+    "encode-small": lambda: encoding((12, 9), splats=6, iterations=2),
+    "encode": lambda: encoding((48, 40), splats=60, iterations=20),
+}
+"""By name."""
+
+PROMISED = [name for name in PARTS if name not in ("decode-exact", "decode-fast")]
+"""What must be the same everywhere; the decoding in other precisions is looked at, no more."""
+
+
+SET = ("vectors", "kills")
+"""Parts whose digest is that of the whole set."""
+
+
+def kept() -> dict[str, str]:
+    """The digest that each part must have, by name."""
+    from conformance.vectors import VECTORS, set_hash
+
+    lines = (line.split() for line in KEPT.read_text(encoding="utf-8").splitlines())
+    return dict.fromkeys(SET, set_hash(VECTORS)) | {name: digest for digest, name in lines}
+
+
+def main() -> int:
+    parser = ArgumentParser(prog="python -m tests.machines.digests", description=__doc__.partition("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
+    parser.add_argument("--write", action="store_true", help=f"write {KEPT.name} again")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each part")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.parts) - PARTS.keys():
+        parser.error(f"there is no part {unknown.pop()!r}; there are {', '.join(PARTS)}")
+    found = {}
+    for name in arguments.parts or PARTS:
+        start = perf_counter()
+        found[name] = PARTS[name]()
+        seconds = perf_counter() - start
+        line = json.dumps({"part": name, "sha256": found[name], "seconds": round(seconds, 1)})
+        print(line if arguments.json else f"{found[name]}  {name}  {seconds:.1f} s", flush=True)
+    if arguments.write:
+        written = {**kept(), **found} if KEPT.exists() else found
+        KEPT.write_text("".join(f"{written[name]}  {name}\n" for name in PARTS if name not in SET and name in written))
+        return 0
+    wanted = kept()
+    return 0 if all(found[name] == wanted.get(name) for name in found if name in PROMISED) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
