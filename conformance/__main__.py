@@ -20,6 +20,7 @@ COMMANDS: Final = {
     "list": "show the stages, with their inputs and outputs, or the cases",
     "report": "make the HTML page or JUnit XML again from the JSON of a run",
     "compare": "show several reports beside each other, a stage a row",
+    "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",

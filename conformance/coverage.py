@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from conformance.capacities import limit, symbols
 from conformance.case import LEVELS
 from conformance.cases import FLAGS
 from conformance.elements import element_rows, uncovered_elements
 from conformance.mutants import all_mutants
 from conformance.spec import SPEC
-from conformance.stage import stages
+from conformance.stage import Stage, stages
 from conformance.vectors import SUMS, VECTORS
 
 Manifest = Mapping[str, Any]
@@ -66,6 +67,8 @@ def coverage_page(folder: Path = VECTORS) -> str:
             + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
             "## Mutants\n\nEach is the decoder inside spec.md with one bug; every one must be found.\n\n"
             + _kill_table(there),
+            "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
+            "fail one;\n`python -m conformance capacities` tries them all.\n\n" + _sizes(there),
             "## Flags\n\n" + _flags(there),
         ]
     ) + "\n"  # fmt: skip
@@ -169,6 +172,27 @@ def _kill_table(there: list[dict[str, Any]]) -> str:
         killers = [m["id"] for m in there if mutant.name in m["kills"]]
         rows.append([mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers, mutant.name)])
     return _table(["area", "mutant", "it looks like", "killed by", "such as"], rows)
+
+
+def _sizes(there: list[dict[str, Any]]) -> str:
+    """A table of the dimensions that shapes show, from the shapes in the manifests."""
+    rows = []
+    for name, stage in stages().items():
+        shapes = [shape for m in there if m["stage"] == name for shape in _shapes(m, stage)]
+        for dimension in dict.fromkeys(symbol for port_symbols, _ in shapes for symbol in port_symbols if symbol):
+            largest = max(shape[axes.index(dimension)] for axes, shape in shapes if dimension in axes)
+            most, reason = limit(stage, dimension)
+            rows.append([f"`{name}`", dimension, f"{largest:,}", f"{most:,}" if most else "none", reason])
+    return _table(["stage", "dimension", "largest", "capacities up to", "because"], rows)
+
+
+def _shapes(manifest: Manifest, stage: Stage) -> list[tuple[list[str], list[int]]]:
+    """The symbols of the ports of a vector with its sizes."""
+    entries = {**manifest["inputs"], **{name: e.get("expected", {}) for name, e in manifest["outputs"].items()}}
+    return [
+        (symbols(port), entries[port.name]["shape"])
+        for port in (*stage.inputs, *stage.outputs) if "shape" in entries[port.name]
+    ]  # fmt: skip
 
 
 def _flags(there: list[dict[str, Any]]) -> str:

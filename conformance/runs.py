@@ -19,7 +19,7 @@ from gsvc_ref.errors import UsageError
 Array = NDArray[Any]
 Run = list[int]
 
-LEAST: Final = 1 << 15
+LEAST: Final = 1 << 12
 """Arrays of fewer elements stay as they are."""
 
 SAVED: Final = 64

@@ -102,6 +102,15 @@ def iterations_beyond_binary32() -> Inputs:
     assert abs(1e-3 * 0.999 ** early[0] - rates.value[0]) > 4 * rates.bound[0]
 
 
+@case("stress", "learning_rates", flags=["schedule", "overflow"])
+def rates_that_vanish() -> Inputs:
+    """2^40 and 2^30 iterations: a billion halvings leave a rate of 0, and a million some 10^-470, which is 0."""
+    iterations = np.array([2**40, 2**30, 0], np.int64)
+    expected = yield {"iterations": iterations, "rate": 1e-3, "factor": 0.999, "interval": 1000}
+    assert expected["rates"].value.tolist() == [0, 0, 1e-3]
+    assert np.isfinite(expected["rates"].bound).all()
+
+
 @case("stress", "converged", flags=["cancellation"])
 def changes_that_binary32_loses() -> Inputs:
     """Losses of 2.5 that change by 1.1 times the tolerance forever: binary32 holds all of them for equal."""

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from conformance.case import Inputs, case
+from conformance.cases import CAPACITY
 from conformance.cases.building import BOOKS, halves, on, quantizer_of, result, stream_of
 from conformance.cases.container import equal_splats
 from conformance.cases.gradients import noise
@@ -34,6 +35,17 @@ def large(value: tuple[int, int]) -> Inputs:
     frames = [FrameCodes.intra_frame(beads(max(value) // 15, width, height))]
     expected = yield {"stream": stream_of(frames, width=width, height=height)}
     assert result(expected, "frames").any(axis=(0, 1 if width > height else 2, 3)).mean() > 0.9
+
+
+@on("stress", "decode_stream", "decode_stream_deterministic", flags=[*FLAGS, CAPACITY],
+    each={"wide": (35_003, 1), "high": (1, 35_003)},
+    said={"wide": "35,003 columns", "high": "35,003 rows"})  # fmt: skip
+def longest(value: tuple[int, int]) -> Inputs:
+    """A frame of {key}, more than 2^15; splats all along it."""
+    width, height = value
+    stream = stream_of([FrameCodes.intra_frame(beads(97, width, height))], width=width, height=height)
+    expected = yield {"stream": stream}
+    assert result(expected, "frames").reshape(-1, 3)[2**15 :].any()
 
 
 @on("core", "decode_stream", flags=FLAGS)

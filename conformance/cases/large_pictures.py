@@ -9,6 +9,7 @@ from conformance.cases import CAPACITY
 from conformance.cases.color import described, plane_shape, samples
 from conformance.cases.large_rows import PERIOD
 from conformance.cases.metrics import disturbed, scene
+from gsvc_ref.draws import Draws
 
 LONG: Final = 35_003
 SHAPES: Final = {"wide": (2, LONG), "high": (LONG, 2)}
@@ -34,7 +35,7 @@ def with_places(image: Any, value: Any) -> Any:
 
 
 @case("stress", "to_frame", flags=FLAGS, each=SHAPES, said=SAID)
-def many_pixels_of_a_sum(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def many_pixels_of_a_sum(value: tuple[int, int], rng: Draws) -> Inputs:
     """A sum of {key} to 8 bits; single pixels at the borders of blocks are white."""
     total = with_places(picture(rng.uniform(0.1, 0.9, (PERIOD, 3)).astype(np.float32), value), 1.5)
     expected = yield {"sum": total, "bit_depth": 8}
@@ -42,7 +43,7 @@ def many_pixels_of_a_sum(value: tuple[int, int], rng: np.random.Generator) -> In
 
 
 @case("stress", "to_frame_deterministic", flags=FLAGS, each=SHAPES, said=SAID)
-def many_pixels_in_binary32(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def many_pixels_in_binary32(value: tuple[int, int], rng: Draws) -> Inputs:
     """A sum of {key} to 10 bits; single pixels at the borders of blocks are white."""
     total = with_places(picture(rng.uniform(0.1, 0.9, (PERIOD, 3)).astype(np.float32), value), 1.5)
     expected = yield {"sum": total, "bit_depth": 10}
@@ -50,7 +51,7 @@ def many_pixels_in_binary32(value: tuple[int, int], rng: np.random.Generator) ->
 
 
 @case("stress", "loss", flags=[*FLAGS, "factor"], each=SHAPES, said=SAID)
-def loss_of_many_pixels(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def loss_of_many_pixels(value: tuple[int, int], rng: Draws) -> Inputs:
     """The loss of 70,006 pixels, {key}: in binary16 their number is infinite.
 
     Half of the loss comes from nine pixels at the borders of blocks, of which the last is one.
@@ -62,7 +63,7 @@ def loss_of_many_pixels(value: tuple[int, int], rng: np.random.Generator) -> Inp
 
 
 @case("stress", "loss", flags=[CAPACITY, "factor"])
-def loss_of_2209_pixels(rng: np.random.Generator) -> Inputs:
+def loss_of_2209_pixels(rng: Draws) -> Inputs:
     """The loss of 47 x 47 pixels: their number is odd and above 2^11, so binary16 does not hold it."""
     target, noise = rng.uniform(0.25, 0.75, (2, 47, 47, 3))
     expected = yield {"picture": (target + 0.1 * noise).astype(np.float32), "target": target.astype(np.float32)}
@@ -72,7 +73,7 @@ def loss_of_2209_pixels(rng: np.random.Generator) -> Inputs:
 
 
 @case(FULL, "loss", flags=[*FLAGS, "factor"])
-def loss_beyond_2_24_pixels(rng: np.random.Generator) -> Inputs:
+def loss_beyond_2_24_pixels(rng: Draws) -> Inputs:
     """The loss of 257 x 65,531 pixels, a number that binary32 does not hold."""
     shape = (257, 65_531)
     target = picture(rng.uniform(0.25, 0.75, (PERIOD, 3)).astype(np.float32), shape)
@@ -85,20 +86,25 @@ def loss_beyond_2_24_pixels(rng: np.random.Generator) -> Inputs:
 # --- Colour and metrics ----------------------------------------------------------------------------------------------
 
 
-@case("stress", "planes_to_frame", flags=FLAGS, each=SHAPES, said=SAID)
-def many_samples(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+COLOR_SHAPES: Final = {"square": (265, 267), "wide": (3, 4133), "high": (4133, 3)}
+"""Rows and columns: plain code multiplies by a matrix of a frame's columns by its chroma samples."""
+COLOR_SAID: Final = {"square": "265 by 267 pixels", "wide": "4,133 columns", "high": "4,133 rows"}
+
+
+@case("stress", "planes_to_frame", flags=FLAGS, each=COLOR_SHAPES, said=COLOR_SAID)
+def many_samples(value: tuple[int, int], rng: Draws) -> Inputs:
     """Planes of {key}, 4:2:0, to a frame; the last sample of each plane is bright."""
     shape = plane_shape(*value, 1)
-    planes = {name: samples(np.resize(rng.integers(20, 200, PERIOD), size))
-              for name, size in (("y", value), ("cb", shape), ("cr", shape))}  # fmt: skip
+    luma = np.resize(rng.integers(20, 200, PERIOD), value)
+    planes = {"y": samples(luma), "cb": samples(np.full(shape, 90)), "cr": samples(np.full(shape, 150))}
     for plane in planes.values():
         plane[-1, -1] = 235
     expected = yield {**planes, **described(chroma_format=1, location=2)}
     assert expected["frame"].value[-1, -1].any()
 
 
-@case("stress", "frame_to_planes", flags=FLAGS, each=SHAPES, said=SAID)
-def many_pixels_to_planes(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+@case("stress", "frame_to_planes", flags=FLAGS, each=COLOR_SHAPES, said=COLOR_SAID)
+def many_pixels_to_planes(value: tuple[int, int], rng: Draws) -> Inputs:
     """A frame of {key} to planes, 4:2:0; its last pixel is white."""
     frame = samples(picture(rng.integers(20, 200, (PERIOD, 3)), value))
     frame[-1, -1] = 255
@@ -107,7 +113,7 @@ def many_pixels_to_planes(value: tuple[int, int], rng: np.random.Generator) -> I
 
 
 @case("stress", "metrics", flags=[*FLAGS, "metric"], each=SHAPES, said=SAID)
-def metrics_of_many_pixels(value: tuple[int, int], rng: np.random.Generator) -> Inputs:
+def metrics_of_many_pixels(value: tuple[int, int], rng: Draws) -> Inputs:
     """Frames of {key}: a fifth of their error comes from pixels at the borders of blocks, of which the last is one."""
     pixels = scene(rng, PERIOD, 1)[:, 0]
     frame = samples(picture(pixels // 2 + 60, value))

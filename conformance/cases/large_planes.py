@@ -9,6 +9,7 @@ from conformance.cases import CAPACITY
 from conformance.cases.building import Array, result
 from conformance.cases.large_rows import PERIOD, repeated
 from conformance.cases.planes import decoding, inputs, plane
+from gsvc_ref.draws import Draws
 
 SYMBOLS: Final = 90_001
 ALPHABET: Final = 4096
@@ -18,7 +19,7 @@ EQUAL: Final = np.full(ALPHABET, 16)
 """Frequencies of 2^16: twelve bits a symbol, so that 90,001 symbols take 67,500 words."""
 
 
-def symbols_of_large_planes(rng: np.random.Generator) -> Array:
+def symbols_of_large_planes(rng: Draws) -> Array:
     """90,001 symbols with a period of 251, but for the last, which is the last of the alphabet."""
     symbols = repeated(rng.integers(1, ALPHABET - 1, PERIOD).astype(np.uint16), SYMBOLS)
     symbols[-1] = ALPHABET - 1
@@ -26,13 +27,13 @@ def symbols_of_large_planes(rng: np.random.Generator) -> Array:
 
 
 @case("stress", "decode_plane", flags=[CAPACITY, "lanes"])
-def many_symbols_and_words(rng: np.random.Generator) -> Inputs:
+def many_symbols_and_words(rng: Draws) -> Inputs:
     """90,001 symbols in three lanes, which take some 67,500 words."""
     yield from decoding(symbols_of_large_planes(rng), ALPHABET, 16, LANES, counts=EQUAL)
 
 
 @case("stress", "decode_plane", flags=[CAPACITY])
-def many_raw_symbols(rng: np.random.Generator) -> Inputs:
+def many_raw_symbols(rng: Draws) -> Inputs:
     """A raw plane of 90,001 symbols of one byte."""
     symbols = symbols_of_large_planes(rng) % 255 + 1
     expected = yield inputs(plane(1, symbols, 256), SYMBOLS, 256)
@@ -40,7 +41,7 @@ def many_raw_symbols(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "encode_plane", flags=[CAPACITY, "lanes"])
-def many_symbols_and_words_encoded(rng: np.random.Generator) -> Inputs:
+def many_symbols_and_words_encoded(rng: Draws) -> Inputs:
     """90,001 symbols in three lanes, which take some 67,500 words: an encoder goes through them from the last."""
     expected = yield {"symbols": symbols_of_large_planes(rng), "frequencies": EQUAL, "entropy_precision": 16,
                       "lane_count": LANES}  # fmt: skip

@@ -16,11 +16,12 @@ from conformance.cases.quantization import random_values
 from conformance.cases.reconstruction import codes
 from conformance.cases.selection import state_of
 from conformance.cases.training import f4, trained_rows
+from gsvc_ref.draws import Draws
 
 ROWS: Final = 70_001
 PERIOD: Final = 251
 EDGES: Final = np.array([1023, 1024, 4095, 4096, 32_767, 32_768, 65_535, 65_536, ROWS - 1])
-"""Rows on both sides of the borders of blocks and of 16-bit numbers, and the last one; all lie beyond the first period."""
+"""Rows on both sides of the borders of blocks and of 16-bit numbers, and the last one, all beyond the first period."""
 FLAGS: Final = (CAPACITY,)
 
 
@@ -33,7 +34,7 @@ def repeated(rows: Array, count: int = ROWS) -> Array:
 
 
 @case("stress", "from_half", flags=FLAGS)
-def many_values(rng: np.random.Generator) -> Inputs:
+def many_values(rng: Draws) -> Inputs:
     """70,001 patterns, more than a 16-bit number counts; at the borders of blocks infinity."""
     bits = repeated(rng.integers(1, 0x7C00, PERIOD).astype(np.uint16))
     bits[EDGES] = 0xFC00
@@ -42,7 +43,7 @@ def many_values(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "to_half", flags=FLAGS)
-def many_patterns(rng: np.random.Generator) -> Inputs:
+def many_patterns(rng: Draws) -> Inputs:
     """70,001 numbers, none of them zero; at the borders of blocks the largest that is finite."""
     values = repeated(rng.normal(0, 10, PERIOD).astype(np.float32))
     values[EDGES] = -65_504
@@ -54,7 +55,7 @@ BOOKS: Final = (1024,) * 8
 """As many codewords as a block can have."""
 
 
-def many_codes(rng: np.random.Generator, count: int, period: int = PERIOD) -> dict[str, Any]:
+def many_codes(rng: Draws, count: int, period: int = PERIOD) -> dict[str, Any]:
     """Codes of `count` splats with eight codebooks of 1,024; the rows at the borders use the last codeword of each."""
     block = codes(period, rng, BOOKS, bits=8)
     for name in ("positions", "cholesky", "color_indices"):
@@ -76,24 +77,24 @@ def survivors_of_many() -> Array:
 
 
 @case("stress", "reconstruct_intra", flags=FLAGS)
-def many_splats_and_codewords(rng: np.random.Generator) -> Inputs:
+def many_splats_and_codewords(rng: Draws) -> Inputs:
     """70,001 splats, whose colours are sums of eight codewords of 8,192."""
     expected = yield {"width": 1921, "height": 1083, **many_codes(rng, ROWS)}
     assert result(expected, "parameters").any(axis=1).all()
 
 
 @case("stress", "reconstruct_inter", flags=[*FLAGS, "survivors"])
-def many_survivors(rng: np.random.Generator) -> Inputs:
+def many_survivors(rng: Draws) -> Inputs:
     """Some 70,000 of 73,501 splats survive: what is added to each, and which it is, depends on all before it."""
     stay = survivors_of_many()
     reference = repeated(rng.normal(3, 1, (PERIOD, 8)).astype(np.float32), len(stay))
     expected = yield {"width": 1921, "height": 1083, "reference": reference, "survivors": stay.astype(np.uint8),
-                      **many_codes(rng, np.count_nonzero(stay), SURVIVORS)}  # fmt: skip
+                      **many_codes(rng, int(np.count_nonzero(stay)), SURVIVORS)}  # fmt: skip
     assert len(result(expected, "parameters")) > 2**16
 
 
 @case("stress", "parameter_checksum", flags=FLAGS)
-def checksum_of_many(rng: np.random.Generator) -> Inputs:
+def checksum_of_many(rng: Draws) -> Inputs:
     """66,001 splats: the checksum depends on the last bit of the last of them."""
     parameters = repeated(rng.normal(size=(PERIOD, 8)).astype(np.float32), 66_001)
     expected = yield {"parameters": parameters}
@@ -101,7 +102,7 @@ def checksum_of_many(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "rendering_work", flags=[*FLAGS, "overflow"])
-def work_of_many(rng: np.random.Generator) -> Inputs:
+def work_of_many(rng: Draws) -> Inputs:
     """70,001 splats on a frame of 65,535 by 1,025 pixels: more than 2^33 pairs."""
     rows = np.column_stack([rng.uniform(0, 65_535, PERIOD), rng.uniform(0, 1025, PERIOD),
                             *rng.uniform(100, 900, (3, PERIOD)), np.ones((PERIOD, 3))])  # fmt: skip
@@ -112,7 +113,7 @@ def work_of_many(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "scale_parameters", flags=FLAGS)
-def many_scaled(rng: np.random.Generator) -> Inputs:
+def many_scaled(rng: Draws) -> Inputs:
     """70,001 splats from 1920x1080 to 1281x719; those at the borders of blocks are a thousand times larger."""
     parameters = repeated(rng.uniform(1, 2, (PERIOD, 8)).astype(np.float32))
     parameters[EDGES] *= 1000
@@ -123,7 +124,7 @@ def many_scaled(rng: np.random.Generator) -> Inputs:
 # --- Training --------------------------------------------------------------------------------------------------------
 
 
-def many_rows(rng: np.random.Generator, count: int = ROWS) -> Array:
+def many_rows(rng: Draws, count: int = ROWS) -> Array:
     """Rows in training (count, 9) f4, none with a zero; those at the borders of blocks have larger colours."""
     rows = repeated(trained_rows(rng, PERIOD), count)
     rows[EDGES[count > EDGES], 5:8] = 8, -16, 32
@@ -131,14 +132,14 @@ def many_rows(rng: np.random.Generator, count: int = ROWS) -> Array:
 
 
 @case("stress", "weighted_parameters", flags=FLAGS)
-def many_weights(rng: np.random.Generator) -> Inputs:
+def many_weights(rng: Draws) -> Inputs:
     """70,001 splats with weights."""
     expected = yield {"values": many_rows(rng)}
     assert expected["parameters"].value.any(axis=1).all()
 
 
 @case("stress", "weighted_gradients", flags=FLAGS)
-def many_gradients_of_weights(rng: np.random.Generator) -> Inputs:
+def many_gradients_of_weights(rng: Draws) -> Inputs:
     """The gradients of 70,001 splats with weights."""
     gradients = repeated(rng.normal(size=(PERIOD, 8)).astype(np.float32))
     gradients[EDGES] = 64
@@ -147,7 +148,7 @@ def many_gradients_of_weights(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "learning_rates", flags=[*FLAGS, "schedule"])
-def many_rates(rng: np.random.Generator) -> Inputs:
+def many_rates(rng: Draws) -> Inputs:
     """The rates of 70,001 iterations in any order; at the borders of blocks the first one, whose rate is largest."""
     iterations = repeated(rng.integers(1, 200_000, PERIOD))
     iterations[EDGES] = 0
@@ -156,7 +157,7 @@ def many_rates(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "adan_step", flags=[*FLAGS, "mixed-ages"])
-def many_steps(rng: np.random.Generator) -> Inputs:
+def many_steps(rng: Draws) -> Inputs:
     """A step of 70,001 splats of mixed ages; the rows at the borders of blocks take their first."""
     inputs = adan_inputs(rng, rng.integers(0, 3000, PERIOD), columns=9)
     first = adan_inputs(rng, [0], columns=9)
@@ -207,7 +208,7 @@ def _counts(expected: Any) -> list[tuple[int, int]]:
 
 
 @case("stress", "prune", flags=[*FLAGS, "ties"])
-def many_splats_to_prune(rng: np.random.Generator) -> Inputs:
+def many_splats_to_prune(rng: Draws) -> Inputs:
     """70,001 weights of which each comes again in other warps and blocks; of 2,789 equal ones the last 1,500 go."""
     weights = repeated((rng.permutation(PERIOD) // 10 + 3).astype(np.float32) * f4(1 / 64))
     weights[EDGES] = -8
@@ -237,7 +238,7 @@ def few_of_many_to_prune() -> Inputs:
 
 
 @case("stress", "compact", flags=[*FLAGS, "survivors"])
-def many_survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
+def many_survivors_keep_their_state(rng: Draws) -> Inputs:
     """Some 70,000 of 73,501 splats stay, each with its own state."""
     stay = survivors_of_many()
     state = {name: repeated(rows, len(stay)) for name, rows in state_of(rng, PERIOD).items()}
@@ -246,7 +247,7 @@ def many_survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "augment", flags=FLAGS)
-def many_new_splats(rng: np.random.Generator) -> Inputs:
+def many_new_splats(rng: Draws) -> Inputs:
     """70,001 splats, and 66,003 new ones after them."""
     uniforms = repeated(rng.uniform(0.1, 1, (PERIOD, 8)).astype(np.float32), 66_003)
     expected = yield {"values": many_rows(rng), "uniforms": uniforms, "width": 1921, "height": 1083}
@@ -295,7 +296,7 @@ def patience_of_many_iterations() -> Inputs:
 
 
 @case("stress", "lsq_quantize", flags=FLAGS)
-def many_to_quantize(rng: np.random.Generator) -> Inputs:
+def many_to_quantize(rng: Draws) -> Inputs:
     """70,001 values of each of three channels; those at the borders of blocks have the largest code."""
     inputs = random_values(rng, PERIOD, 8)
     inputs["x"] = repeated(inputs["x"])
@@ -305,7 +306,7 @@ def many_to_quantize(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "lsq_dequantize", flags=FLAGS)
-def many_to_dequantize(rng: np.random.Generator) -> Inputs:
+def many_to_dequantize(rng: Draws) -> Inputs:
     """70,001 codes of each of three channels; those at the borders of blocks are the largest."""
     codes_of = repeated(rng.integers(0, 255, (PERIOD, 3)).astype(np.uint16))
     codes_of[EDGES] = 65_535
@@ -314,7 +315,7 @@ def many_to_dequantize(rng: np.random.Generator) -> Inputs:
 
 
 @case("stress", "lsq_gradients", flags=[*FLAGS, "region"])
-def gradients_of_many(rng: np.random.Generator) -> Inputs:
+def gradients_of_many(rng: Draws) -> Inputs:
     """70,001 values of each of three channels; 15 of them have most of the gradients."""
     inputs = random_values(rng, PERIOD, 8)
     inputs["x"] = repeated(inputs["x"])

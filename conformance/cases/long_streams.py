@@ -1,5 +1,6 @@
 """Cases of streams that are as large as their level allows, or longer than a counter of 8, 14 or 16 bits."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -168,3 +169,28 @@ def _last_ones_differ(count: int) -> SplatBlock:
     return SplatBlock(
         block.positions, block.cholesky, block.colors, quantizer_of([0.5, 0.5, 0.5], [1, 0, 1]), block.codebooks
     )
+
+
+@on("core", *STREAM, flags=["survivors", CAPACITY], rules=["R-5-2"])
+def codes_beyond_16_bits() -> Inputs:
+    """65,613 splats none of whose codes is zero; of 65,600 that stay, and 13 that come, none is either."""
+    count = BEYOND_16_BITS
+    ones = np.ones((count, 3), np.uint16)
+    books = (np.array([[0, 0, 0], [0.25, 0.5, 0.75]], np.float16),)
+    block = SplatBlock(0x3000 * ones[:, :2], ones, ones[:, :1], quantizer_of([0.5] * 3, [1, 0, 1]), books)
+    new = SplatBlock(0x3400 * ones[:13, :2], 2 * ones[:13], ones[:13, :1], None, None)
+    stream = stream_of(
+        [FrameCodes.intra_frame(block), predicted([1] * (count - 13) + [0] * 13, SplatBlock(), new)], level=3
+    )
+    expected = yield {"stream": stream}
+    assert result(expected, "counts").tolist() == [count, count]
+
+
+@on("core", *STREAM, flags=[CAPACITY])
+def as_many_codewords_as_allowed() -> Inputs:
+    """A block with eight codebooks of 1,024 codewords, of which two splats use the last ones."""
+    n = np.arange(1024 * 3).reshape(1024, 3)
+    books = tuple(((n * (k + 3) % 1009 + 1) / 1024).astype(np.float16) for k in range(8))
+    block = replace(intra_block(2, books=None, kept=books), colors=np.full((2, 8), 1023, np.uint16), codebooks=books)
+    expected = yield {"stream": stream_of([FrameCodes.intra_frame(block)], color_stages=8, color_codewords=1024)}
+    assert result(expected, "counts").tolist() == [2]

@@ -154,7 +154,7 @@ def extreme_weights() -> Inputs:
 # --- Compaction ------------------------------------------------------------------------------------------------------
 
 
-def state_of(rng: np.random.Generator, count: int) -> Values:
+def state_of(rng: Draws, count: int) -> Values:
     """Splats in training and what Adan knows of them; no two numbers of a column are alike."""
     m, v, n, previous = rng.normal(size=(4, count, 9)).astype(np.float32)
     steps = rng.permutation(count) + 1
@@ -162,7 +162,7 @@ def state_of(rng: np.random.Generator, count: int) -> Values:
 
 
 @case("core", "compact", flags=["survivors", "mixed-ages"])
-def survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
+def survivors_keep_their_state(rng: Draws) -> Inputs:
     """Thirteen splats of nineteen stay, each with its own moments and its own count of steps."""
     state, stay = state_of(rng, 19), np.array([0, 2, 3, 5, 6, 8, 10, 11, 12, 15, 16, 17, 18])
     expected = yield {"survivors": stay, **state}
@@ -172,7 +172,7 @@ def survivors_keep_their_state(rng: np.random.Generator) -> Inputs:
 
 
 @case("uncommon", "compact", flags=["empty"], each={"none": [], "all": [0, 1, 2, 3, 4]})
-def extreme_compactions(value: list[int], rng: np.random.Generator) -> Inputs:
+def extreme_compactions(value: list[int], rng: Draws) -> Inputs:
     """Of five splats {key} stay."""
     expected = yield {"survivors": np.array(value, np.int64), **state_of(rng, 5)}
     assert len(expected["steps"].value) == len(value)

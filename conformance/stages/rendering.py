@@ -170,7 +170,8 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     drawn = _has_finite_factors(parameters)
     gradients[drawn], bound[drawn] = gradients_with_bound(_drawable(parameters), residual)
     height, width = residual.shape[:2]
-    clear = bool(np.all(edge_margins(parameters, width, height) > 1))
+    few = parameters[distinct(parameters)[0]]
+    clear = bool(np.all(edge_margins(few, width, height) > 1))
     groups = tuple(
         group for group in GROUPS if clear and _together(gradients[:, slice(*group)], bound[:, slice(*group)])
     )

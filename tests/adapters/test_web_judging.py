@@ -1,5 +1,8 @@
 """The page judges outputs as the kit does: the same verdicts and ratios."""
 
+import base64
+import hashlib
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,8 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 
 from conformance.adapters.web import browser
 from conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
+from conformance.runs import pack
+from conformance.vectors import npy
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +100,30 @@ def test_the_page_judges_as_the_kit(local_page, expectation, actual):
     assert page["passed"] == verdict.passed
     if page["ratio"] is not None and verdict.passed:
         assert page["ratio"] == pytest.approx(verdict.ratio, rel=1e-6)
+
+
+EXPAND = """
+async ([stored, entry]) => {
+  const bytes = Uint8Array.from(atob(stored), (character) => character.charCodeAt(0));
+  const { data, shape, dtype } = GSVC.expandRuns(GSVC.readNpy(bytes), entry);
+  const digest = await crypto.subtle.digest("SHA-256", data);
+  const hex = Array.from(new Uint8Array(digest), (byte) => byte.toString(16).padStart(2, "0"));
+  return { shape, dtype, sha256: hex.join("") };
+}
+"""
+REPEATING = [
+    np.resize(np.arange(251 * 3, dtype="<f4"), (9001, 3)),
+    np.flatnonzero(np.resize(np.arange(251) % 10 > 0, 70_001)).astype("<i8"),
+    np.full((300, 401), 7, "<u2"),
+]
+
+
+@pytest.mark.parametrize("array", REPEATING, ids=["f4", "i8_by_differences", "u2"])
+def test_the_page_expands_runs_as_the_kit(local_page, array):
+    packed = pack(array)
+    entry = {"shape": list(array.shape), **packed.entry}
+    stored = base64.b64encode(npy(packed.elements)).decode()
+    page = browser.wait(local_page.evaluate(EXPAND, [stored, entry]))
+    assert page["shape"] == list(array.shape)
+    assert page["dtype"] == array.dtype.str
+    assert page["sha256"] == hashlib.sha256(array.tobytes()).hexdigest()

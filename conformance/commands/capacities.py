@@ -1,0 +1,38 @@
+"""``capacities``: whether the vectors are large enough, dimension by dimension."""
+
+from argparse import ArgumentParser, Namespace
+
+from conformance.capacities import CAPACITIES, Row, rows
+from conformance.commands import add_selection, add_vectors, selection
+from conformance.selection import VectorFolder
+from conformance.stage import stages
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    add_vectors(parser)
+    add_selection(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Print the table in Markdown; 0 if every capacity that is demanded is caught, else 1."""
+    folder = VectorFolder(arguments.vectors)
+    names = folder.select(selection(arguments))
+    print("| stage | dimension | largest | demanded | caught |\n|---|---|---|---|---|")
+    missed = 0
+    for name, stage in stages().items():
+        of_stage = [vector for vector in names if vector.split("/")[1] == name]
+        for row in rows(stage, folder.read(of_stage)) if of_stage else ():
+            print(line(row), flush=True)
+            missed += len(row.missed)
+    print(f"\nnot caught: {missed:,}" if missed else "\nevery capacity is caught")
+    return 1 if missed else 0
+
+
+def line(row: Row) -> str:
+    """A row of the table."""
+    demanded = f"32 to {max(row.demanded):,}" if row.demanded else "none"
+    because = f" ({row.reason})" if row.reason and row.demanded != CAPACITIES else ""
+    missed = ", ".join(f"{k:,}" for k in row.missed)
+    caught = f"not {missed}" if missed else "all" if row.demanded else ""
+    return f"| `{row.stage}` | {row.dimension} | {row.largest:,} | {demanded}{because} | {caught} |"

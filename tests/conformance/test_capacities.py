@@ -1,0 +1,51 @@
+"""Vectors are large enough: an implementation that ends at any capacity in any dimension fails one of its stage."""
+
+import pytest
+
+from conformance.__main__ import main
+from conformance.capacities import CAPACITIES, LIMITS, dimensions, rows, symbols
+from conformance.stage import Port, stages
+from conformance.vectors import VECTORS, read
+
+
+def vectors_of(name):
+    """All vectors of a stage."""
+    return [read(path.parent) for path in sorted(VECTORS.glob(f"*/{name}/*/manifest.json"))]
+
+
+@pytest.mark.parametrize("name", stages())
+def test_every_capacity_is_caught(name):
+    missed = {row.dimension: row.missed for row in rows(stages()[name], vectors_of(name)) if row.missed}
+    assert missed == {}
+
+
+def test_the_command_prints_the_table(capsys):
+    assert main(["capacities", "--stage", "to_half"]) == 0
+    out = capsys.readouterr().out
+    assert "| `to_half` | N | 70,001 | 32 to 65,536 | all |" in out
+    assert out.endswith("every capacity is caught\n")
+
+
+def test_the_command_says_what_is_missed(capsys):
+    assert main(["capacities", "--case", "core/to_half/*"]) == 1
+    assert "| not 32, 64," in capsys.readouterr().out
+
+
+def test_limits_are_those_of_dimensions_that_exist_and_have_a_reason():
+    there = {(name, dimension) for name, stage in stages().items() for dimension in dimensions(stage)}
+    for (name, dimension), (most, reason) in LIMITS.items():
+        assert (name, dimension) in there or (name == "*" and dimension in {other for _, other in there})
+        assert reason
+        assert most == 0 or most in CAPACITIES
+
+
+def test_symbols_of_shapes():
+    shapes = {"(N, 8)": ["N", ""], "(n or 0, M)": ["n", "M"], "(T-1,)": ["T"], "()": [], "": [], "(22,)": [""]}
+    for shape, expected in shapes.items():
+        assert symbols(Port("port", "f4", shape)) == expected
+
+
+def test_without_its_large_vectors_a_stage_is_found_wanting():
+    small = [vector for vector in vectors_of("weighted_gradients") if "capacity" not in vector.manifest["flags"]]
+    (row,) = rows(stages()["weighted_gradients"], small)
+    assert row.missed == CAPACITIES
