@@ -370,7 +370,7 @@ def sums_of(terms: Callable[[slice], Expansion], keys: NDArray[np.int64], count:
     return joined(*sums).totals(np.concatenate(own), count)
 
 
-def chunks(count: int, size: int = 4096) -> Iterator[slice]:
+def chunks(count: int, size: int = 8192) -> Iterator[slice]:
     """Slices of at most `size` that make up `count`: arrays that stay in a processor's cache."""
     return (slice(first, first + size) for first in range(0, count, size))
 
