@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.distinct import distinct
-from conformance.expansions import PRECISIONS, Expansion, exact, exp, joined, settled, sums_of, where
+from conformance.elementary import exp
+from conformance.expansions import PRECISIONS, Expansion, exact, joined, settled, sums_of, where
 from gsvc_ref.rendering.bounds import SumBound, error_footprints, gradient_bound
 from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
