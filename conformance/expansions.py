@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from math import factorial
 from typing import Any, Final
 
 import numpy as np
@@ -33,10 +32,6 @@ SAFELY: Final = 1 + 2.0**-40
 SMALL: Final = 2.0**-800
 UNDERFLOW: Final = 2.0**-900
 """At least what error terms of products below SMALL may lose."""
-STEPS: Final = 256
-"""Steps per unit of the table of exponentials."""
-CONSTANT_BITS: Final = 600
-"""Bits of constants, more than PRECISIONS need."""
 
 
 def two_sum(a: F8, b: F8) -> tuple[F8, F8]:
@@ -273,42 +268,6 @@ def joined(*numbers: Expansion, axis: int = 0) -> Expansion:
     return Expansion(parts, np.concatenate([n.radius for n in numbers], axis=axis), min(n.most for n in numbers))
 
 
-def exp(x: Expansion) -> Expansion:
-    """e^x: x = n ln 2 + j / STEPS + r, a table of e^(j / STEPS), and a Taylor series of r."""
-    n = np.rint(x.near / float(_ln2()))
-    r = x.to(x.most + 1) - rational(_ln2(), x.most + 1) * exact(n, x.most + 1)
-    j = np.rint(r.near * STEPS)
-    r = (r - exact(j / STEPS)).to(x.most)
-    terms = _terms_of_exp(x.most)
-    p = rational(Fraction(1, factorial(terms)), 1)
-    for k in range(terms - 1, -1, -1):
-        most = x.most - min(9 * k // 53, x.most - 1)  # what is multiplied by r^k needs fewer bits, since |r| <= 2^-9
-        p = p.to(most) * r.to(most) + rational(Fraction(1, factorial(k)), most)
-    p = Expansion(p.parts, p.radius + 2.0 ** (-53 * x.most - 2), x.most)
-    parts, radius = _exponentials(x.most)
-    at = (j + STEPS // 2).astype(np.int64)
-    return (p * Expansion(parts[:, at], radius[at], x.most)).scaled(n.astype(np.int64))
-
-
-def log(x: Expansion) -> Expansion:
-    """The natural logarithm of numbers above 0: x = 2^n m, and log m = 2 atanh((m - 1) / (m + 1)) by its series."""
-    n = np.frexp(x.near * 1.5)[1] - 1  # 2/3 <= m < 4/3
-    m, one = x.scaled(-n), exact(1.0, x.most)
-    z = (m - one) / (m + one)  # at most 1/5
-    square = z * z
-    terms = x.most * 53 // 4 + 1
-    p = rational(Fraction(1, 2 * terms + 1), x.most)
-    for k in range(terms - 1, -1, -1):
-        p = p * square + rational(Fraction(1, 2 * k + 1), x.most)
-    p = Expansion(p.parts, p.radius + 2.0 ** (-4 * terms), x.most)
-    return (z * p).scaled(1) + rational(_ln2(), x.most) * exact(n.astype(np.float64))
-
-
-def power(x: Expansion, exponent: Expansion) -> Expansion:
-    """x^exponent for numbers above 0."""
-    return exp(exponent * log(x))
-
-
 def settled(evaluate: Callable[[int, NDArray[np.int64]], tuple[Expansion, ...]], rows: int) -> tuple[F8, ...]:
     """Results rounded once to binary64: rows of which one is not certain are evaluated again with more components.
 
@@ -370,7 +329,7 @@ def sums_of(terms: Callable[[slice], Expansion], keys: NDArray[np.int64], count:
     return joined(*sums).totals(np.concatenate(own), count)
 
 
-def chunks(count: int, size: int = 4096) -> Iterator[slice]:
+def chunks(count: int, size: int = 8192) -> Iterator[slice]:
     """Slices of at most `size` that make up `count`: arrays that stay in a processor's cache."""
     return (slice(first, first + size) for first in range(0, count, size))
 
@@ -459,35 +418,3 @@ def _most(number: Expansion) -> F8:
 def _least(number: Expansion) -> F8:
     """At most the magnitude."""
     return abs(number.near) / SAFELY - number.radius
-
-
-@cache
-def _ln2() -> Fraction:
-    """Ln 2 = the sum of 1 / (k 2^k), to CONSTANT_BITS bits."""
-    return Fraction(sum((1 << CONSTANT_BITS) // (k << k) for k in range(1, CONSTANT_BITS)), 1 << CONSTANT_BITS)
-
-
-@cache
-def _terms_of_exp(most: int) -> int:
-    """The last power of r, |r| <= 2^-9, that the Taylor series needs for a remainder below 2^(-53 most - 2)."""
-    terms = 1
-    while (factorial(terms + 1) << 9 * (terms + 1)).bit_length() < 53 * most + 4:
-        terms += 1
-    return terms
-
-
-@cache
-def _exponentials(most: int) -> tuple[F8, F8]:
-    """The components and radii of e^(j / STEPS) for j = -STEPS/2 .. STEPS/2, from the Taylor series in integers."""
-    parts, radii = [], []
-    for j in range(-STEPS // 2, STEPS // 2 + 1):
-        term = total = 1 << CONSTANT_BITS
-        k = 0
-        while term not in (0, -1):
-            k += 1
-            term = term * j // (k * STEPS)
-            total += term
-        number = rational(Fraction(total, 1 << CONSTANT_BITS), most)
-        parts.append(number.parts)
-        radii.append(number.radius)
-    return np.stack(parts, axis=1), np.array(radii) + 2.0 ** (12 - CONSTANT_BITS)

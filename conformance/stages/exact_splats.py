@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.distinct import distinct
-from conformance.expansions import PRECISIONS, Expansion, exact, exp, joined, settled, sums_of, where
+from conformance.elementary import exp
+from conformance.expansions import PRECISIONS, Expansion, exact, joined, settled, sums_of, where
 from gsvc_ref.rendering.bounds import SumBound, error_footprints, gradient_bound
 from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
+I4 = NDArray[np.int32]
 I8 = NDArray[np.int64]
 
 BATCH = 1 << 21
@@ -30,14 +32,14 @@ class Pairs:
     Attributes
     ----------
     splat
-        (K,) i8, rows of the parameters.
+        (K,) i4, rows of the parameters.
     row, column
-        (K,) i8.
+        (K,) i4.
     """
 
-    splat: I8
-    row: I8
-    column: I8
+    splat: I4
+    row: I4
+    column: I4
 
     def __getitem__(self, place: slice | I8 | NDArray[np.bool_]) -> "Pairs":
         return Pairs(self.splat[place], self.row[place], self.column[place])
@@ -54,7 +56,8 @@ def sum_with_bound(parameters: F4, width: int, height: int) -> tuple[F8, F8]:
     C = np.zeros((height * width, 3))
     if any(len(some.splat) for some in found):
         pairs = _joined(found)
-        places = pairs.row * width + pairs.column
+        found.clear()  # a large frame has many
+        places = pairs.row.astype(np.int64) * width + pairs.column
         order = np.argsort(places, kind="stable")
         at, ranks = np.unique(places[order], return_inverse=True)
         C[at] = _sums(splats, counts, pairs[order], ranks)
@@ -178,7 +181,8 @@ class Weights:
 
 def _pairs(splat: int, at: NDArray[np.bool_], rows: slice, columns: slice) -> Pairs:
     row, column = np.nonzero(at)
-    return Pairs(np.full(len(row), splat), row + rows.start, column + columns.start)
+    places = (np.full(len(row), splat), row + rows.start, column + columns.start)
+    return Pairs(*(place.astype(np.int32) for place in places))
 
 
 def _joined(parts: list[Pairs]) -> Pairs:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.distinct import distinct
-from conformance.expansions import Expansion, exact, exp, joined, power, rational, settled
+from conformance.elementary import exp, power
+from conformance.expansions import Expansion, exact, joined, rational, settled
 from gsvc_ref.rendering.definition import added
 
 F8 = NDArray[np.float64]

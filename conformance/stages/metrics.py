@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.expansions import certain, exact, log, rational
+from conformance.elementary import log
+from conformance.expansions import certain, exact, rational
 from conformance.expectations import Bounded, Expectation
 from conformance.running_error import COMPONENTS
 from conformance.stage import Values, stage

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from conformance.distinct import distinct
+from conformance.elementary import exp, log, power
 from conformance.expansions import (
     PRECISIONS,
     Expansion,
     certain,
     exact,
-    exp,
     joined,
-    log,
-    power,
     settled,
     sums_of,
     two_product,

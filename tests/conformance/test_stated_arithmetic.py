@@ -14,7 +14,7 @@ CODEC = Path(gsvc_ref.__file__).parent
 SOURCES = sorted(
     [
         *(KIT / "stages").glob("*.py"),
-        *(KIT / name for name in ("distinct.py", "expansions.py", "running_error.py")),
+        *(KIT / name for name in ("distinct.py", "elementary.py", "expansions.py", "running_error.py")),
         *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "exponential.py")),
         CODEC / "rendering" / "deterministic.py",
     ]
