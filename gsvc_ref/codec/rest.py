@@ -41,5 +41,7 @@ def _pixels(
     center: NDArray[np.float64], half_extent: NDArray[np.float64], size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The first pixel of each interval and the one after the last, with one more on either side; of NaN all pixels."""
-    first = np.fmin(np.fmax(np.floor(center - half_extent) - 1, 0), size).astype(np.int64)
-    return first, np.fmax(np.fmin(np.ceil(center + half_extent) + 1, size), first).astype(np.int64)
+    with np.errstate(invalid="ignore"):
+        left, right = np.floor(center - half_extent) - 1, np.ceil(center + half_extent) + 1
+    first = np.fmin(np.fmax(left, 0), size).astype(np.int64)
+    return first, np.fmax(np.fmin(right, size), first).astype(np.int64)

@@ -97,3 +97,12 @@ def test_constant_quality_trains_everything(tmp_path):
     survivors = second.codes.origins[second.codes.origins >= 0]
     assert len(survivors)
     assert not np.array_equal(second.splats.to_array()[: len(survivors)], first.splats.to_array()[survivors])
+
+
+def test_a_splat_without_a_place_may_be_anywhere():
+    """Infinite minus infinite is no number: no machine's cast of it decides, and no warning."""
+    parameters = np.array([[np.inf, 5, np.inf, 0, 1, 0, 0, 0]], np.float32)
+    changed = np.zeros((HEIGHT, WIDTH), bool)
+    assert at_rest(parameters, changed).tolist() == [True]
+    changed[5, -1] = True
+    assert at_rest(parameters, changed).tolist() == [False]

@@ -11,6 +11,7 @@ from conformance.element_values import plane_values, used, values
 from conformance.elements import ELEMENTS, UNCOVERED, coverage
 from conformance.spec import SPEC
 from conformance.stage import stages
+from gsvc_ref.draws import Draws
 
 
 def test_elements_are_those_of_the_spec():
@@ -63,7 +64,7 @@ def covered():
 
 
 def run(case):
-    extra = {} if case.seed is None else {"rng": np.random.default_rng(case.seed)}
+    extra = {} if case.seed is None else {"rng": Draws(case.seed)}
     return case.function(**case.arguments, **extra)
 
 

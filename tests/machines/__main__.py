@@ -69,9 +69,9 @@ def machines() -> list[Machine]:
         "OPENBLAS_CORETYPE=Nehalem", "OPENBLAS_NUM_THREADS=1", "NUMBA_NUM_THREADS=1",
         "GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-ERMS",
     )  # fmt: skip
-    middle = [name for name in levels if name not in ("X86_V3", "AVX2", "FMA3")]
+    newest = [name for name in levels if "512" in name or name == "X86_V4"]
     haswell = (
-        f"NPY_DISABLE_CPU_FEATURES={' '.join(middle)}", "OPENBLAS_CORETYPE=Haswell", "OPENBLAS_NUM_THREADS=2",
+        f"NPY_DISABLE_CPU_FEATURES={' '.join(newest)}", "OPENBLAS_CORETYPE=Haswell", "OPENBLAS_NUM_THREADS=2",
         "NUMBA_NUM_THREADS=2",
     )  # fmt: skip
     return [
