@@ -21,11 +21,9 @@ def stale_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     if old is None or old.size == 0:
         return
     reach = min(old.size, part.right.size)
-    old, right, mine, wrong = (
-        np.asarray(a, np.float64).ravel()[:reach] for a in (old, part.right, part.mine, part.wrong)
-    )
-    wrong = wrong > 0
-    if reach < EXPLAINED * part.right.size and np.flatnonzero(part.wrong.ravel() & True).max() >= reach:
+    old, right, mine = (np.asarray(a, np.float64).ravel()[:reach] for a in (old, part.right, part.mine))
+    wrong = part.wrong.ravel()[:reach]
+    if reach < EXPLAINED * part.right.size and np.flatnonzero(part.wrong.ravel()).max() >= reach:
         return
     if not wrong.any() or len(np.unique(old[wrong])) < DISTINCT or (old[wrong] != 0).mean() < EXPLAINED / 2:
         return

@@ -140,7 +140,7 @@ def _ratios(shown: Table | None) -> str:
         return ""
     rows = "".join(
         f'<tr><td class="text">{html.escape(row[0])}</td>'
-        + "".join(f'<td{_mark(cell)}>{html.escape(cell)}</td>' for cell in row[1:])
+        + "".join(f"<td{_mark(cell)}>{html.escape(cell)}</td>" for cell in row[1:])
         + "</tr>"
         for row in shown.rows
     )

@@ -1,4 +1,4 @@
-"""What the report says of planted bugs: the list, and the numbers that README gives (`python -m planted` prints all)."""
+"""What the report says of planted bugs: a sample of the list, which `python -m planted` goes through as a whole."""
 
 import zlib
 
