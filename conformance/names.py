@@ -16,8 +16,8 @@ BLOCK: Final = ("frame", "block (0 intra, 1 inter)", "splats", "positions_presen
 """Columns of `blocks` of read_stream."""
 
 ITEMS: Final = {
-    "N": "splat", "n": "splat", "M": "splat", "H": "row", "T": "frame", "count": "symbol", "lanes": "lane", "P": "splat",
-    "n or 0": "splat",
+    "N": "splat", "n": "splat", "M": "splat", "P": "splat", "n or 0": "splat", "H": "row", "T": "frame",
+    "count": "symbol", "lanes": "lane",
 }  # fmt: skip
 """What an axis of ports counts, by its letter."""
 

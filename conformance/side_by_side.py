@@ -40,7 +40,10 @@ def _table(vector: Vector, name: str, expectation: Bounded | Exact, given: NDArr
     bad = np.flatnonzero((~good).any(axis=1))
     chosen = bad[:MOST_ROWS] if len(bad) else np.arange(min(len(right), MOST_ROWS))
     rows = tuple(
-        (f"{item(vector.stage, name)} {n}", *(_cell(right[n, p], mine[n, p], bool(good[n, p])) for p in range(right.shape[1])))
+        (
+            f"{item(vector.stage, name)} {n}",
+            *(_cell(right[n, p], mine[n, p], bool(good[n, p])) for p in range(right.shape[1])),
+        )
         for n in chosen
     )
     first = f"{len(chosen)} of {len(bad)} wrong rows" if len(bad) > len(chosen) else "the wrong rows"

@@ -206,7 +206,9 @@ class Causes:
                     f"gave ({tried} tried)"
                 )
             if len(failures) > EXAMINED:
-                notes.append(f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}, of all sizes")
+                notes.append(
+                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}, of all sizes"
+                )
         return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
 
 

@@ -5,6 +5,7 @@ before left, the right numbers in other places, terms of a sum that were lost, a
 the catalogue of known bugs is asked, both ways. Where neither says anything, it is told where the errors are.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -130,4 +131,4 @@ def _bits(part: Part) -> int:
     middle = float(np.median(some))
     if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or float(away.mean()) > ONE_SIDED:
         return 0
-    return round(-np.log2(2 * middle))
+    return round(-math.log2(2 * middle))

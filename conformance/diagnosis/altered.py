@@ -94,13 +94,21 @@ def _equal(a: Any, b: Any) -> bool:
 def _changes(inputs: Mapping[str, Any]) -> Iterator[tuple[str, Change]]:
     for name, value in inputs.items():
         for sentence, change in OF_INPUTS.get(name, ()):
-            yield sentence, lambda i, name=name, change=change: {name: change(i[name])}
+            yield sentence, _of(name, change)
         if name in TABLES and isinstance(value, np.ndarray):
             for sentence, splats in SPLATS:
-                yield sentence, lambda i, name=name, splats=splats: {name: _splats(i, name, splats)}
+                yield sentence, _of_splats(name, splats)
     for names, sentence, together in TOGETHER:
         if all(name in inputs for name in names):
             yield sentence, together
+
+
+def _of(name: str, change: Callable[[Any], Any]) -> Change:
+    return lambda inputs: {name: change(inputs[name])}
+
+
+def _of_splats(name: str, change: Callable[[Array, Mapping[str, Any]], None]) -> Change:
+    return lambda inputs: {name: _splats(inputs, name, change)}
 
 
 TABLES: Final = ("parameters", "values")
@@ -204,7 +212,7 @@ def _next(name: str) -> tuple[tuple[str, Callable[[Any], Any]], ...]:
 
 
 def _columns(name: str, labels: str) -> tuple[tuple[str, Callable[[Array], Array]], ...]:
-    return (f"{labels} of {name} in reverse order", lambda a: a[..., ::-1].copy()),
+    return ((f"{labels} of {name} in reverse order", lambda a: a[..., ::-1].copy()),)
 
 
 OF_INPUTS: Final[Mapping[str, tuple[tuple[str, Callable[[Any], Any]], ...]]] = {

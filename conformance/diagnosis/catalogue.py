@@ -53,7 +53,9 @@ CAPACITY: Final = "capacity"
 """The flag of vectors that are too large for bugs to be tried on them."""
 
 
-def named(failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()) -> dict[str, list[str]]:
+def named(
+    failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()
+) -> dict[str, list[str]]:
     """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each.
 
     Parameters

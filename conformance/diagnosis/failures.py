@@ -66,9 +66,8 @@ class Part:
     def near(self, theirs: F8) -> Mask:
         """Where an account gives what was given, as far as arithmetic can tell."""
         with np.errstate(invalid="ignore", over="ignore"):
-            slack = self.slack(theirs)
-            return (abs(self.mine - theirs) <= slack) | (self.mine == theirs) | (
-                np.isnan(self.mine) & np.isnan(theirs))  # fmt: skip
+            both_nan = np.isnan(self.mine) & np.isnan(theirs)
+            return np.asarray((abs(self.mine - theirs) <= self.slack(theirs)) | (self.mine == theirs) | both_nan)
 
     def slack(self, theirs: F8) -> F8:
         """By how much what was given may differ from an account of it."""
@@ -80,7 +79,8 @@ class Part:
     def differs(self, theirs: F8) -> Mask:
         """Where an account is something else than the right output."""
         with np.errstate(invalid="ignore", over="ignore"):
-            return ~((abs(theirs - self.right) <= self.slack(theirs) + self.allowed) | (theirs == self.right))
+            near = abs(theirs - self.right) <= self.slack(theirs) + self.allowed
+            return np.asarray(~(near | (theirs == self.right)))
 
     def agrees(self, theirs: F8) -> bool:
         """Whether an account gives nearly all that is wrong, and nothing else that would be: it is asked both ways."""
@@ -102,9 +102,15 @@ def parts(failure: Failure) -> list[Part]:
         right = expectation.value.astype(np.float64)
         found.append(
             Part(
-                failure.vector.stage, name, right, given.astype(np.float64), wrong_elements(expectation, given),
-                _allowed(expectation, right), expectation, given,
-            )  # fmt: skip
+                failure.vector.stage,
+                name,
+                right,
+                given.astype(np.float64),
+                wrong_elements(expectation, given),
+                _allowed(expectation, right),
+                expectation,
+                given,
+            )
         )
     return found
 

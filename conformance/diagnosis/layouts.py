@@ -142,7 +142,10 @@ def _moved(right: Array) -> Iterator[tuple[str, Array]]:
         sheared = np.zeros_like(flat)
         inside = (rows < len(flat)) & (rows >= 0)
         sheared[rows[inside]] = right[inside]
-        yield f"rows stored {'W + 1' if wider == 1 else 'W - 1'} pixels apart in place of W", sheared.reshape(right.shape)
+        yield (
+            f"rows stored {'W + 1' if wider == 1 else 'W - 1'} pixels apart in place of W",
+            sheared.reshape(right.shape),
+        )
 
 
 def _in_shape(array: Array, like: Array) -> Array:

@@ -54,7 +54,8 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         for part in found:
             wrong_parts[name, part.name] = part
             lost, weak[name, part.name] = _placed(part), _places(failure, part)
-            strong[name, part.name] = [*_accounts(failure, part), *altered_candidates(failure, part), *lost]
+            accounts = [*_accounts(failure, part), *altered_candidates(failure, part), *lost]
+            strong[name, part.name] = [a._replace(telling=0.0) for a in accounts] if _all_lost(part) else accounts
         if exchanged := _exchanged(failure, found):
             told[name].strong.append(exchanged)
         if not found:
@@ -96,6 +97,11 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
         return
     yield from ratio_candidates(part, failure.vector.inputs)
     yield from sum_candidates(failure, part)
+
+
+def _all_lost(part: Part) -> bool:
+    """Whether every element is the same: what lost all may have lost it for any reason."""
+    return part.mine.size > 1 and not (part.mine != part.mine.flat[0]).any()
 
 
 def _exchanged(failure: Failure, found: Sequence[Part]) -> str:
@@ -158,10 +164,13 @@ def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: S
         shown = foresees[sentence]
         if shown is None:
             return 0
-        values = [v.expected[o].value for v in passed for o in homes[sentence] if _varied(v.expected[o].value)]
-        values += [part.right for key, part in wrong.items()
-                   if key[1] in homes[sentence] and sentence not in {c.sentence for c in table.get(key, ())}]  # fmt: skip
-        return sum(shown(value) for value in values)
+        values = [v.expected[output].value for v in passed for output in homes[sentence]]
+        others = [
+            part.right
+            for key, part in wrong.items()
+            if key[1] in homes[sentence] and sentence not in {c.sentence for c in table.get(key, ())}
+        ]
+        return sum(shown(np.asarray(value, np.float64)) for value in [*filter(_varied, values), *others])
 
     outputs = Counter(output for _, output in wrong)
     fair = {

@@ -1,4 +1,4 @@
-"""What wrong elements, or the vectors that fail, have in common in the inputs: only ties, only degenerate splats, ..."""
+"""What wrong elements, or the vectors that fail, have in common in the inputs: only ties, only degenerate splats."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -37,7 +37,7 @@ def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
 def _lines(wrong: Mask, mask: Mask) -> float:
     """How much of what meets a condition is wrong: items that have any wrong element."""
     if wrong.ndim == 2:
-        wrong, mask = wrong.any(axis=1), mask.any(axis=1)
+        wrong, mask = np.asarray(wrong.any(axis=1)), np.asarray(mask.any(axis=1))
     return float(wrong[mask].mean())
 
 

@@ -32,6 +32,9 @@ FAINT: Final = 1e-3
 """What is smaller, of the largest element, would not show."""
 
 Shape = tuple[int, ...]
+Grid = tuple[Array, ...]
+Where = Callable[[NDArray[np.int64], int], Mask]
+"""From the numbers of elements, and how many there are, which of them are meant."""
 
 
 class Candidate(NamedTuple):
@@ -60,7 +63,7 @@ class Axis(NamedTuple):
     """A way to count the elements of an output: what is counted, and the number of each element of a shape."""
 
     noun: str
-    index: Callable[[Shape], NDArray[np.int64]]
+    number: Callable[[Shape], NDArray[np.int64]]
 
 
 def size_hint(k: int) -> str:
@@ -83,13 +86,14 @@ def axes(part: Part) -> list[Axis]:
     if y > 0:
         return [_axis("frames", lambda s, g: g[0]), *found]
     found.append(_axis("pixels, row after row,", lambda s, g: g[y] * s[x] + g[x]))
-    return found + [
-        _axis(f"tiles of {side}x{side}", lambda s, g, side=side: g[y] // side * -(-s[x] // side) + g[x] // side)
-        for side in TILES
-    ]
+    return found + [_axis(f"tiles of {side}x{side}", _in_tiles(side, y, x)) for side in TILES]
 
 
-def _axis(noun: str, index: Callable[[Shape, Array], Array]) -> Axis:
+def _in_tiles(side: int, y: int, x: int) -> Callable[[Shape, Grid], Array]:
+    return lambda s, g: g[y] // side * -(-s[x] // side) + g[x] // side
+
+
+def _axis(noun: str, index: Callable[[Shape, Grid], Array]) -> Axis:
     return Axis(noun, lambda shape: np.broadcast_to(index(shape, np.indices(shape, sparse=True)), shape))
 
 
@@ -99,7 +103,7 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
         return
     state, seen = content(part)
     for axis in axes(part):
-        index = axis.index(part.right.shape)
+        index = axis.number(part.right.shape)
         size = int(index.max()) + 1
         wrong, visible = (np.bincount(index[mask].ravel(), minlength=size) > 0 for mask in (part.wrong, seen))
         if wrong.sum() and (visible & ~wrong).any():
@@ -123,11 +127,11 @@ def content(part: Part) -> tuple[str, Mask]:
         return "wrong", part.differs(np.zeros(part.right.shape))
 
 
-def _would_show(axis: Axis, where: Callable[[NDArray[np.int64], int], Mask]) -> Callable[[F8], bool]:
+def _would_show(axis: Axis, where: Where) -> Callable[[F8], bool]:
     """Whether an expected array has anything at the places of a shape, and anything elsewhere."""
 
     def foresees(value: F8) -> bool:
-        index = axis.index(value.shape)
+        index = axis.number(value.shape)
         there = abs(value.astype(np.float64)) > FAINT * max(float(np.nanmax(abs(value))), 1e-30)
         mask = where(index, int(index.max()) + 1)
         return bool((there & mask).any() and (there & ~mask).any())
@@ -135,23 +139,23 @@ def _would_show(axis: Axis, where: Callable[[NDArray[np.int64], int], Mask]) -> 
     return foresees
 
 
-def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Callable[[NDArray[np.int64], int], Mask]]]:
+def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Where]]:
     """Suffixes, last parts, first items and periods of an axis, and where each is."""
     size, places = len(wrong), np.flatnonzero(wrong)
     first, last = int(places[0]), int(places[-1])
     start = int(np.flatnonzero(visible[:first])[-1]) + 1 if visible[:first].any() else 0
     if start and _fills(wrong, visible, slice(first, None)):
         if start <= size - 1 <= first:
-            yield "the last of the NOUN IS", lambda i, n: i == n - 1
+            yield "the last of the NOUN IS", _from_last
         for k in sorted({first, *_round(start, first)}, key=lambda k: (k & (k - 1) != 0, k % LEAST_BLOCK != 0, k)):
             if 1 < k < size:
-                yield f"NOUN from {k} on IS{size_hint(k)}", lambda i, n, k=k: i >= k
+                yield f"NOUN from {k} on IS{size_hint(k)}", _from(k)
         for block in BLOCKS:
             if size % block and start <= size // block * block <= first and size > block:
                 yield (f"the last partial block of {block} of the NOUN IS",
-                       lambda i, n, block=block: i >= n // block * block)  # fmt: skip
+                       _beyond(block))  # fmt: skip
     if first == last == int(np.flatnonzero(visible)[0]) and first == 0:
-        yield "the first of the NOUN IS", lambda i, n: i == 0
+        yield "the first of the NOUN IS", lambda i, n: np.asarray(i == 0)
     for period in PERIODS:
         rest = np.unique(places % period)
         shown = np.flatnonzero(visible)
@@ -160,8 +164,24 @@ def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Callable[[NDArray
         if _fills(wrong, visible, slice(int(rest[0]), None, period)):
             every = {2: "second", 3: "third"}.get(period, f"{period}th")
             yield (f"every {every} of the NOUN IS (number {rest[0]} of each {period})",
-                   lambda i, n, period=period, rest=rest: i % period == rest[0])  # fmt: skip
+                   _every(period, int(rest[0])))  # fmt: skip
             return
+
+
+def _from_last(i: NDArray[np.int64], n: int) -> Mask:
+    return np.asarray(i == n - 1)
+
+
+def _from(k: int) -> Where:
+    return lambda i, n: np.asarray(i >= k)
+
+
+def _beyond(block: int) -> Where:
+    return lambda i, n: np.asarray(i >= n // block * block)
+
+
+def _every(period: int, rest: int) -> Where:
+    return lambda i, n: np.asarray(i % period == rest)
 
 
 def _round(start: int, first: int) -> list[int]:
@@ -191,10 +211,12 @@ def _edges(part: Part, state: str, seen: Mask) -> Iterator[Candidate]:
             y >= height // side * side, x >= width // side * side)  # fmt: skip
         pairs[f"the last row and column of each tile of {side}x{side}"] = (y % side == side - 1, x % side == side - 1)
         pairs[f"the first row and column of each tile of {side}x{side}"] = (y % side == 0, x % side == 0)
-    wrong, there = part.wrong.any(axis=2), seen.any(axis=2)
+    wrong, there = np.asarray(part.wrong.any(axis=2)), np.asarray(seen.any(axis=2))
     for sentence, (rows, across) in pairs.items():
         mask = rows | across
         shown = (there | wrong) & mask
+        if mask.all() and "left out" in sentence and not part.mine.any():
+            yield Candidate(sentence, telling=0.0)
         if (wrong & ~mask).any() or not (there & ~mask).any() or not shown.any() or wrong[shown].mean() < EXPLAINED:
             continue
         if "left out" in sentence:
@@ -211,7 +233,7 @@ def column_candidates(part: Part) -> Iterator[Candidate]:
         return
     if part.right.ndim < 2 or len(names) != part.right.shape[-1]:
         return
-    bad = part.wrong.reshape(-1, len(names)).any(axis=0)
+    bad = np.asarray(part.wrong.reshape(-1, len(names)).any(axis=0))
     able = part.differs(np.zeros(part.right.shape)).reshape(-1, len(names)).any(axis=0)
     if not bad[able].all():
         listed = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from conformance.diagnosis.failures import EXPLAINED, Failure, Part
+from conformance.diagnosis.failures import EXPLAINED, F8, Failure, Part
 from conformance.diagnosis.regions import Candidate
 
 DISTINCT: Final = 6
@@ -21,21 +21,26 @@ def stale_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     if old is None or old.size == 0:
         return
     reach = min(old.size, part.right.size)
-    old, right, mine, wrong = (
-        np.asarray(a, np.float64).ravel()[:reach] for a in (old, part.right, part.mine, part.wrong)
-    )
-    wrong = wrong > 0
-    if reach < EXPLAINED * part.right.size and np.flatnonzero(part.wrong.ravel() & True).max() >= reach:
+    old, right, mine = (np.asarray(a, np.float64).ravel()[:reach] for a in (old, part.right, part.mine))
+    wrong = part.wrong.ravel()[:reach]
+    if reach < EXPLAINED * part.right.size and np.flatnonzero(part.wrong.ravel()).max() >= reach:
         return
     if not wrong.any() or len(np.unique(old[wrong])) < DISTINCT or (old[wrong] != 0).mean() < EXPLAINED / 2:
         return
     slack = part.slack(part.right).ravel()[:reach]
-    if (abs(mine - old)[wrong] <= slack[wrong]).mean() >= EXPLAINED:
-        yield Candidate("what the vector before left in the same buffer: elements that are not written", None, SHARE)
+    same = abs(mine - old) <= slack
+    if same[wrong].mean() >= EXPLAINED:
+        whole = _always if same.mean() >= EXPLAINED else None
+        yield Candidate("what the vector before left in the same buffer: elements that are not written", whole, SHARE)
     added = old + right
     if part.given.dtype.kind == "u":
         added = np.minimum(added, float(np.iinfo(part.given.dtype).max))
     changed = abs(added - right) > slack
     near = abs(mine - added) <= 2 * slack + 1e-6 * abs(old)
     if changed.any() and near[changed].mean() >= EXPLAINED and near[wrong].mean() >= EXPLAINED:
-        yield Candidate("results added to what the vector before left: a buffer that is not cleared", None, SHARE)
+        yield Candidate("results added to what the vector before left: a buffer that is not cleared", _always, SHARE)
+
+
+def _always(value: F8) -> bool:
+    """Every vector would show it whose output is not empty."""
+    return True

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from conformance.diagnosis.failures import F8, Array, Failure, Part
+from conformance.diagnosis.failures import Array, Failure, Part
 from conformance.diagnosis.regions import BLOCKS, LEAST_BLOCK, PERIODS, TILES, Candidate, size_hint
 from conformance.diagnosis.terms import Terms, names_of, terms_of
 
@@ -39,11 +39,11 @@ def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
 
 def _flat(part: Part, chosen: Array) -> Part:
     """Some elements of a part."""
-    right, mine, allowed, wrong = (array.ravel()[chosen] for array in (part.right, part.mine, part.allowed, part.wrong))
-    return replace(part, right=right, mine=mine, allowed=allowed, wrong=wrong)
+    right, mine, allowed = (array.ravel()[chosen] for array in (part.right, part.mine, part.allowed))
+    return replace(part, right=right, mine=mine, allowed=allowed, wrong=part.wrong.ravel()[chosen])
 
 
-def _weights(terms: Terms) -> Iterator[tuple[str, F8]]:
+def _weights(terms: Terms) -> Iterator[tuple[str, Array]]:
     """Plausible weights of the terms, by what they are called."""
     if terms.size is None:
         yield from _along(terms.noun, np.arange(len(terms.terms)))
@@ -66,7 +66,7 @@ def _weights(terms: Terms) -> Iterator[tuple[str, F8]]:
         yield from _tiled(y, x, side, terms.size)
 
 
-def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tuple[str, F8]]:
+def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tuple[str, Array]]:
     """What can happen to tiles of pixels, and to the threads of each."""
     height, width = size
     tile = f"tile of {side}x{side}"
@@ -91,7 +91,7 @@ def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tup
     yield f"all but the first warp of 32 threads of each {tile} left out", 1.0 * (thread < 32)
 
 
-def _along(noun: str, index: Array) -> Iterator[tuple[str, F8]]:
+def _along(noun: str, index: Array) -> Iterator[tuple[str, Array]]:
     """What can happen to terms that are counted."""
     size = int(index.max()) + 1
     yield f"the last of the {noun} left out", 1.0 * (index < size - 1)
@@ -158,7 +158,7 @@ def _stored(terms: Terms, flat: Part) -> Iterator[str]:
     for sentence, value in (
         (f"the last of the {noun} alone, wherever there are several: a store in place of an addition", last_value),
         (f"the first of the {noun} alone, wherever there are several", first_value),
-        (f"the largest of the {noun} in place of their sum", table.max(axis=0)),
+        (f"the largest of the {noun} in place of their sum", np.maximum(table.max(axis=0), 0.0)),
     ):
         if flat.agrees(terms.finish(terms.base + value)):
             yield sentence

@@ -146,7 +146,9 @@ def test_elements_have_names(stage, output, place, shape, name):
 def test_sentences_have_names_in_place_of_indices():
     stage = stages()["render_gradients"]
     assert told(stage, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8)) == "is 1 at splat 2, l21, expected 2"
-    assert told(stage, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith("l11, l21, l22 is")
+    assert told(stage, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
+        "l11, l21, l22 is"
+    )
 
 
 def test_leaf_stages_are_the_simplest():

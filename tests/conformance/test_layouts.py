@@ -30,10 +30,18 @@ SPLATS = np.random.default_rng(8).uniform(1, 9, (11, 8)).astype(np.float32)
         (PICTURE, PICTURE[::-1, ::-1], "half a turn"),
         (PICTURE, np.roll(PICTURE, 1, axis=1), "one pixel to the right"),
         (PICTURE, np.pad(PICTURE[:-1], ((1, 0), (0, 0), (0, 0))), "one pixel down"),
-        (PICTURE, np.pad(PICTURE, ((0, 0), (0, 1), (0, 0))).reshape(-1, 3)[: 43 * 60].reshape(43, 60, 3), "W + 1 pixels apart"),
+        (
+            PICTURE,
+            np.pad(PICTURE, ((0, 0), (0, 1), (0, 0))).reshape(-1, 3)[: 43 * 60].reshape(43, 60, 3),
+            "W + 1 pixels apart",
+        ),
         (np.arange(7, dtype=np.uint16), np.arange(7, dtype=np.uint16).byteswap(), "bytes of each element"),
         (np.array([1, 25, 1000], np.int64), np.array([1, 25 << 24, 1000], np.int64), "4-byte numbers"),
-        (np.arange(9, dtype=np.uint8), np.array([0, 128, 64, 192, 32, 160, 96, 224, 16], np.uint8), "bits of each byte"),
+        (
+            np.arange(9, dtype=np.uint8),
+            np.array([0, 128, 64, 192, 32, 160, 96, 224, 16], np.uint8),
+            "bits of each byte",
+        ),
     ],
 )
 def test_a_layout_is_named(value, mine, word):

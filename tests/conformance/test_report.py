@@ -411,7 +411,9 @@ def test_the_simplest_failures_come_first(report, failing):
     order = [slug for stage, slug in names if stage != "scale"]
     assert order == ["large", "small", "tiny"]  # a leaf stage, core before stress, then what is made of it
     text = report_html(shown).split("What is wrong")[1]
-    assert re.findall(r"</span> \w+/\w+/(\w+)</h3>", text) == [fault.id.split("/")[2] for fault in shown.simplest_first()]
+    assert re.findall(r"</span> \w+/\w+/(\w+)</h3>", text) == [
+        fault.id.split("/")[2] for fault in shown.simplest_first()
+    ]
 
 
 def test_the_ramp_tells_allowed_from_not():

@@ -4,7 +4,8 @@
     python -m planted --area gradients
 
 A bug is the code of spec.md with a patch, or with something done to its inputs or outputs. `right` is what a right name
-or place must say, in the first probable cause of the report; a bug of which nothing is said is neither right nor wrong.
+or place must say, in the first probable cause of the report. Of a bug of which nothing is said, or only where errors are
+(a sentence that begins as `VAGUE` has it) and that not as `right` wants it, the report is neither right nor wrong.
 A third of the bugs, those whose name has a CRC-32 divisible by 3, is held back: no sentence of the kit was written with
 a look at what the kit says of them.
 """
@@ -14,12 +15,13 @@ import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from conformance import spec
 from conformance.commands.judging import Causes
+from conformance.diagnosis import VAGUE
 from conformance.implementations import ModuleImplementation
 from conformance.report.console import cause_lines
 from conformance.results import Report
@@ -27,7 +29,7 @@ from conformance.runner import Judged, judge_vector
 from conformance.selection import VectorFolder
 from conformance.vectors import VECTORS, Vector
 
-Verdict = Literal["right", "nothing", "wrong", "not caught"]
+Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
 Function = Callable[..., dict[str, Any]]
 
 
@@ -128,7 +130,9 @@ def said(bug: Planted) -> Said:
         return Said(bug, "not caught", ())
     if not lines:
         return Said(bug, "nothing", ())
-    return Said(bug, "right" if re.search(bug.right, lines[0]) else "wrong", lines)
+    if re.search(bug.right, lines[0]):
+        return Said(bug, "right", lines)
+    return Said(bug, "place" if lines[0].startswith(VAGUE) else "wrong", lines)
 
 
 @cache
@@ -144,7 +148,7 @@ def all_bugs() -> tuple[Planted, ...]:
 def table(found: Iterable[Said]) -> list[str]:
     """Counts by area, of the bugs that were looked at and of those held back."""
     found = list(found)
-    lines = [f"{'':28}{'bugs':>6}{'caught':>8}{'right':>8}{'nothing':>9}{'wrong':>7}"]
+    lines = [f"{'':28}{'bugs':>6}{'caught':>8}{'right':>8}{'place':>7}{'nothing':>9}{'wrong':>7}"]
     for third, held in (("tuned", False), ("held back", True)):
         of_third = [one for one in found if one.bug.held_back == held]
         for area in dict.fromkeys(one.bug.area for one in of_third):
@@ -154,6 +158,8 @@ def table(found: Iterable[Said]) -> list[str]:
 
 
 def _row(title: str, found: list[Said]) -> str:
-    count = {verdict: sum(one.verdict == verdict for one in found) for verdict in ("right", "nothing", "wrong")}
-    caught = sum(one.verdict != "not caught" for one in found)
-    return f"{title:28}{len(found):6}{caught:8}{count['right']:8}{count['nothing']:9}{count['wrong']:7}"
+    count = {verdict: sum(one.verdict == verdict for one in found) for verdict in get_args(Verdict)}
+    caught = len(found) - count["not caught"]
+    return (
+        f"{title:28}{len(found):6}{caught:8}{count['right']:8}{count['place']:7}{count['nothing']:9}{count['wrong']:7}"
+    )

@@ -1,6 +1,7 @@
 """Bugs of reading streams, entropy coding and reconstruction."""
 
 import numpy as np
+
 from planted import after, patched
 
 AREA = "bitstream"
@@ -63,5 +64,7 @@ def _last_box(inputs):
     from conformance import spec
 
     names = spec.namespace()
-    left, right, top, bottom = names["boxes"](inputs["parameters"][-1:], inputs["width"], inputs["height"], names["REACH"])[0]
+    left, right, top, bottom = names["boxes"](
+        inputs["parameters"][-1:], inputs["width"], inputs["height"], names["REACH"]
+    )[0]
     return (right - left) * (bottom - top)

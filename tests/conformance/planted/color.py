@@ -1,6 +1,7 @@
 """Bugs of colour conversion and metrics."""
 
 import numpy as np
+
 from planted import after, patched
 
 AREA = "colour"

@@ -1,6 +1,7 @@
 """Bugs of render_gradients: reductions over pixels, warps and tiles, and formulas."""
 
 import numpy as np
+
 from planted import Planted, after, before, patched
 
 AREA = "gradients"
@@ -31,7 +32,10 @@ def weighted(weights):
 
 def covered(weights):
     """Weights of a splat's covered pixels by their number: what threads over a list of pixels see."""
-    return ("    e = residual[covered]\n", f"    e = residual[covered]\n    turn = np.arange(len(e))\n    e = e * ({weights})[:, None]\n")
+    return (
+        "    e = residual[covered]\n",
+        f"    e = residual[covered]\n    turn = np.arange(len(e))\n    e = e * ({weights})[:, None]\n",
+    )
 
 
 def stale():
@@ -53,7 +57,10 @@ def stale():
 
 def column(name, factor):
     index = ("x", "y", "l11", "l21", "l22", "red", "green", "blue").index(name)
-    return lambda out, i: (out["gradients"].__setitem__(np.s_[:, index], out["gradients"][:, index] * np.float32(factor)), out)[1]
+    return lambda out, i: (
+        out["gradients"].__setitem__(np.s_[:, index], out["gradients"][:, index] * np.float32(factor)),
+        out,
+    )[1]
 
 
 BUGS = (

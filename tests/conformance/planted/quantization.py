@@ -1,6 +1,7 @@
 """Bugs of LSQ+ and of the residual vector quantiser."""
 
 import numpy as np
+
 from planted import after, before, patched
 
 AREA = "quantization"

@@ -1,6 +1,7 @@
 """Bugs of rendering: kernels over pixels and splats, and the conversion to samples."""
 
 import numpy as np
+
 from planted import Planted, after, before, patched
 
 AREA = "rendering"

@@ -1,6 +1,7 @@
 """Bugs of the loss, Adan, pruning, augmentation, key frames and convergence."""
 
 import numpy as np
+
 from planted import after, before, patched
 
 AREA = "training"
