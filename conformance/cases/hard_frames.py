@@ -10,7 +10,7 @@ from conformance.cases.color import described, samples
 from conformance.cases.metrics import Frame
 from gsvc_ref.draws import Draws
 
-NEAR_ZERO = 2
+NEAR_ZERO = 34
 """Of the seeds 0 to 39 the one whose MS-SSIM is closest to 0 without being 0."""
 
 
