@@ -189,9 +189,9 @@ def plan_that_binary32_shifts(value: int) -> Inputs:
 
 @case("stress", "pruning_plan", flags=["schedule", "ties"], each={str(n): n for n in (145, 175, 285)})
 def plan_in_the_order_written(value: int) -> Inputs:
-    """Of {key} iterations: time * 0.8 * iterations / last, with its factors in another order, falls beside a whole."""
+    """Of {key} iterations: with 0.8 (iterations / last) in place of (0.8 iterations) / last, products miss a whole."""
     expected = yield {"splats": 1000, "iterations": value, "fraction": 0.1, "first": 100, "last": 4000, "interval": 100}
-    other = np.floor(np.arange(100, 4001, 100) * 0.8 * value / 4000)
+    other = np.floor(np.arange(100, 4001, 100) * (0.8 * (value / 4000)))
     assert _counted(other) != _counts(expected)
 
 

@@ -1,11 +1,14 @@
 """Entropy coding: the host's side of rans.wgsl."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
 
 from conformance.adapters.webgpu.gpu import Array, download, groups, run, storage, uniform, upload, wgsl
+
+ROUNDS_AT_ONCE: Final = 1 << 15
+"""A dispatch takes so many symbols of each lane: Mesa's software rasteriser leaves every loop after 65,535 rounds."""
 
 
 def decode_symbols(
@@ -28,7 +31,6 @@ def decode_symbols(
     """
     lanes, slots = len(states), 2**precision
     buffers = {
-        0: _plane(count, precision, lanes, len(words), len(frequencies)),
         1: _cumulative(frequencies),
         2: storage(4 * slots),
         3: upload(np.array(states, np.uint32)),
@@ -36,8 +38,10 @@ def decode_symbols(
         5: storage(4 * count),
         6: storage(4),
     }
-    passes = [("spread", (groups(slots, 256),), (0, 1, 2)), ("decode", (1,), (0, 1, 2, 3, 4, 5, 6))]
-    run(wgsl("rans.wgsl"), passes, buffers)
+    spread = [("spread", (groups(slots, 256),), (0, 1, 2))]
+    for buffers[0] in _rounds(count, precision, lanes, len(words), len(frequencies)):
+        run(wgsl("rans.wgsl"), [*spread, ("decode", (1,), (0, 1, 2, 3, 4, 5, 6))], buffers)
+        spread = []
     symbols = download(buffers[5], np.uint32, count).astype(np.uint16)
     final_states = [int(state) for state in download(buffers[3], np.uint32, lanes)]
     return symbols, final_states, int(download(buffers[6], np.uint32, 1)[0])
@@ -56,21 +60,25 @@ def encode_symbols(symbols: Array, frequencies: Array, precision: int, lane_coun
     count = len(symbols)
     lanes = min(lane_count, count)
     buffers = {
-        0: _plane(count, precision, lanes, 0, len(frequencies)),
         1: _cumulative(frequencies),
         3: storage(4 * lanes),
         5: upload(symbols.astype(np.uint32)),
         6: storage(4),
         7: storage(4 * count),
     }
-    run(wgsl("rans.wgsl"), [("encode", (1,), (0, 1, 3, 5, 6, 7))], buffers)
+    for buffers[0] in _rounds(count, precision, lanes, 0, len(frequencies)):
+        run(wgsl("rans.wgsl"), [("encode", (1,), (0, 1, 3, 5, 6, 7))], buffers)
     given = int(download(buffers[6], np.uint32, 1)[0])
     words = download(buffers[7], np.uint32, given)[::-1].astype(np.uint16)
     return download(buffers[3], np.uint32, lanes), words
 
 
-def _plane(*fields: int) -> Any:
-    return uniform(np.array(fields, np.uint32))
+def _rounds(count: int, precision: int, lanes: int, words: int, alphabet: int) -> Iterator[Any]:
+    """The uniforms of all dispatches for a plane."""
+    rounds = -(-count // max(lanes, 1))
+    for first in range(0, rounds, ROUNDS_AT_ONCE):
+        now = min(rounds - first, ROUNDS_AT_ONCE)
+        yield uniform(np.array([count, precision, lanes, words, alphabet, first, now], np.uint32))
 
 
 def _cumulative(frequencies: Sequence[int] | Array) -> Any:

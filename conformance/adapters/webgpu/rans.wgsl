@@ -5,6 +5,8 @@
 //     decode    1              0 1 2 3 4 5 6      (7-1): symbols of states and words
 //     encode    1              0 1 3 5 6 7        (7-2): states and words of symbols
 //
+// Each of the last two goes through ROUNDS_AT_ONCE rounds (entropy.py), and is dispatched until all are done.
+//
 // Integers only, so WebGPU promises the same result everywhere. Planes do not depend on each other: a decoder that
 // has found all planes of a frame (each says how long it is) gives each a workgroup of its own.
 
@@ -14,6 +16,8 @@ struct Plane {
     lane_count: u32,           // that are used: min(lane_count, count)
     word_count: u32,           // that there are
     alphabet: u32,             // symbols that have a frequency
+    first_round: u32,          // of this dispatch, each round being a symbol of every lane
+    rounds: u32,               // at most
 }
 
 @group(0) @binding(0) var<uniform> plane: Plane;
@@ -90,15 +94,14 @@ fn votes_before(votes: vec2<u32>, lane: u32) -> u32 {
 
 @compute @workgroup_size(MAX_LANES)
 fn decode(@builtin(local_invocation_index) lane: u32) {
+    var taken = moved_words[0];    // by the rounds before
     clear_ballots(lane);
     var x = 0u;
     if (lane < plane.lane_count) {
         x = states[lane];
     }
-    var taken = 0u;
-    var round = 0u;
-    for (var first = 0u; first < plane.count; first += plane.lane_count) {
-        let i = first + lane;
+    for (var round = 0u; round < plane.rounds; round++) {
+        let i = (plane.first_round + round) * plane.lane_count + lane;
         var needs_word = false;
         if (lane < plane.lane_count && i < plane.count) {
             let slot = x & ((1u << plane.entropy_precision) - 1u);
@@ -113,7 +116,6 @@ fn decode(@builtin(local_invocation_index) lane: u32) {
             x = (x << 16u) | word(taken + votes_before(votes, lane));
         }
         taken += all_votes(votes);
-        round++;
     }
     if (lane < plane.lane_count) {
         states[lane] = x;
@@ -135,12 +137,15 @@ fn word(k: u32) -> u32 {
 
 @compute @workgroup_size(MAX_LANES)
 fn encode(@builtin(local_invocation_index) lane: u32) {
+    var given = moved_words[0];
     clear_ballots(lane);
     var x = LOWEST_STATE;
-    var given = 0u;
-    let rounds = (plane.count + plane.lane_count - 1u) / max(plane.lane_count, 1u);
-    for (var round = 0u; round < rounds; round++) {
-        let i = (rounds - 1u - round) * plane.lane_count + lane;
+    if (plane.first_round > 0u && lane < plane.lane_count) {
+        x = states[lane];
+    }
+    let all_rounds = (plane.count + plane.lane_count - 1u) / max(plane.lane_count, 1u);
+    for (var round = 0u; round < plane.rounds; round++) {
+        let i = (all_rounds - 1u - plane.first_round - round) * plane.lane_count + lane;
         let encodes = lane < plane.lane_count && i < plane.count;
         var frequency = 1u;
         var start = 0u;
