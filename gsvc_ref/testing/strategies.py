@@ -19,9 +19,9 @@ HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -
 
 
 @st.composite
-def painters(draw: st.DrawFn) -> Draws:
+def painters(draw: st.DrawFn) -> np.random.Generator:
     """Random generators, each of its own seed."""
-    return Draws(draw(st.integers(0, 2**32 - 1)))
+    return np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
 
 
 @st.composite
@@ -49,7 +49,7 @@ def splat_sets(
     parameters: F4 = np.concatenate([positions, cholesky, colors], axis=1).astype(np.float32)  # (count, 8) f4
     if hard and count:
         where = rng.random(parameters.shape) < draw(st.sampled_from((0.05, 0.5)))
-        parameters[where] = rng.choice(np.array(HARD_NUMBERS, np.float32), int(np.count_nonzero(where)))
+        parameters[where] = rng.choice(np.array(HARD_NUMBERS, np.float32), np.count_nonzero(where))
     return Splats.from_array(parameters)
 
 
@@ -68,7 +68,8 @@ def planes(draw: st.DrawFn, *, max_count: int = 600, alphabets: st.SearchStrateg
         alphabets = st.one_of(st.integers(1, 20), st.sampled_from((64, 256, 1000, 1024, 4096)))
     alphabet = draw(alphabets)
     count = draw(st.integers(1, max_count))
-    return Plane(paint_symbols(draw(painters()), draw(st.sampled_from(SYMBOL_KINDS)), count, alphabet), alphabet)
+    rng = Draws(draw(st.integers(0, 2**32 - 1)))
+    return Plane(paint_symbols(rng, draw(st.sampled_from(SYMBOL_KINDS)), count, alphabet), alphabet)
 
 
 @st.composite
@@ -86,11 +87,11 @@ def videos(
     kind = draw(st.sampled_from(("noise", "flat", "extremes", "moving")))
     peak, dtype = 2**bit_depth - 1, np.uint8 if bit_depth == 8 else np.uint16
     shape = (height, width, 3)
-    still = rng.integers(0, peak + 1, shape)
+    still = rng.integers(0, peak, shape, endpoint=True)
     frames: list[NDArray[np.unsignedinteger]] = []
     for number in range(draw(st.integers(1, max_frames))):
         if kind == "noise":
-            frame = rng.integers(0, peak + 1, shape)
+            frame = rng.integers(0, peak, shape, endpoint=True)
         elif kind == "flat":
             frame = np.broadcast_to(still[0, 0], shape)
         elif kind == "extremes":
