@@ -11,7 +11,7 @@ DEMANDS = {False: (0.9, 0.02), True: (0.75, 0.04)}
 """Of the planted bugs that are caught, how many must be named or located rightly and how many may be named wrongly: of
 those that were looked at what is wanted of all, of those held back what was reached (78 % at the first look)."""
 
-SAMPLE = 8
+SAMPLE = 16
 """One in so many is tried here, by a rule that has nothing to do with what is said of it."""
 
 
