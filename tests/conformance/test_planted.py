@@ -8,7 +8,7 @@ import pytest
 from conformance.mutants import all_mutants
 
 LEAST_RIGHT, MOST_WRONG = 0.9, 0.04
-"""Of the sample's bugs that are caught: of those that were looked at so many are named or located rightly, and of all so
+"""Of the bugs of the sample that are caught: of those looked at so many are named or located rightly, and of all so
 many wrongly. Those held back are too few here to tell; `python -m planted` holds the whole list against its demands."""
 
 SAMPLE = 16
