@@ -116,7 +116,8 @@ def test_a_bug_is_recognised(vectors, name, vector):
     failures = [(v, outputs) for v, outputs in answers if outputs is not None]
     passed = [v for v in vectors if v.stage.name == stage and name not in v.manifest["kills"]]
     told = diagnose(failures, passed)
-    assert [sentences[0] for sentences in told.values()] == [mutant.sentence] * min(len(failures), EXAMINED)
+    named = [any(mutant.sentence in sentence for sentence in sentences) for sentences in told.values()]
+    assert named == [True] * min(len(failures), EXAMINED)
 
 
 def test_an_unknown_bug_is_not_given_a_name(vectors):
