@@ -5,16 +5,13 @@ the end chunk. A plane counts as an element by its role (`survivor_map`, `positi
 values; so do `reference_count` and `survivor_count`, on which the presence of others depends.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-import numpy as np
-
 from conformance.element_values import Number, Values, plane_values, used, values
-from conformance.vectors import VECTORS
+from conformance.vectors import VECTORS, read
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")
@@ -155,10 +152,9 @@ def _of_vectors(folder: Path) -> tuple[dict[str, Values], dict[str, Values]]:
         name = path.parent.relative_to(folder).as_posix()
         (faulty if name.startswith("faulty/") else legal)[name] = values(path.read_bytes())
     for path in sorted(folder.glob("*/decode_plane/*/manifest.json")):
-        inputs = json.loads(path.read_text(encoding="utf-8"))["inputs"]
-        numbers = {name: entry["value"] for name, entry in inputs.items() if "value" in entry}
-        data = np.load(path.parent / "data.npy").tobytes()
-        legal[path.parent.relative_to(folder).as_posix()] = plane_values(data, numbers)
+        inputs = read(path.parent).inputs
+        numbers = {name: value for name, value in inputs.items() if name != "data"}
+        legal[path.parent.relative_to(folder).as_posix()] = plane_values(inputs["data"].tobytes(), numbers)
     return legal, faulty
 
 

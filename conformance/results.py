@@ -263,7 +263,7 @@ class Report:
         return [_class(name, [result for result in self.results if result.group == name]) for name in names]
 
 
-def _make_printable(record: "OutputResult | Result | Report") -> None:
+def _make_printable(record: "OutputResult | Table | Result | Report") -> None:
     """Let texts of others (logs, titles, names) do nothing to the terminal or the file where they are shown."""
     for name in (entry.name for entry in fields(record)):
         object.__setattr__(record, name, _printable(getattr(record, name)))
