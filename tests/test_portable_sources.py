@@ -29,9 +29,6 @@ FORBIDDEN = {
 }  # fmt: skip
 """Of NumPy."""
 
-EXACT = ("rendering/definition.py", "rendering/bounds.py")
-"""Of rendering: the precision `exact`, which is bounded and not promised to the bit."""
-
 FOR_PEOPLE = ("scenes/gallery.py", "scenes/gallery_pictures.py", "codec/report.py")
 """What only makes pages and reports."""
 
@@ -46,7 +43,7 @@ SOURCES = sorted(
     str(path.relative_to(HOME))
     for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("[dps]*.py"),
                  *(HOME / "testing").glob("[c-r]*.py")]
-    if not str(path).endswith((*EXACT, *FOR_PEOPLE))
+    if not str(path).endswith(FOR_PEOPLE)
 )  # fmt: skip
 
 

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from conformance.case import LEVELS, Case, of_stage
+from conformance.cases import CAPACITY
 from conformance.expectations import Expectation
 from conformance.stage import Values
 
 
 @cache
 def runs(stage: str) -> list[tuple[Case, Values, Mapping[str, Expectation]]]:
-    """Each case of a stage but the full ones, its inputs and its expectations."""
-    return [(case, *case.run()) for case in of_stage(stage) if case.level in LEVELS]
+    """Each small case of a stage, its inputs and its expectations; large ones have no other arithmetic than these."""
+    return [(case, *case.run()) for case in of_stage(stage) if case.level in LEVELS and CAPACITY not in case.flags]
 
 
 def judged(stage: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[str, ...] = LEVELS):

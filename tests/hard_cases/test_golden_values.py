@@ -7,6 +7,7 @@ import pytest
 
 from conformance.case import LEVELS, of_stage
 from conformance.expectations import Bounded
+from gsvc_ref.draws import Draws
 from tests.hard_cases.oracle import losses, metrics, quantization, rendering, training
 
 TRUTHS = {
@@ -42,7 +43,7 @@ def test_expected_values_are_the_true_ones_rounded_once(stage):
     for case in of_stage(stage):
         if case.level not in LEVELS or compared > 300:
             continue
-        inputs = next(case.function(**case.arguments, **({} if case.seed is None else {"rng": rng_of(case)})))
+        inputs = next(case.function(**case.arguments, **({} if case.seed is None else {"rng": Draws(case.seed)})))
         if work(inputs) > WORK.get(stage, 400) or any(np.size(value) == 0 for value in inputs.values()):
             continue
         truths = TRUTHS[stage](**inputs)
@@ -54,7 +55,3 @@ def test_expected_values_are_the_true_ones_rounded_once(stage):
                 assert not wrong.any(), f"{case.id} {name}: {expectation.value[wrong]} for {truth[wrong]}"
                 compared += truth.size
     assert compared >= FEWEST.get(stage, 100)
-
-
-def rng_of(case):
-    return np.random.default_rng(case.seed)

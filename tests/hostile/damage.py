@@ -24,15 +24,21 @@ MINOR: Final = 9
 """The byte of `version_minor`: any value is accepted."""
 
 LONGEST_HEADER: Final = 1024
+LONGEST: Final = 3500
+"""Bytes of a stream whose every damage is tried."""
 NO_FAULT: Final = ""
 
 
 @cache
 def core_streams() -> dict[str, bytes]:
-    """Every core stream, each once however many vectors use it, by the name of the first of them."""
+    """Every core stream, each once however many vectors use it, by the name of the first of them.
+
+    Longer ones are left out: they have more of the same chunks, and time grows with the square of the length.
+    """
     streams: dict[bytes, str] = {}
     for path in sorted(CORE.rglob("*.gsvc")):
-        streams.setdefault(path.read_bytes(), "/".join(path.parts[-3:-1]))
+        if path.stat().st_size <= LONGEST:
+            streams.setdefault(path.read_bytes(), "/".join(path.parts[-3:-1]))
     return {name: data for data, name in streams.items()}
 
 
