@@ -18,6 +18,7 @@ from conformance.diagnosis.looks import Look, generic_looks
 from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
 from conformance.diagnosis.streams import refusal_sentence
+from conformance.diagnosis.verdicts import bugs_by_verdicts
 from conformance.expectations import Bounded, Refusal
 from conformance.stage import input_size
 from conformance.vectors import Vector
@@ -27,7 +28,7 @@ __all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
 EXAMINED: Final = 12
 """Failures of a stage that are looked at, from the smallest inputs to the largest."""
 
-VAGUE: Final = ("errors in ", "errors only ", "only vectors ", catalogue.ALIKE)
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """How sentences begin that say where errors are, not what they are."""
 
 TOLD: Final = 3
@@ -54,7 +55,9 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
     return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
 
 
-def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
+def diagnose(
+    failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
+) -> dict[str, list[str]]:
     """What the failures of one stage look like.
 
     Parameters
@@ -63,6 +66,8 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
         All of the stage; those that `examined` chooses are looked at.
     passed
         Vectors of the stage that were answered rightly.
+    errors
+        Vectors of the stage that ended with an error.
 
     Returns
     -------
@@ -74,11 +79,22 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
     accounted = {name for name, look in looks.items() if look.strong}
     named = catalogue.named(unnamed, passed, accounted)
-    common = common_condition([Failure(*failure).vector for failure in failures], passed)
-    return {
-        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id, []), common)
+    wrong = [Failure(*failure) for failure in failures]
+    common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
+    open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
+    alike = bugs_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    told = {
+        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
     }
+    never = [] if passed or failures or not errors else [_simplest(errors)]
+    return told | {vector.id: alike or ([common] if common else never) for vector in errors}
+
+
+def _simplest(errors: Sequence[Vector]) -> str:
+    """What is said where nothing else ever happens than an error."""
+    first = min(errors, key=lambda vector: input_size(vector.inputs))
+    return f"every vector ends with an error, the smallest too, which is {first.id}"
 
 
 def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[str]:
@@ -102,7 +118,9 @@ def _not_numbers(failure: Failure) -> list[str]:
         return []
     if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
         return []
-    return ["0 times infinity or infinity minus infinity (mask the factors, not the product), or an overflow"]
+    if all(np.isnan(part.mine[part.wrong]).all() for part in found):
+        return ["NaN from 0 times infinity or infinity minus infinity (mask the factors, not the product), or from 0 / 0"]
+    return ["an overflow, or 0 times infinity or infinity minus infinity (mask the factors, not the product)"]
 
 
 def _imprecision(failure: Failure) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
-from conformance.expectations import Refusal
+from conformance.expectations import Exact, Refusal
 from conformance.mutants import Mutant, all_mutants, answer, called
 from conformance.stage import Values
 from conformance.vectors import Vector
@@ -27,6 +27,9 @@ LEAST_FIT_OF_FEW: Final = 0.9
 
 FEW: Final = 4
 """So few wrong elements tell little."""
+
+LARGE: Final = 2**20
+"""An integer of so much, such as a checksum, agrees with nothing by chance."""
 
 MOST: Final = 2
 """So many bugs are named."""
@@ -114,6 +117,8 @@ def _tells_little(failure: Failure) -> bool:
         if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
             whole = mine.shape == expectation.value.shape
             found += count(expectation, mine) if whole else 0 if refused else mine.size
+            if whole and isinstance(expectation, Exact) and mine.dtype.kind in "iu" and abs(mine).max(initial=0) >= LARGE:
+                return False
     return found < FEW
 
 
@@ -195,6 +200,16 @@ def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
 
 def _both(a: Mutant, b: Mutant) -> Mutant:
     return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
+
+
+def gives(mutant: Mutant, failure: Failure) -> bool:
+    """Whether a bug explains a failure."""
+    return _share(failure.vector, failure.outputs, mutant) >= EXPLAINED
+
+
+def crashes(mutant: Mutant, vector: Vector) -> bool:
+    """Whether a bug ends with an error."""
+    return _answer(mutant, vector) is None
 
 
 def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
