@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.altered import ALL, altered_candidates, altered_form
+from conformance.diagnosis.curves import curve_candidates
+from conformance.diagnosis.cutoffs import cutoff_candidates
 from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.layouts import NOTHING_WRITTEN, layout_cause, never_written
 from conformance.diagnosis.places import place_candidates
@@ -96,6 +98,8 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
         yield Candidate(f"{sentence}: {', '.join(where)}" if where else sentence)
         return
     yield from ratio_candidates(part, failure.vector.inputs)
+    yield from curve_candidates(part)
+    yield from cutoff_candidates(failure, part)
     yield from sum_candidates(failure, part)
 
 
@@ -148,6 +152,9 @@ def _varied(value: object) -> bool:
 
 def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
     """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
+    singles = sum(any(candidate.single for candidate in candidates) for candidates in table.values())
+    if singles < LEAST_SHARE * len(wrong):
+        table = {key: [c for c in candidates if not c.single] for key, candidates in table.items()}
     support: Counter[str] = Counter()
     telling: defaultdict[str, float] = defaultdict(float)
     foresees, least = {}, dict[str, float]()
