@@ -17,9 +17,9 @@ from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.looks import Look, generic_looks
 from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
-from conformance.diagnosis.streams import refusal_sentence
+from conformance.diagnosis.streams import kind_sentence, refusal_sentence
 from conformance.diagnosis.verdicts import bugs_by_verdicts
-from conformance.expectations import Bounded, Refusal
+from conformance.expectations import Bounded, Exact, Refusal
 from conformance.stage import input_size
 from conformance.vectors import Vector
 
@@ -42,6 +42,15 @@ ALIKE: Final = 8.0
 
 ONE_SIDED: Final = 0.8
 """What is nearly always too large is no rounding; cut numbers are always too small."""
+
+LAST_PLACES: Final = 2.0**-20
+"""Differences of so much, relative to the largest number, are in the last bits."""
+
+MANY: Final = 16
+"""An output of integers with fewer elements has no few places."""
+
+FEW: Final = 0.25
+"""So small a part of the elements is few."""
 
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 """Formats by their significant bits."""
@@ -80,6 +89,8 @@ def diagnose(
     accounted = {name for name, look in looks.items() if look.strong}
     named = catalogue.named(unnamed, passed, accounted)
     wrong = [Failure(*failure) for failure in failures]
+    if kind := kind_sentence(wrong, passed):
+        return {failure.vector.id: [kind] for failure in chosen}
     common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
     open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
     alike = bugs_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
@@ -101,7 +112,7 @@ def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[st
     """The sentences of one failure: what it is, or at least where."""
     told = [*look.strong[:2], *bugs]
     if not told:
-        told = _not_numbers(failure) or [*look.weak[:1]] or _imprecision(failure)
+        told = _not_numbers(failure) or _last_places(failure) or [*look.weak[:1]] or _imprecision(failure)
     if not told or told == look.weak[:1]:
         told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
     return list(dict.fromkeys(told))[:TOLD]
@@ -119,8 +130,32 @@ def _not_numbers(failure: Failure) -> list[str]:
     if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
         return []
     if all(np.isnan(part.mine[part.wrong]).all() for part in found):
-        return ["NaN from 0 times infinity or infinity minus infinity (mask the factors, not the product), or from 0 / 0"]
+        return [
+            "NaN from 0 times infinity or infinity minus infinity (mask the factors, not the product), or from 0 / 0"
+        ]
     return ["an overflow, or 0 times infinity or infinity minus infinity (mask the factors, not the product)"]
+
+
+def _last_places(failure: Failure) -> list[str]:
+    """A sentence for exact outputs that are wrong in the last bits alone, or by a step in few places."""
+    found = parts(failure)
+    if not found or len(found) != len(wrong_outputs(failure.vector, failure.outputs)):
+        return []
+    if all(part.given.dtype.kind == "f" and isinstance(part.expectation, Exact) for part in found):
+        sizes = [abs(part.right) + np.max(abs(part.right[np.isfinite(part.right)]), initial=0.0) for part in found]
+        near = [abs(part.mine - part.right) <= LAST_PLACES * size for part, size in zip(found, sizes, strict=True)]
+        if all(bool(mask[part.wrong].all()) for part, mask in zip(found, near, strict=True)):
+            return [
+                "errors in the last bits alone: operations in another order, fused, or not each rounded to binary32"
+            ]
+    whole = all(part.given.dtype.kind in "iu" and part.right.size >= MANY for part in found)
+    if whole and all(part.wrong.mean() <= FEW and _one_off(part) for part in found):
+        return ["errors in few places, of one step: operations in another order or precision before the rounding"]
+    return []
+
+
+def _one_off(part: Part) -> bool:
+    return bool((abs(part.mine - part.right)[part.wrong] == 1).all())
 
 
 def _imprecision(failure: Failure) -> list[str]:

@@ -92,7 +92,7 @@ def named(
         if sure:
             told[failure.vector.id] = _best(sure, fit)[:MOST]
         else:
-            told[failure.vector.id] = [] if _missing_part(failure) else _alike(_best(these, fit), failure)
+            told[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
     return told
 
 
@@ -117,7 +117,12 @@ def _tells_little(failure: Failure) -> bool:
         if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
             whole = mine.shape == expectation.value.shape
             found += count(expectation, mine) if whole else 0 if refused else mine.size
-            if whole and isinstance(expectation, Exact) and mine.dtype.kind in "iu" and abs(mine).max(initial=0) >= LARGE:
+            if (
+                whole
+                and isinstance(expectation, Exact)
+                and mine.dtype.kind in "iu"
+                and abs(mine).max(initial=0) >= LARGE
+            ):
                 return False
     return found < FEW
 
@@ -139,12 +144,14 @@ def _best(ranked: Sequence[Mutant], fit: Mapping[Mutant, float]) -> list[str]:
     return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
 
 
-def _alike(sentences: list[str], failure: Failure) -> list[str]:
-    """What is said of bugs that a failure does not tell apart."""
+def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
+    """What is said of bugs that a failure, or an error without outputs, does not tell apart."""
     if not sentences:
         return []
-    refused = any(isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
-                  for name in wrong_outputs(failure.vector, failure.outputs))  # fmt: skip
+    refused = failure is not None and any(
+        isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
+        for name in wrong_outputs(failure.vector, failure.outputs)
+    )
     if not refused and len(sentences) == 1:
         return sentences
     others = f"; and {len(sentences) - MOST_ALIKE} others" if len(sentences) > MOST_ALIKE else ""

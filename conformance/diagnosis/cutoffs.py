@@ -1,4 +1,4 @@
-"""Supports that end elsewhere: pixels of a splat that are left out since its weight, or what it adds, is small there."""
+"""Supports that end elsewhere: pixels of a splat left out since its weight, or what it adds, is small there."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -6,23 +6,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from conformance.diagnosis.failures import F8, Failure, Part
+from conformance.diagnosis.failures import F8, Failure, Mask, Part
 from conformance.diagnosis.regions import Candidate
 from conformance.diagnosis.terms import pixel_gradients, some_splats
 
 MOST: Final = 3_000_000
 """Pixels times splats; more are not tried."""
 
-Keeps = Callable[[F8, F8], F8]
+Keeps = Callable[[F8, F8], Mask]
 """From sigma (H, W) and a colour (3,) where a splat is drawn."""
 
 
 def _to_sigma(limit: float) -> Keeps:
-    return lambda sigma, color: sigma <= limit
+    return lambda sigma, color: np.asarray(sigma <= limit)
 
 
 def _from_alpha(least: float) -> Keeps:
-    return lambda sigma, color: (sigma <= LN_255) & (np.exp(-sigma) * abs(color).max() >= least)
+    return lambda sigma, color: np.asarray((sigma <= LN_255) & (np.exp(-sigma) * abs(color).max() >= least))
 
 
 LN_255: Final = math.log(255)
@@ -38,8 +38,14 @@ CUTOFFS: Final[tuple[tuple[str, Keeps], ...]] = (
     ("a support that ends at 4 standard deviations (sigma 8)", _to_sigma(8.0)),
     ("a support that ends at a weight of 1/1000", _to_sigma(math.log(1000))),
     ("a support that ends at a weight of 1/10000", _to_sigma(math.log(10000))),
-    ("pixels left out where a weight times the largest colour is below 1/255, as with an opacity", _from_alpha(1 / 255)),
-    ("pixels left out where a weight times the largest colour is below 1/256, as with an opacity", _from_alpha(1 / 256)),
+    (
+        "pixels left out where a weight times the largest colour is below 1/255, as with an opacity",
+        _from_alpha(1 / 255),
+    ),
+    (
+        "pixels left out where a weight times the largest colour is below 1/256, as with an opacity",
+        _from_alpha(1 / 256),
+    ),
 )
 """Where a splat may end, by what is said of it."""
 
@@ -92,7 +98,9 @@ def _gradients(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Par
     if len(chosen) * height * width > MOST / 8:
         return None
     rows = [
-        pixel_gradients(parameters[n], residual)[keeps(_distances(parameters[n], height, width), parameters[n, 5:]).ravel()].sum(axis=0)
+        pixel_gradients(parameters[n], residual)[
+            keeps(_distances(parameters[n], height, width), parameters[n, 5:]).ravel()
+        ].sum(axis=0)
         for n in chosen
     ]
     return part.at(chosen), np.array(rows)

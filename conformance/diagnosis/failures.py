@@ -65,8 +65,8 @@ class Part:
 
     def at(self, items: Array) -> "Part":
         """The part of some items, by their numbers on the first axis."""
-        right, mine, wrong, allowed = (array[items] for array in (self.right, self.mine, self.wrong, self.allowed))
-        return replace(self, right=right, mine=mine, wrong=wrong, allowed=allowed)
+        right, mine, allowed = (array[items] for array in (self.right, self.mine, self.allowed))
+        return replace(self, right=right, mine=mine, wrong=self.wrong[items], allowed=allowed)
 
     def near(self, theirs: F8) -> Mask:
         """Where an account gives what was given, as far as arithmetic can tell."""

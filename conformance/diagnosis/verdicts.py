@@ -1,4 +1,4 @@
-"""Known bugs by the vectors that they fail: for implementations that end with an error, or whose outputs tell too little.
+"""Known bugs by the vectors that they fail: for what ends with an error, or has outputs that tell too little.
 
 A vector that ends with an error has no outputs to compare, and a single small number agrees with many bugs. What tells
 more is which vectors of the stage are right and which are wrong: a bug is named if it fails the same ones, and in the
@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final, TypeVar
 
-from conformance.diagnosis.catalogue import CAPACITY, MOST_ALIKE, crashes, gives
+from conformance.diagnosis.catalogue import CAPACITY, MOST_ALIKE, alike, crashes, gives
 from conformance.diagnosis.failures import Failure
 from conformance.mutants import Mutant, all_mutants
 from conformance.vectors import Vector
@@ -60,11 +60,9 @@ def bugs_by_verdicts(failures: Sequence[Failure], errors: Sequence[Vector], pass
     best = max((overlap[mutant] for mutant in likely), default=0.0)
     found = [mutant for mutant in likely if overlap[mutant] == best]
     sentences = list(dict.fromkeys(mutant.sentence for mutant in found))
-    if not sentences or len(sentences) > MOST_ALIKE:
+    if len(sentences) > MOST_ALIKE:
         return []
-    if len(sentences) == 1:
-        return sentences
-    return [f"one of {len(sentences)} known bugs not told apart here, or another one: {'; '.join(sentences)}"]
+    return alike(sentences, failures[0] if failures else None)
 
 
 def _tried(vector: Vector) -> bool:

@@ -36,6 +36,10 @@ Part = Literal["tuned", "held back", "new, tuned", "new, held back"]
 Function = Callable[..., dict[str, Any]]
 
 
+COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
+"""How often a sentence is said, behind it."""
+
+
 @dataclass(frozen=True)
 class Planted:
     """A bug.
@@ -143,7 +147,7 @@ def said(bug: Planted) -> Said:
         return Said(bug, "not caught", ())
     if not lines:
         return Said(bug, "nothing", ())
-    if re.search(bug.right, lines[0]):
+    if re.search(bug.right, COUNTS.sub("", lines[0])):
         return Said(bug, "right", lines)
     return Said(bug, "place" if lines[0].startswith(VAGUE) else "wrong", lines)
 
