@@ -112,7 +112,10 @@ def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[st
     """The sentences of one failure: what it is, or at least where."""
     told = [*look.strong[:2], *bugs]
     if not told:
-        told = _not_numbers(failure) or _last_places(failure) or [*look.weak[:1]] or _imprecision(failure)
+        found = parts(failure)
+        compared = found if len(found) == len(wrong_outputs(failure.vector, failure.outputs)) else []
+        told = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
+        told = told or _one_step(compared) or _imprecision(failure)
     if not told or told == look.weak[:1]:
         told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
     return list(dict.fromkeys(told))[:TOLD]
@@ -122,10 +125,9 @@ def _outputs(failure: Failure) -> str:
     return output_sentence(failure.vector, failure.outputs)
 
 
-def _not_numbers(failure: Failure) -> list[str]:
+def _not_numbers(found: Sequence[Part]) -> list[str]:
     """A sentence for outputs whose wrong elements are all NaN, or infinite."""
-    found = parts(failure)
-    if len(found) != len(wrong_outputs(failure.vector, failure.outputs)) or not found:
+    if not found:
         return []
     if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
         return []
@@ -136,22 +138,23 @@ def _not_numbers(failure: Failure) -> list[str]:
     return ["an overflow, or 0 times infinity or infinity minus infinity (mask the factors, not the product)"]
 
 
-def _last_places(failure: Failure) -> list[str]:
-    """A sentence for exact outputs that are wrong in the last bits alone, or by a step in few places."""
-    found = parts(failure)
-    if not found or len(found) != len(wrong_outputs(failure.vector, failure.outputs)):
+def _last_bits(found: Sequence[Part]) -> list[str]:
+    """A sentence for exact numbers that are wrong in the last bits alone."""
+    if not found or not all(part.given.dtype.kind == "f" and isinstance(part.expectation, Exact) for part in found):
         return []
-    if all(part.given.dtype.kind == "f" and isinstance(part.expectation, Exact) for part in found):
-        sizes = [abs(part.right) + np.max(abs(part.right[np.isfinite(part.right)]), initial=0.0) for part in found]
-        near = [abs(part.mine - part.right) <= LAST_PLACES * size for part, size in zip(found, sizes, strict=True)]
-        if all(bool(mask[part.wrong].all()) for part, mask in zip(found, near, strict=True)):
-            return [
-                "errors in the last bits alone: operations in another order, fused, or not each rounded to binary32"
-            ]
-    whole = all(part.given.dtype.kind in "iu" and part.right.size >= MANY for part in found)
-    if whole and all(part.wrong.mean() <= FEW and _one_off(part) for part in found):
-        return ["errors in few places, of one step: operations in another order or precision before the rounding"]
-    return []
+    sizes = [abs(part.right) + np.max(abs(part.right[np.isfinite(part.right)]), initial=0.0) for part in found]
+    near = [abs(part.mine - part.right) <= LAST_PLACES * size for part, size in zip(found, sizes, strict=True)]
+    if not all(bool(mask[part.wrong].all()) for part, mask in zip(found, near, strict=True)):
+        return []
+    return ["errors in the last bits alone: operations in another order, fused, or not each rounded to binary32"]
+
+
+def _one_step(found: Sequence[Part]) -> list[str]:
+    """A sentence for integers that are one off, in few places."""
+    whole = found and all(part.given.dtype.kind in "iu" and part.right.size >= MANY for part in found)
+    if not whole or not all(part.wrong.mean() <= FEW and _one_off(part) for part in found):
+        return []
+    return ["errors in few places, of one step: operations in another order or precision before the rounding"]
 
 
 def _one_off(part: Part) -> bool:

@@ -163,7 +163,7 @@ FRAMES = (
           deep_as_eight_bits),
     after("rendering", "deep samples with their bytes exchanged", "to_frame render_frame", r"(?i)bytes|endian",
           lambda out, i: {"frame": out["frame"].byteswap()}),
-    patched("rendering", "what is no number is white", "to_frame_deterministic", r"(?i)nan|not a number|no number",
+    patched("rendering", "what is no number is white", "to_frame_deterministic", r"(?i)nan|not a number|no number|not numbers",
             ("    v = np.where(sum > 0, sum, np.float32(0))", "    v = np.where(sum <= 0, np.float32(0), sum)\n    v = np.where(v == v, v, np.float32(1))")),
     patched("rendering", "u1 divided by l11", "render_sum_deterministic", r"(?i)divi|reciproc|quotient|/ ?l11|\br1\b",
             ("    u1 = ((columns + HALF) - x) * r1", "    u1 = ((columns + HALF) - x) / l11")),
