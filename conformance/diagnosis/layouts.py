@@ -23,6 +23,9 @@ PITCHES: Final = (256, 512, 64, 128, 16, 32)
 NEARER: Final = 0.25
 """So many times nearer to a layout than to the right output is what was given, wherever it is wrong."""
 
+ROUNDING: Final = 1e-5
+"""Differences of so much, of the largest number of a column, are no matter of order."""
+
 MOSTLY: Final = 0.9
 """Fraction of the wrong elements that must be."""
 
@@ -76,8 +79,8 @@ def layout_cause(value: Array, mine: Array, names: tuple[str, ...] = ()) -> str:
 def _nearer(given: Array, right: Array, other: Array) -> bool:
     """Whether a layout is much nearer to what was given than the right output is, wherever that is wrong."""
     away, left = abs(given - right), abs(given - other)
-    wrong = away > 0
-    return bool((left[wrong] <= NEARER * away[wrong]).mean() >= MOSTLY)
+    wrong = away > ROUNDING * abs(right).reshape(-1, right.shape[-1]).max(axis=0)
+    return bool(wrong.any() and (left[wrong] <= NEARER * away[wrong]).mean() >= MOSTLY)
 
 
 def _permuted(right: Array, given: Array) -> str:
