@@ -170,6 +170,7 @@ class Causes:
     def __init__(self) -> None:
         self._failures: defaultdict[str, list[Failure]] = defaultdict(list)
         self._passed: defaultdict[str, list[Vector]] = defaultdict(list)
+        self._errors: defaultdict[str, list[Vector]] = defaultdict(list)
         self._buffers: dict[tuple[str, str], NDArray[Any]] = {}
 
     def add(self, judged: Judged) -> None:
@@ -180,6 +181,8 @@ class Causes:
         elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
             before = {port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.stage.outputs}
             self._failures[name].append(Failure(judged.vector, judged.outputs, before))
+        elif judged.result.outcome in ("error", "crash"):
+            self._errors[name].append(judged.vector)
         self._write_buffers(judged)
 
     def _write_buffers(self, judged: Judged) -> None:
@@ -196,8 +199,9 @@ class Causes:
 
         causes: dict[str, list[str]] = {}
         notes = []
-        for stage, failures in self._failures.items():
-            causes |= diagnose(failures, self._passed[stage])
+        for stage in dict.fromkeys([*self._failures, *self._errors]):
+            failures = self._failures[stage]
+            causes |= diagnose(failures, self._passed[stage], self._errors[stage])
             seen = [failure.vector for failure in examined(failures)]
             if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
                 tried = len({bug.name for vector in open_ones for bug in bugs_for(vector)})

@@ -17,8 +17,9 @@ from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.looks import Look, generic_looks
 from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
-from conformance.diagnosis.streams import refusal_sentence
-from conformance.expectations import Bounded, Refusal
+from conformance.diagnosis.streams import kind_sentence, refusal_sentence
+from conformance.diagnosis.verdicts import bugs_by_verdicts
+from conformance.expectations import Bounded, Exact, Refusal
 from conformance.stage import input_size
 from conformance.vectors import Vector
 
@@ -27,7 +28,7 @@ __all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
 EXAMINED: Final = 12
 """Failures of a stage that are looked at, from the smallest inputs to the largest."""
 
-VAGUE: Final = ("errors in ", "errors only ", "only vectors ", catalogue.ALIKE)
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """How sentences begin that say where errors are, not what they are."""
 
 TOLD: Final = 3
@@ -42,6 +43,15 @@ ALIKE: Final = 8.0
 ONE_SIDED: Final = 0.8
 """What is nearly always too large is no rounding; cut numbers are always too small."""
 
+LAST_PLACES: Final = 2.0**-20
+"""Differences of so much, relative to the largest number, are in the last bits."""
+
+MANY: Final = 16
+"""An output of integers with fewer elements has no few places."""
+
+FEW: Final = 0.25
+"""So small a part of the elements is few."""
+
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 """Formats by their significant bits."""
 
@@ -54,7 +64,9 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
     return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
 
 
-def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = ()) -> dict[str, list[str]]:
+def diagnose(
+    failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
+) -> dict[str, list[str]]:
     """What the failures of one stage look like.
 
     Parameters
@@ -63,6 +75,8 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
         All of the stage; those that `examined` chooses are looked at.
     passed
         Vectors of the stage that were answered rightly.
+    errors
+        Vectors of the stage that ended with an error.
 
     Returns
     -------
@@ -74,18 +88,34 @@ def diagnose(failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
     accounted = {name for name, look in looks.items() if look.strong}
     named = catalogue.named(unnamed, passed, accounted)
-    common = common_condition([Failure(*failure).vector for failure in failures], passed)
-    return {
-        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id, []), common)
+    wrong = [Failure(*failure) for failure in failures]
+    if kind := kind_sentence(wrong, passed):
+        return {failure.vector.id: [kind] for failure in chosen}
+    common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
+    open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
+    alike = bugs_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    told = {
+        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
     }
+    never = [] if passed or failures or not errors else [_simplest(errors)]
+    return told | {vector.id: alike or ([common] if common else never) for vector in errors}
+
+
+def _simplest(errors: Sequence[Vector]) -> str:
+    """What is said where nothing else ever happens than an error."""
+    first = min(errors, key=lambda vector: input_size(vector.inputs))
+    return f"every vector ends with an error, the smallest too, which is {first.id}"
 
 
 def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[str]:
     """The sentences of one failure: what it is, or at least where."""
     told = [*look.strong[:2], *bugs]
     if not told:
-        told = _not_numbers(failure) or [*look.weak[:1]] or _imprecision(failure)
+        found = parts(failure)
+        compared = found if len(found) == len(wrong_outputs(failure.vector, failure.outputs)) else []
+        told = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
+        told = told or _one_step(compared) or _imprecision(failure)
     if not told or told == look.weak[:1]:
         told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
     return list(dict.fromkeys(told))[:TOLD]
@@ -95,14 +125,40 @@ def _outputs(failure: Failure) -> str:
     return output_sentence(failure.vector, failure.outputs)
 
 
-def _not_numbers(failure: Failure) -> list[str]:
+def _not_numbers(found: Sequence[Part]) -> list[str]:
     """A sentence for outputs whose wrong elements are all NaN, or infinite."""
-    found = parts(failure)
-    if len(found) != len(wrong_outputs(failure.vector, failure.outputs)) or not found:
+    if not found:
         return []
     if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
         return []
-    return ["0 times infinity or infinity minus infinity (mask the factors, not the product), or an overflow"]
+    if all(np.isnan(part.mine[part.wrong]).all() for part in found):
+        return [
+            "NaN from 0 times infinity or infinity minus infinity (mask the factors, not the product), or from 0 / 0"
+        ]
+    return ["an overflow, or 0 times infinity or infinity minus infinity (mask the factors, not the product)"]
+
+
+def _last_bits(found: Sequence[Part]) -> list[str]:
+    """A sentence for exact numbers that are wrong in the last bits alone."""
+    if not found or not all(part.given.dtype.kind == "f" and isinstance(part.expectation, Exact) for part in found):
+        return []
+    sizes = [abs(part.right) + np.max(abs(part.right[np.isfinite(part.right)]), initial=0.0) for part in found]
+    near = [abs(part.mine - part.right) <= LAST_PLACES * size for part, size in zip(found, sizes, strict=True)]
+    if not all(bool(mask[part.wrong].all()) for part, mask in zip(found, near, strict=True)):
+        return []
+    return ["errors in the last bits alone: operations in another order, fused, or not each rounded to binary32"]
+
+
+def _one_step(found: Sequence[Part]) -> list[str]:
+    """A sentence for integers that are one off, in few places."""
+    whole = found and all(part.given.dtype.kind in "iu" and part.right.size >= MANY for part in found)
+    if not whole or not all(part.wrong.mean() <= FEW and _one_off(part) for part in found):
+        return []
+    return ["errors in few places, of one step: operations in another order or precision before the rounding"]
+
+
+def _one_off(part: Part) -> bool:
+    return bool((abs(part.mine - part.right)[part.wrong] == 1).all())
 
 
 def _imprecision(failure: Failure) -> list[str]:

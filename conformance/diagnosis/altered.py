@@ -137,6 +137,17 @@ def _inside(table: Array, inputs: Mapping[str, Any]) -> None:
     table[:, 0], table[:, 1] = np.clip(table[:, 0], 0, width), np.clip(table[:, 1], 0, height)
 
 
+def _low_pass(table: Array, inputs: Mapping[str, Any]) -> None:
+    """0.3 added to the variances in x and y, as 3D splatting does."""
+    with np.errstate(all="ignore"):
+        a, b, c = (table[:, column].astype(np.float64) for column in (2, 3, 4))
+        l11 = np.sqrt(a * a + 0.3)
+        l21 = a * b / l11
+        l22 = np.sqrt(b * b + c * c + 0.3 - l21 * l21)
+        drawn = (a > 0) & (c > 0)
+        table[drawn, 2:5] = np.stack([l11, l21, l22], axis=1)[drawn].astype(table.dtype)
+
+
 def _half(values: Array) -> Array:
     return values.astype(np.float16).astype(np.float32)
 
@@ -159,6 +170,7 @@ SPLATS: Final[tuple[tuple[str, Callable[[Array, Mapping[str, Any]], None]], ...]
     ("positions rounded to whole pixels", _at(MU, np.rint)),
     ("x and y of the centres exchanged", _at([0, 1], lambda v: v[:, ::-1])),
     ("centres outside of the frame moved to its edge", _inside),
+    ("0.3 added to both variances, the low-pass filter of 3D splatting", _low_pass),
     ("positions in binary16", _at(MU, _half)),
     ("Cholesky factors in binary16", _at(L, _half)),
     ("colours in binary16", _at(C, _half)),
@@ -198,6 +210,10 @@ PICTURES: Final[tuple[tuple[str, Callable[[Array], Array]], ...]] = (
     ("of blue alone", lambda a: a * np.array([0, 0, 1], a.dtype)),
     ("of the mean of the channels", lambda a: np.repeat(a.mean(axis=2, keepdims=True), 3, axis=2).astype(a.dtype)),
     ("in binary16", lambda a: a.astype(np.float16).astype(a.dtype)),
+    *(
+        (f"one pixel too far {words}", lambda a, step=step, axis=axis: np.roll(a, step, axis))
+        for words, step, axis in (("down", 1, 0), ("up", -1, 0), ("to the right", 1, 1), ("to the left", -1, 1))
+    ),
 )
 """What a picture among the inputs may be taken for."""
 
@@ -272,6 +288,7 @@ def _exchanged(a: str, b: str) -> Change:
 
 
 TOGETHER: Final[tuple[tuple[tuple[str, ...], str, Change], ...]] = (
+    (("weights", "removed"), "as many kept as are to be removed", lambda i: {"removed": len(i["weights"]) - i["removed"]}),
     (("beta1", "beta2"), "beta1 and beta2 exchanged", _exchanged("beta1", "beta2")),
     (("beta2", "beta3"), "beta2 and beta3 exchanged", _exchanged("beta2", "beta3")),
     (("beta1", "beta3"), "beta1 and beta3 exchanged", _exchanged("beta1", "beta3")),

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
-from conformance.expectations import Refusal
+from conformance.expectations import Exact, Refusal
 from conformance.mutants import Mutant, all_mutants, answer, called
 from conformance.stage import Values
 from conformance.vectors import Vector
@@ -27,6 +27,9 @@ LEAST_FIT_OF_FEW: Final = 0.9
 
 FEW: Final = 4
 """So few wrong elements tell little."""
+
+LARGE: Final = 2**20
+"""An integer of so much, such as a checksum, agrees with nothing by chance."""
 
 MOST: Final = 2
 """So many bugs are named."""
@@ -89,7 +92,7 @@ def named(
         if sure:
             told[failure.vector.id] = _best(sure, fit)[:MOST]
         else:
-            told[failure.vector.id] = [] if _missing_part(failure) else _alike(_best(these, fit), failure)
+            told[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
     return told
 
 
@@ -114,6 +117,13 @@ def _tells_little(failure: Failure) -> bool:
         if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
             whole = mine.shape == expectation.value.shape
             found += count(expectation, mine) if whole else 0 if refused else mine.size
+            if (
+                whole
+                and isinstance(expectation, Exact)
+                and mine.dtype.kind in "iu"
+                and abs(mine).max(initial=0) >= LARGE
+            ):
+                return False
     return found < FEW
 
 
@@ -134,12 +144,14 @@ def _best(ranked: Sequence[Mutant], fit: Mapping[Mutant, float]) -> list[str]:
     return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
 
 
-def _alike(sentences: list[str], failure: Failure) -> list[str]:
-    """What is said of bugs that a failure does not tell apart."""
+def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
+    """What is said of bugs that a failure, or an error without outputs, does not tell apart."""
     if not sentences:
         return []
-    refused = any(isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
-                  for name in wrong_outputs(failure.vector, failure.outputs))  # fmt: skip
+    refused = failure is not None and any(
+        isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
+        for name in wrong_outputs(failure.vector, failure.outputs)
+    )
     if not refused and len(sentences) == 1:
         return sentences
     others = f"; and {len(sentences) - MOST_ALIKE} others" if len(sentences) > MOST_ALIKE else ""
@@ -195,6 +207,16 @@ def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
 
 def _both(a: Mutant, b: Mutant) -> Mutant:
     return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
+
+
+def gives(mutant: Mutant, failure: Failure) -> bool:
+    """Whether a bug explains a failure."""
+    return _share(failure.vector, failure.outputs, mutant) >= EXPLAINED
+
+
+def crashes(mutant: Mutant, vector: Vector) -> bool:
+    """Whether a bug ends with an error."""
+    return _answer(mutant, vector) is None
 
 
 def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:

@@ -1,7 +1,7 @@
 """A failure as the looks see it: which outputs are wrong, where, and what agrees with what was given."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -62,6 +62,11 @@ class Part:
     allowed: F8
     expectation: Bounded | Decision | Exact | Interval
     given: Array
+
+    def at(self, items: Array) -> "Part":
+        """The part of some items, by their numbers on the first axis."""
+        right, mine, allowed = (array[items] for array in (self.right, self.mine, self.allowed))
+        return replace(self, right=right, mine=mine, wrong=self.wrong[items], allowed=allowed)
 
     def near(self, theirs: F8) -> Mask:
         """Where an account gives what was given, as far as arithmetic can tell."""

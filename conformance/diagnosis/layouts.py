@@ -17,6 +17,24 @@ LEAST: Final = 0.99
 NEAR: Final = 1e-4
 """How near, of the largest element: a layout is looked for, not judged."""
 
+PITCHES: Final = (256, 512, 64, 128, 16, 32)
+"""Bytes to multiples of which rows of textures and buffers are padded."""
+
+NEARER: Final = 0.25
+"""So many times nearer to a layout than to the right output is what was given, wherever it is wrong."""
+
+ROUNDING: Final = 1e-5
+"""Differences of so much, of the largest number of a column, are no matter of order."""
+
+MOSTLY: Final = 0.9
+"""Fraction of the wrong elements that must be."""
+
+MOST_ROWS: Final = 1000
+"""Rows of larger tables are not looked for in other places."""
+
+LEAST_MOVED: Final = 0.25
+"""Fraction of the rows that must stand elsewhere."""
+
 FEWEST: Final = 5
 """Fewer different numbers agree with some order by chance."""
 
@@ -53,9 +71,29 @@ def layout_cause(value: Array, mine: Array, names: tuple[str, ...] = ()) -> str:
     if not (np.isfinite(right).all() and np.isfinite(given).all()):
         return ""
     for sentence, other in _layouts(right, names):
-        if _same(given, other) and not _same(right, other):
+        if _same(given, other) and not _same(right, other) and _nearer(given, right, other):
             return sentence
-    return ""
+    return _permuted(right, given)
+
+
+def _nearer(given: Array, right: Array, other: Array) -> bool:
+    """Whether a layout is much nearer to what was given than the right output is, wherever that is wrong."""
+    away, left = abs(given - right), abs(given - other)
+    wrong = away > ROUNDING * abs(right).reshape(-1, right.shape[-1]).max(axis=0)
+    return bool(wrong.any() and (left[wrong] <= NEARER * away[wrong]).mean() >= MOSTLY)
+
+
+def _permuted(right: Array, given: Array) -> str:
+    """The rows of a table in another order; '' if they are not, or if too few differ."""
+    if right.ndim != 2 or not FEWEST <= len(np.unique(right, axis=0)) <= len(right) <= MOST_ROWS:
+        return ""
+    scale = np.maximum(abs(right).max(axis=0), 1e-30)
+    apart = abs(given[:, None] / scale - right[None] / scale).max(axis=2)
+    nearest = apart.argmin(axis=1)
+    moved = nearest != np.arange(len(right))
+    if (apart.min(axis=1) > NEAR).any() or len(np.unique(nearest)) < LEAST * len(right):
+        return ""
+    return "the right rows in another order (sorted, and not put back?)" if moved.mean() >= LEAST_MOVED else ""
 
 
 def _other_bytes(value: Array, mine: Array) -> str:
@@ -137,6 +175,20 @@ def _moved(right: Array) -> Iterator[tuple[str, Array]]:
             cut[tuple(edge)] = 0
             yield f"the picture one pixel {word}", cut
     flat = right.reshape(-1, 3)
+    four = np.zeros((len(flat), 4))
+    four[:, :3] = flat
+    yield (
+        "pixels of 4 numbers (vec4, or vec3 with its padding) in place of 3",
+        four.ravel()[: right.size].reshape(right.shape),
+    )
+    for pitch in PITCHES:
+        length = right.shape[1] * 3
+        padded = np.zeros((right.shape[0], -(-length * 4 // pitch) * pitch // 4))
+        padded[:, :length] = right.reshape(right.shape[0], -1)
+        yield (
+            f"rows padded to multiples of {pitch} bytes (a row pitch)",
+            padded.ravel()[: right.size].reshape(right.shape),
+        )
     for wider in (1, -1):
         rows = np.arange(right.shape[0])[:, None] * (right.shape[1] + wider) + np.arange(right.shape[1])
         sheared = np.zeros_like(flat)

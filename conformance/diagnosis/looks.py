@@ -8,18 +8,23 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.altered import ALL, altered_candidates, altered_form
+from conformance.diagnosis.curves import curve_candidates
+from conformance.diagnosis.cutoffs import cutoff_candidates
 from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.layouts import NOTHING_WRITTEN, layout_cause, never_written
 from conformance.diagnosis.places import place_candidates
 from conformance.diagnosis.ratios import ratio_candidates
 from conformance.diagnosis.regions import Candidate, column_candidates, region_candidates
 from conformance.diagnosis.stale import stale_candidates
-from conformance.diagnosis.sums import sum_candidates
+from conformance.diagnosis.sums import MOST_SOLVED, sum_candidates
 from conformance.names import columns
 from conformance.vectors import Vector
 
 LEAST_SHARE: Final = 0.5
 """Of the vectors that would show an account, the fraction that must show it."""
+
+LEAST_SINGLES: Final = 0.75
+"""Of the failures with few splats, the fraction of which single splats must account: not few of many."""
 
 SMALL: Final = 16
 """In an output with fewer elements a place says little."""
@@ -60,6 +65,9 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
             told[name].strong.append(exchanged)
         if not found:
             forms[name] = altered_form(failure)
+    able = sum(_solvable(failure) for failure in failures)
+    if sum(any(c.single for c in candidates) for candidates in strong.values()) < LEAST_SINGLES * able:
+        strong = {key: [c for c in candidates if not c.single] for key, candidates in strong.items()}
     for table, strongly in ((strong, True), (weak, False)):
         for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
             (told[name].strong if strongly else told[name].weak).append(sentence)
@@ -71,6 +79,11 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         look = told[failure.vector.id]
         look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
     return told
+
+
+def _solvable(failure: Failure) -> bool:
+    """Whether single splats of a failure could be found missing."""
+    return 1 < len(failure.vector.inputs.get("parameters", ())) <= MOST_SOLVED
 
 
 def _by_vector(chosen: dict[Key, str], wrong: dict[Key, Part]) -> Iterator[tuple[str, str]]:
@@ -96,6 +109,8 @@ def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
         yield Candidate(f"{sentence}: {', '.join(where)}" if where else sentence)
         return
     yield from ratio_candidates(part, failure.vector.inputs)
+    yield from curve_candidates(part)
+    yield from cutoff_candidates(failure, part)
     yield from sum_candidates(failure, part)
 
 

@@ -1,5 +1,6 @@
 """What wrong elements, or the vectors that fail, have in common in the inputs: only ties, only degenerate splats."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -17,6 +18,13 @@ COMMON: Final = 0.75
 
 FEWEST: Final = 3
 """So many vectors must fail, and pass, for what they have in common to be told."""
+
+FEWEST_OF_TWO: Final = 4
+"""The same for two things that they have in common only together."""
+
+Meets = Callable[[Mapping[str, Any]], bool]
+Shared = tuple[str, Meets]
+"""A condition in words, and as a function of a vector's features."""
 
 
 def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
@@ -155,26 +163,61 @@ def output_sentence(vector: Vector, outputs: Values) -> str:
 
 
 def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
-    """What all vectors that fail have and no vector that passes has, in numbers and elements; '' if nothing."""
+    """What all vectors that fail have and no vector that passes has, in numbers and elements; '' if nothing.
+
+    One condition if there is one, or two together where vectors are many.
+    """
     if len(failed) < FEWEST or len(passed) < FEWEST:
         return ""
     bad, good = ([_features(vector) for vector in vectors] for vectors in (failed, passed))
+    met = [(words, {place for place, features in enumerate(good) if meets(features)})
+           for words, meets in _shared_conditions(bad, good)]  # fmt: skip
+    if alone := [words for words, others in met if not others]:
+        return f"only vectors {alone[0]} fail"
+    if min(len(failed), len(passed)) >= FEWEST_OF_TWO:
+        for place, (a, others) in enumerate(met):
+            for b, more in met[place + 1 :]:
+                if not others & more:
+                    return f"only vectors {a} and {b} fail"
+    return ""
+
+
+def _shared_conditions(bad: Sequence[Mapping[str, Any]], good: Sequence[Mapping[str, Any]]) -> Iterator[Shared]:
+    """What all failing vectors have in common, and some of those that pass have not."""
     for name in sorted(set.intersection(*(set(features) for features in bad))):
         here = {features[name] for features in bad}
         there = [features[name] for features in good if name in features]
-        if len(there) < len(good) and not name.startswith("a stream"):
+        if len(there) < len(good) and not name.startswith("whose stream"):
             continue
-        if len(here) == 1 and next(iter(here)) not in there:
+        if len(here) == 1:
             value = next(iter(here))
-            return f"only vectors {name if value is True else f'with {name} = {value}'} fail"
-        numbers = [value for value in there if not isinstance(value, bool)]
-        if numbers and min(here) > max(numbers):
-            return f"only vectors with {name} above {max(numbers)} fail"
-        if numbers and max(here) < min(numbers):
-            return f"only vectors with {name} below {min(numbers)} fail"
-        if len(set(there)) == 1 and there[0] not in here:
-            return f"only vectors with {name} other than {there[0]} fail"
-    return ""
+            if len(there) < len(good) or set(there) != here:
+                yield (name if value is True else f"with {name} = {value}"), _equals(name, value)
+        lower = [value for value in there if not isinstance(value, bool) and value < min(here)]
+        higher = [value for value in there if not isinstance(value, bool) and value > max(here)]
+        if lower:
+            yield f"with {name} above {max(lower)}", _above(name, max(lower))
+        if higher:
+            yield f"with {name} below {min(higher)}", _below(name, min(higher))
+        if there and len(here) > 1 and (rest := Counter(value for value in there if value not in here)):
+            value = rest.most_common(1)[0][0]
+            yield f"with {name} other than {value}", _differs(name, value)
+
+
+def _equals(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] == value
+
+
+def _differs(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] != value
+
+
+def _above(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] > value
+
+
+def _below(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] < value
 
 
 def _features(vector: Vector) -> dict[str, Any]:
@@ -188,5 +231,7 @@ def _features(vector: Vector) -> dict[str, Any]:
             if value.ndim == 3:
                 found[f"the width of {name}"] = value.shape[1]
                 found[f"the evenness (0) or oddness (1) of the sides of {name}"] = (value.shape[0] | value.shape[1]) & 1
+    if "data" in vector.inputs and len(vector.inputs["data"]):
+        found["plane_mode"] = int(vector.inputs["data"][0]) >> 6
     found |= {f"whose stream has {element}": True for element in vector.manifest.get("elements", ())}
     return found

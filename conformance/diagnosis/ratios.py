@@ -16,6 +16,12 @@ LEAST: Final = 0.95
 FEWEST: Final = 3
 """So many elements must tell it, of one column; a single number tells its factor only if that has a name."""
 
+TELLING: Final = 8.0
+"""So many times what may differ a number must be to tell a factor."""
+
+LEAST_SINGLE: Final = 0.75
+"""Of outputs of one integer so many must be off by the same number."""
+
 NAMED: Final[Mapping[float, str]] = {
     -1.0: "the other sign", 2.0: "twice", 0.5: "half", 4.0: "4 times", 0.25: "a quarter of", 3.0: "3 times",
     1 / 3: "a third of", 255.0: "255 times", 1 / 255: "1/255 of", 256.0: "256 times", 1 / 256: "1/256 of",
@@ -31,7 +37,15 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
     if told := _relation(part, everywhere, sizes):
         yield Candidate(f"{told}, everywhere")
         return
+    if part.right.size == 1 and part.given.dtype.kind in "iu":
+        offset = int(part.mine.flat[0] - part.right.flat[0])
+        words = f"{'larger' if offset > 0 else 'smaller'} by {abs(offset)}"
+        if abs(offset) == 1:
+            words = f"one {'more' if offset > 0 else 'less'} than the right ones (counted from another first number?)"
+        yield Candidate(f"numbers {words}, everywhere", None, LEAST_SINGLE, 0.5)
     names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
+    if part.right.ndim == 2 and part.given.dtype.kind == "f" and _row_by_row(part):
+        yield Candidate("each row times a factor of its own, the same in all its columns")
     if part.right.ndim < 2 or len(names) != part.right.shape[-1]:
         return
     relations: dict[str, list[str]] = {}
@@ -42,6 +56,20 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
             relations.setdefault(_relation(part, column, sizes), []).append(name)
     if "" not in relations:
         yield Candidate("; ".join(f"{told} in {', '.join(where)}" for told, where in relations.items()))
+
+
+def _row_by_row(part: Part) -> bool:
+    """Whether each row has a factor, and rows have different ones."""
+    slack = part.slack(part.right)
+    telling = (abs(part.right) > TELLING * slack) & np.isfinite(part.mine)
+    rows = (telling.sum(axis=1) >= FEWEST) & part.wrong.any(axis=1)
+    if rows.sum() < FEWEST or not np.isfinite(part.mine).all():
+        return False
+    ratios = np.where(telling, part.mine / np.where(telling, part.right, 1), np.nan)[rows]
+    factors = np.nanmedian(ratios, axis=1)
+    near = abs(part.mine[rows] - factors[:, None] * part.right[rows]) <= (1 + abs(factors[:, None])) * slack[rows]
+    alike = abs(factors - np.median(factors)) <= 1e-3 * abs(np.median(factors))
+    return bool(near.mean() >= LEAST and alike.mean() < LEAST and (factors != 0).all())
 
 
 def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:

@@ -51,12 +51,15 @@ class Candidate(NamedTuple):
     telling
         How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
         number agrees with one of many accounts by chance.
+    single
+        Whether it names single terms, which many other bugs spoil in some vector: then most failures must have such.
     """
 
     sentence: str
     foresees: Callable[[F8], bool] | None = None
     least: float = 0.0
     telling: float = 1.0
+    single: bool = False
 
 
 class Axis(NamedTuple):
@@ -209,6 +212,9 @@ def _edges(part: Part, state: str, seen: Mask) -> Iterator[Candidate]:
     for side in TILES:
         pairs[f"pixels left out that lie beyond the last whole tile of {side}x{side}"] = (
             y >= height // side * side, x >= width // side * side)  # fmt: skip
+        across, down = -(-height // side) * side, -(-width // side) * side
+        pairs[f"pixels left out beyond as many tiles of {side}x{side} as the other side of the picture has: the grid's "
+              "width and height exchanged"] = (y >= down, x >= across)  # fmt: skip
         pairs[f"the last row and column of each tile of {side}x{side}"] = (y % side == side - 1, x % side == side - 1)
         pairs[f"the first row and column of each tile of {side}x{side}"] = (y % side == 0, x % side == 0)
     wrong, there = np.asarray(part.wrong.any(axis=2)), np.asarray(seen.any(axis=2))

@@ -1,10 +1,15 @@
 """Refusals: where in a stream an implementation stopped, by the name of the syntax element."""
 
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 from conformance.diagnosis.failures import Failure
 from conformance.expectations import Refusal
+from conformance.vectors import Vector
+
+LEAST_KINDS: Final = 2
+"""Kinds of errors that must be told as another one."""
 
 
 def refusal_sentence(failure: Failure) -> str:
@@ -21,6 +26,20 @@ def refusal_sentence(failure: Failure) -> str:
         told = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
         return f"{told}{rule}{f' at {at}' if at else ''}"
     return ""
+
+
+def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
+    """Whether every error is told as of one kind, whatever it is; '' if not, or if too few are."""
+    pairs = [(expectation.value.split()[0], given.split()[0])
+             for vector, outputs, _ in failures for name, expectation in vector.expected.items()
+             if isinstance(expectation, Refusal) and expectation.value
+             and isinstance(given := outputs.get(name), str) and given]  # fmt: skip
+    told = {kind for _, kind in pairs}
+    others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
+              if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
+    if len(told) != 1 or len({right for right, _ in pairs}) < LEAST_KINDS or not others <= told:
+        return ""
+    return f"every error told as of the kind {told.pop()}, whatever it is"
 
 
 @lru_cache(maxsize=256)

@@ -33,8 +33,10 @@ def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     for sentence, weights in _weights(terms):
         if flat.agrees(terms.finish(terms.base + weights @ terms.terms)):
             yield Candidate(sentence, telling=counts * weights.any())
-    for sentence in (*_prefixes(terms, flat), *_stored(terms, flat), *_solved(terms, flat)):
+    for sentence in (*_prefixes(terms, flat), *_stored(terms, flat)):
         yield Candidate(sentence, telling=counts)
+    for sentence in _solved(terms, flat):
+        yield Candidate(sentence, telling=counts, single=True)
 
 
 def _flat(part: Part, chosen: Array) -> Part:
@@ -149,12 +151,23 @@ def _groups(terms: Terms) -> Iterator[tuple[str, Array]]:
 
 def _stored(terms: Terms, flat: Part) -> Iterator[str]:
     """The last term of each element alone, or the largest: a store, or a maximum, in place of a sum."""
-    table = terms.terms
+    yield from _one_of(terms, flat, terms.noun, terms.terms)
+    if terms.size is not None:
+        y, x = (index.ravel() for index in np.indices(terms.size))
+        for side in TILES:
+            across = -(-terms.size[1] // side)
+            by_tile = np.zeros((-(-terms.size[0] // side) * across, terms.terms.shape[1]))
+            np.add.at(by_tile, y // side * across + x // side, terms.terms)
+            if len(by_tile) > 1:
+                yield from _one_of(terms, flat, f"tiles of {side}x{side}", by_tile)
+
+
+def _one_of(terms: Terms, flat: Part, noun: str, table: Array) -> Iterator[str]:
+    """One term of each element in place of all."""
     there = table != 0
     last = len(table) - 1 - there[::-1].argmax(axis=0)
     last_value = np.where(there.any(axis=0), table[last, np.arange(table.shape[1])], 0.0)
     first_value = np.where(there.any(axis=0), table[there.argmax(axis=0), np.arange(table.shape[1])], 0.0)
-    noun = terms.noun
     for sentence, value in (
         (f"the last of the {noun} alone, wherever there are several: a store in place of an addition", last_value),
         (f"the first of the {noun} alone, wherever there are several", first_value),

@@ -64,6 +64,12 @@ def some(part: Part, most: int) -> Array:
     return np.sort(np.concatenate([_spread(wrong, most * 2 // 3), _spread(right, most // 3)]))
 
 
+def some_splats(part: Part, most: int) -> Array:
+    """At most so many rows of a table, three quarters of them wrong ones, spread evenly."""
+    bad = part.wrong.any(axis=1)
+    return np.concatenate([_spread(np.flatnonzero(bad), most * 3 // 4), _spread(np.flatnonzero(~bad), most // 4)])
+
+
 def _spread(places: Array, most: int) -> Array:
     if len(places) <= most:
         return places
@@ -96,8 +102,7 @@ def _gradients(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     most = min(24, MOST_NUMBERS // max(1, 8 * height * width))
     if most < 2:
         return None
-    bad = part.wrong.any(axis=1)
-    splats = np.concatenate([_spread(np.flatnonzero(bad), most * 3 // 4), _spread(np.flatnonzero(~bad), most // 4)])
+    splats = some_splats(part, most)
     terms = np.concatenate([pixel_gradients(parameters[n], residual) for n in splats], axis=1)
     if not np.isfinite(terms).all():
         return None

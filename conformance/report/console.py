@@ -78,15 +78,17 @@ def cause_lines(report: Report) -> list[str]:
         for cause in result.causes:
             like.setdefault(cause, []).append(result)
     failures = Counter(result.stage for result in report.faults if result.outcome == "fail")
+    errors = Counter(result.stage for result in report.faults if result.outcome != "fail" and result.causes)
+    looked = {stage: min(failures[stage], EXAMINED) + errors[stage] for stage in {*failures, *errors}}
     explained: set[str] = set()
     lines: list[str] = []
     for cause, results in sorted(like.items(), key=_by_weight):
-        if _rare(results, failures):
+        if _rare(results, looked):
             continue
         if not explained.issuperset(result.id for result in results) and len(lines) < MOST_CAUSES:
             explained.update(result.id for result in results)
             places = [
-                f"{stage}: {count} of {min(failures[stage], EXAMINED)} examined"
+                f"{stage}: {count} of {looked[stage]} examined"
                 for stage, count in Counter(result.stage for result in results).items()
             ]
             lines.append(f"{cause} ({', '.join(places)})")
@@ -108,9 +110,9 @@ def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
     return cause.startswith(VAGUE), -len(results), min(complexity(result.stage) for result in results)
 
 
-def _rare(results: Sequence[Result], failures: Mapping[str, int]) -> bool:
-    """Whether so few of the failures look like this that it is not told of all."""
-    examined = sum(min(failures[stage], EXAMINED) for stage in {result.stage for result in results})
+def _rare(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
+    """Whether so few of the failures that were looked at are like this that it is not told of all."""
+    examined = sum(looked[stage] for stage in {result.stage for result in results})
     return len(results) < RARE * examined or len(results) < min(2, examined - 1)
 
 

@@ -351,7 +351,7 @@ def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, 
     bugs = [ToyMutant(name, {"scale"}) for name in "abc"]
     monkeypatch.setattr("conformance.diagnosis.bugs_for", lambda vector: bugs)
     known = {"core/scale/by_two": ["a nine"], "core/scale/by_a_third": []}
-    monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed: known)
+    monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed, errors: known)
     assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
     out = capsys.readouterr().out
     assert "Probable cause: a nine (scale: 1 of 2 examined)\n" in out

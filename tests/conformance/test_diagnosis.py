@@ -5,6 +5,7 @@ import pytest
 
 from conformance.diagnosis import catalogue, diagnose
 from conformance.diagnosis.catalogue import _both
+from conformance.diagnosis.places import common_condition
 from conformance.mutants import all_mutants, answer, called, kills
 from conformance.selection import VectorFolder
 from conformance.vectors import VECTORS
@@ -132,9 +133,55 @@ def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
     """A work of 2^29 in place of 9 2^29 is nearer to the 0 of "the sign of l21" than to the right one."""
     bug = mutant("work-in-32-bits")
     failures, passed = failures_of(bug, "rendering_work")
+    failures = [failure for failure in failures if "capacity" not in failure[0].manifest["flags"]]
     (told,) = diagnose(failures, passed).values()
     assert told == [bug.sentence]
     without = tuple(other for other in all_mutants() if other != bug)
     monkeypatch.setattr(catalogue, "all_mutants", lambda: without)
     (told,) = diagnose(failures, passed).values()
     assert not any("sign" in sentence for sentence in told)
+
+
+def test_errors_in_place_of_outputs_are_named_by_the_vectors_that_end_so():
+    bug = mutant("renormalised-at-2-16-too")
+    failures, passed = failures_of(bug, "decode_plane")
+    errors = [vector for vector, outputs in failures if outputs is None]
+    told = diagnose([failure for failure in failures if failure[1] is not None], passed, errors)
+    assert len(errors) > 20
+    assert all(told[vector.id] == [bug.sentence] for vector in errors)
+
+
+def test_nothing_but_errors_names_the_smallest_vector():
+    vectors = [vector_of(f"core/parameter_checksum/checksum_{name}") for name in ("many", "one")]
+    for sentences in diagnose([], [], vectors).values():
+        assert sentences == [
+            "every vector ends with an error, the smallest too, which is core/parameter_checksum/checksum_one"
+        ]
+
+
+def test_a_checksum_agrees_with_no_bug_by_chance():
+    bug = mutant("checksum-by-splat")
+    failures, passed = failures_of(bug, "parameter_checksum")
+    told = diagnose(failures, passed)
+    assert told["core/parameter_checksum/checksum_many"] == [bug.sentence]
+
+
+def test_two_conditions_together_tell_which_vectors_fail():
+    vectors = list(FOLDER.read([name for name in FOLDER.names if name.startswith("core/decode_plane/")]))
+    lanes = [v for v in vectors if v.inputs["lane_count"] > 1 and v.inputs["count"] > 1]
+    others = [vector for vector in vectors if vector not in lanes]
+    assert common_condition(lanes, others) == "only vectors with count above 1 and with lane_count above 1 fail"
+    assert common_condition(lanes, [*others, lanes[0]]) == ""
+
+
+def test_every_error_of_one_kind():
+    vectors = FOLDER.read([name for name in FOLDER.names if name.startswith("faulty/reconstruct_stream/")][:40])
+    wrong, right = [], []
+    for vector in vectors:
+        kind = vector.expected["error"].value.split()[0]
+        given = {name: getattr(e, "value", None) for name, e in vector.expected.items()} | {"error": "invalid"}
+        (right if kind == "invalid" else wrong).append((vector, given))
+    told = diagnose(wrong, [vector for vector, _ in right])
+    assert {tuple(sentences) for sentences in told.values()} == {
+        ("every error told as of the kind invalid, whatever it is",)
+    }

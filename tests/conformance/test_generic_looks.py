@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from conformance.diagnosis import diagnose
+from conformance.diagnosis.curves import curve_candidates
+from conformance.diagnosis.cutoffs import cutoff_candidates
 from conformance.diagnosis.failures import Failure, parts
 from conformance.diagnosis.ratios import factor_name
 from conformance.diagnosis.regions import region_candidates, size_hint
@@ -156,3 +158,43 @@ def test_leaf_stages_are_the_simplest():
     assert sorted(order, key=complexity) == order
     assert complexity("decode_plane") < complexity("read_stream")
     assert complexity("no_stage") == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: s.astype(np.float16), "binary16"),
+        (lambda s: np.rint(np.clip(s, 0, 1) * 255) / 255, "steps of 1/255"),
+        (lambda s: np.maximum(s, 0) ** (1 / 2.2), "a gamma of 1/2.2"),
+        (np.square, "squares of the right numbers"),
+    ],
+)
+def test_numbers_that_are_a_function_of_the_right_ones(change, words):
+    failure = failure_of(CORNERS, change)
+    (part,) = parts(failure)
+    (candidate,) = curve_candidates(part)
+    assert words in candidate.sentence
+
+
+def test_right_numbers_of_few_bits_are_no_format():
+    """Weights of 1/2 and 1 are such as binary16 has: it is no account of them."""
+    (part,) = parts(failure_of(CORNERS, lambda s: np.rint(s * 4) / 4))
+    assert not any("fit" in candidate.sentence for candidate in curve_candidates(part))
+
+
+def failure_of(name, change):
+    vector = vector_of(name)
+    mine = np.asarray(change(vector.expected["sum"].value.astype(np.float64)), np.float32)
+    return Failure(vector, {"sum": mine})
+
+
+@pytest.mark.parametrize("stage", ["render_sum", "render_gradients"])
+def test_a_support_that_ends_elsewhere(stage):
+    """Patched spec.md is another arithmetic than the look's."""
+    old = "sigma <= LN_255, np.exp" if stage == "render_sum" else "covered = sigma <= LN_255"
+    function = namespace([(old, old.replace("LN_255", "4.0"))])[stage]
+    told = []
+    for vector in FOLDER.read([name for name in FOLDER.names if name.startswith(f"core/{stage}/")][:12]):
+        failure = Failure(vector, function(**vector.inputs))
+        told += [c.sentence for part in parts(failure) if part.wrong.any() for c in cutoff_candidates(failure, part)]
+    assert set(told) == {"a support that ends at sigma 4"}

@@ -5,18 +5,19 @@ Exit code 1: of those that are caught fewer than 90 % are named or located right
 
 import sys
 from argparse import ArgumentParser
+from typing import get_args
 
-from planted import all_bugs, said, table
+from planted import Part, all_bugs, said, table
 
 parser = ArgumentParser(prog="python -m planted", description=__doc__)
 parser.add_argument("--area", default="", help="only bugs of this area")
 parser.add_argument("--name", default="", help="only bugs whose name has this text")
 parser.add_argument("--all", action="store_true", help="tell of those named rightly, too")
-parser.add_argument("--tuned", action="store_true", help="without the third that is held back")
+parser.add_argument("--part", choices=get_args(Part), action="append", help="only this part of the lists")
 arguments = parser.parse_args()
 found = []
 for bug in all_bugs():
-    if arguments.area in bug.area and arguments.name in bug.name and not (arguments.tuned and bug.held_back):
+    if arguments.area in bug.area and arguments.name in bug.name and bug.part in (arguments.part or get_args(Part)):
         found.append(said(bug))
         if arguments.all or found[-1].verdict != "right":
             print(f"{found[-1].verdict.upper()}: {bug.area}, {bug.name} (to be told: {bug.right})")

@@ -51,7 +51,7 @@ BUGS = (
     patched(RECONSTRUCTION, "offset before scale", "reconstruct_intra", "offset|l11, l21, l22", ("return cholesky.astype(np.float32) * scale + offset", "return (cholesky.astype(np.float32) + offset) * scale")),
     patched(RECONSTRUCTION, "codes of 8 bits", "reconstruct_intra", "8 bits|l11|256", ("return cholesky.astype(np.float32) * scale", "return (cholesky & 255).astype(np.float32) * scale")),
     patched(RECONSTRUCTION, "first stage only", "reconstruct_intra", "stage|red, green, blue", ("colors = chosen if k == 0 else colors + chosen", "colors = chosen if k == 0 else colors")),
-    patched(RECONSTRUCTION, "inter ignores survivors", "reconstruct_inter", "surviv", ("    parameters = reference[survivors == 1]\n    mu, L", "    parameters = reference[: int(np.sum(survivors))]\n    mu, L")),
+    patched(RECONSTRUCTION, "inter ignores survivors", "reconstruct_inter", "surviv", ("    parameters = reference[survivors == 1]  # R-6.4-5\n    mu, L", "    parameters = reference[: int(np.sum(survivors))]\n    mu, L")),
     patched(RECONSTRUCTION, "inter positions absolute", "reconstruct_inter", "\\bx, y\\b|position|intra", ("            mu = mu + half_values(positions) * half_size(width, height)", "            mu = half_values(positions) * half_size(width, height)")),
     patched(RECONSTRUCTION, "inter colours replaced", "reconstruct_inter", "colour|red, green, blue", ("            c = c + codeword_sum(color_indices, codebook_sizes, codewords)", "            c = codeword_sum(color_indices, codebook_sizes, codewords)")),
     patched(RECONSTRUCTION, "checksum of rows", "parameter_checksum", "splat by splat|row", ('stored[:, 0:2].tobytes() + stored[:, 2:5].tobytes() + stored[:, 5:8].tobytes()', 'stored.tobytes()')),

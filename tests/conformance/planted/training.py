@@ -62,7 +62,7 @@ BUGS = (
     patched(AREA, "window of one side", "select_key_frames", "window", ("first = max(1, t - window)", "first = t")),
     patched(AREA, "two deviations", "select_key_frames", "threshold|deviation", ("k = Fraction(threshold)", "k = Fraction(threshold) - 1")),
     patched(AREA, "deviation not squared", "select_key_frames", "deviation|threshold", ("above * above > threshold * threshold * variance", "above * above > threshold * variance")),
-    patched(AREA, "keys without the first", "select_key_frames", "first", ("    keys = [0]\n", "    keys = []\n")),
+    patched(AREA, "keys without the first", "select_key_frames", "first", ("    keys = {0}\n", "    keys = set()\n")),
     patched(AREA, "patience one less", "converged", "early|one", ("if calm >= patience:", "if calm >= patience - 1:")),
     patched(AREA, "counted from 0", "converged", "one|from 0|smaller by 1", ("np.array(j + 1, np.int64)", "np.array(j, np.int64)")),
     patched(AREA, "not reset", "converged", "in a row|reset", ("        else:\n            calm = 0\n", "        else:\n            calm = max(0, calm)\n")),

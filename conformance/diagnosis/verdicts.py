@@ -1,0 +1,84 @@
+"""Known bugs by the vectors that they fail: for what ends with an error, or has outputs that tell too little.
+
+A vector that ends with an error has no outputs to compare, and a single small number agrees with many bugs. What tells
+more is which vectors of the stage are right and which are wrong: a bug is named if it fails the same ones, and in the
+same way, with an error where there was one, and otherwise with the outputs that were given.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Final, TypeVar
+
+from conformance.diagnosis.catalogue import CAPACITY, MOST_ALIKE, alike, crashes, gives
+from conformance.diagnosis.failures import Failure
+from conformance.mutants import Mutant, all_mutants
+from conformance.vectors import Vector
+
+T = TypeVar("T")
+
+ALIKE: Final = 0.9
+"""Of the vectors that fail here or with the bug, the fraction that must fail both times."""
+
+FEWEST: Final = 2
+"""So many vectors must be wrong."""
+
+TRIED: Final = 6
+"""Of those with outputs, and of those with errors, so many are looked at."""
+
+
+def bugs_by_verdicts(failures: Sequence[Failure], errors: Sequence[Vector], passed: Sequence[Vector]) -> list[str]:
+    """The sentences of the bugs that are wrong where this is wrong, and as it is.
+
+    Parameters
+    ----------
+    failures
+        Wrong outputs of a stage, all of them.
+    errors
+        Vectors that ended with an error.
+    passed
+        Vectors that were answered rightly.
+
+    Returns
+    -------
+    list[str]
+        One sentence, or one that names several bugs that the vectors don't tell apart, or none.
+    """
+    failures = [failure for failure in failures if _tried(failure.vector)]
+    errors = [vector for vector in errors if _tried(vector)]
+    wrong = {vector.id for vector in (*(failure.vector for failure in failures), *errors)}
+    if len(wrong) < FEWEST:
+        return []
+    foreseen: defaultdict[str, set[str]] = defaultdict(set)
+    for vector in (*(failure.vector for failure in failures), *errors, *filter(_tried, passed)):
+        for name in vector.manifest["kills"]:
+            foreseen[name].add(vector.id)
+    overlap = {
+        mutant: len(wrong & foreseen[mutant.name]) / len(wrong | foreseen[mutant.name])
+        for mutant in all_mutants() if mutant.name in foreseen
+    }  # fmt: skip
+    likely = [mutant for mutant, share in overlap.items() if share >= ALIKE and _ends_alike(mutant, failures, errors)]
+    best = max((overlap[mutant] for mutant in likely), default=0.0)
+    found = [mutant for mutant in likely if overlap[mutant] == best]
+    sentences = list(dict.fromkeys(mutant.sentence for mutant in found))
+    if len(sentences) > MOST_ALIKE:
+        return []
+    return alike(sentences, failures[0] if failures else None)
+
+
+def _tried(vector: Vector) -> bool:
+    """Whether it is known which bugs a vector finds."""
+    return vector.manifest.get("kills") is not None and CAPACITY not in vector.manifest.get("flags", ())
+
+
+def _ends_alike(mutant: Mutant, failures: Sequence[Failure], errors: Sequence[Vector]) -> bool:
+    """Whether a bug gives the outputs that were given, and ends with an error where this did."""
+    same = [gives(mutant, failure) for failure in _some(failures)]
+    same += [crashes(mutant, vector) for vector in _some(errors)]
+    return sum(same) >= ALIKE * len(same)
+
+
+def _some(items: Sequence[T]) -> Sequence[T]:
+    """A few, spread evenly."""
+    if len(items) <= TRIED:
+        return items
+    return [items[place * (len(items) - 1) // (TRIED - 1)] for place in range(TRIED)]
