@@ -3,6 +3,7 @@
 PYTHON ?= python3
 EXTRAS ?= test
 BIN    := .venv/bin
+WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters clean
@@ -20,13 +21,13 @@ demo: .venv/.ready-progress            ## encode, decode and compare the built-i
 	$(BIN)/gsvc demo
 
 test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(WORKERS)
 
 lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
 		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]'
-	.venv-lowest/bin/python -m pytest
+	.venv-lowest/bin/python -m pytest $(WORKERS)
 
 vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (a minute, and two for setting up)
 	$(BIN)/python -m conformance generate

@@ -84,7 +84,8 @@ def _definitions(namespace: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in namespace.items():
         if isinstance(value, type):
-            found |= {f"{name}.{method}": member for method, member in vars(value).items()}
+            members = {method: member for method, member in vars(value).items() if method != "__slotnames__"}
+            found |= {f"{name}.{method}": member for method, member in members.items()}  # copying notes __slotnames__
         elif not name.startswith("__"):
             found[name] = value
     return {name: value for name, value in found.items() if not isinstance(value, types.ModuleType)}

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
-from conformance.names import element
+from conformance.names import dimensions, element
 from conformance.spec import complexity
 from conformance.stage import Group, stages
 from gsvc_ref.cli.text import plural, printable
@@ -285,8 +285,16 @@ def _summary(name: str, results: Sequence[Result]) -> Summary:
     if not measured:
         return Summary(name, counts, None, "")
     ratio, result, output = max(measured, key=lambda entry: entry[0])
-    index = f" {element(stages()[result.stage], output.name, output.place)}" if output.place else ""
+    index = f" {_element(result.stage, output)}" if output.place else ""
     return Summary(name, counts, ratio, f"{result.id} {output.name}{index}")
+
+
+def _element(stage: str, output: OutputResult) -> str:
+    """The name of the worst element, or its indices where a report has a stage or a form that this kit does not know."""
+    known, place = stages().get(stage), output.place or ()
+    if known is None or len(place) != len(dimensions(known, output.name)):
+        return str(list(place))
+    return element(known, output.name, place)
 
 
 def _class(name: str, results: Sequence[Result]) -> Summary:

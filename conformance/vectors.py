@@ -214,7 +214,7 @@ def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
     data = files[entry["file"]]
     if entry["file"].endswith(".gsvc"):
         return data
-    array = native(np.load(io.BytesIO(data), allow_pickle=False))
+    array = native(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
     return unpack(array, entry) if "runs" in entry else array
 
 

@@ -25,7 +25,7 @@ The variances are differences of moments, whose errors (11-6) divides by var x +
 is the mean of (E[x^2] + E[y^2]) / (var x + var y + C2); that of MS-SSIM is the sum of w condition / factor over the
 scales, times MS-SSIM. A derived bound would have gamma of 121 terms times it, where roundings mostly cancel. Four
 binary32 variants, with moments of x and y or of their sum and difference, on 0..peak or 0..1, windows in one pass or
-two, stay within an eighth of this limit in all vectors (`tests/conformance/test_metrics_oracles.py`).
+two, stay within a sixth of this limit in all vectors (`tests/conformance/test_metrics_oracles.py`).
 """
 
 

@@ -27,7 +27,7 @@ def test_the_command_prints_the_table(capsys):
 
 
 def test_the_command_says_what_is_missed(capsys):
-    assert main(["capacities", "--case", "core/to_half/*"]) == 1
+    assert main(["capacities", "--case", "core/to_half/largest_half"]) == 1
     assert "| not 32, 64," in capsys.readouterr().out
 
 

@@ -56,12 +56,12 @@ def ms_ssim_in_binary32(a, b, bit_depth, *, by_sums, normalised, in_one_pass):
     ("by_sums", "normalised", "in_one_pass"),
     [(False, False, False), (False, True, True), (True, False, True), (True, True, False)],
 )
-def test_ms_ssim_in_binary32_uses_an_eighth_of_its_limit(by_sums, normalised, in_one_pass):
+def test_ms_ssim_in_binary32_uses_a_sixth_of_its_limit(by_sums, normalised, in_one_pass):
     ratios = {}
     for case, inputs, expected in runs("metrics"):
         actual = ms_ssim_in_binary32(**inputs, by_sums=by_sums, normalised=normalised, in_one_pass=in_one_pass)
         ratios[case.id] = abs(actual - expected["ms_ssim"].value) / expected["ms_ssim"].bound
-    assert max(ratios.values()) < 1 / 8, ratios
+    assert max(ratios.values()) < 1 / 6, ratios
 
 
 def psnr_in_binary32(a, b, bit_depth, *, normalised):

@@ -123,7 +123,7 @@ def zipped(path):
         (changed(inputs=lambda entries: {name: {"value": "text"} for name in entries}), "is no array of numbers"),
         (changed(outputs=lambda entries: {name: {} for name in entries}), "cannot be read"),
         (pickled, "cannot be read"),
-        (zipped, "is no array of numbers"),
+        (zipped, "cannot be read"),
     ],
 )
 def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkeypatch, capsys, change, words):

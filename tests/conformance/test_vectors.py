@@ -66,7 +66,7 @@ class Careless:
     def __init__(self, expected):
         self.expected = expected
 
-    def run(self, stage, inputs):
+    def run(self, stage, inputs, turn=0):
         return {name: zeros(expectation) for name, expectation in next(self.expected).items()}
 
 
@@ -81,7 +81,7 @@ class Refusing:
 
     name, in_full = "refusing", False
 
-    def run(self, stage, inputs):
+    def run(self, stage, inputs, turn=0):
         if stage.name == "reconstruct_stream":
             return {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32), "error": "malformed"}
         return Unsupported("nothing is")

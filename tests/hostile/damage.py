@@ -109,7 +109,7 @@ def of_flip(data: bytes, bit: int) -> str:
         return f"malformed R-6.2-4 {8 * chunk.length_at}"
     if not legal:
         return f"malformed R-3.1-1 {8 * chunk.length_at}"
-    level = data[PREFIX_SIZE + 3]  # behind type, length (one byte) and `profile` of the sequence header
+    level = data[uv(data, PREFIX_SIZE + 1)[1] + 1]  # behind type, length and `profile` of the sequence header
     short = chunk_type == ord("H") or chunk.first == PREFIX_SIZE
     if length > (LONGEST_HEADER if short else LEVELS[level].payload):
         return f"limit R-5-3 {8 * chunk.length_at}"
