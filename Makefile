@@ -29,7 +29,7 @@ lowest:            ## run the tests with the lowest version of each package that
 		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]'
 	.venv-lowest/bin/python -m pytest $(WORKERS)
 
-vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (a minute, and two for setting up)
+vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (two minutes, and two for setting up)
 	$(BIN)/python -m conformance generate
 	$(BIN)/python -m conformance list --markdown conformance/protocol.md
 	$(BIN)/python -m conformance verify
