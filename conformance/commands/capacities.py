@@ -6,6 +6,7 @@ from conformance.capacities import CAPACITIES, Row, rows
 from conformance.commands import add_selection, add_vectors, selection
 from conformance.selection import VectorFolder
 from conformance.stage import stages
+from gsvc_ref.cli.text import show
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -18,14 +19,14 @@ def run(arguments: Namespace) -> int:
     """Print the table in Markdown; 0 if every capacity that is demanded is caught, else 1."""
     folder = VectorFolder(arguments.vectors)
     names = folder.select(selection(arguments))
-    print("| stage | dimension | largest | demanded | caught |\n|---|---|---|---|---|")
+    show("| stage | dimension | largest | demanded | caught |", "|---|---|---|---|---|")
     missed = 0
     for name, stage in stages().items():
         of_stage = [vector for vector in names if vector.split("/")[1] == name]
         for row in rows(stage, folder.read(of_stage)) if of_stage else ():
-            print(line(row), flush=True)
+            show(line(row))
             missed += len(row.missed)
-    print(f"\nnot caught: {missed:,}" if missed else "\nevery capacity is caught")
+    show("", f"not caught: {missed:,}" if missed else "every capacity is caught")
     return 1 if missed else 0
 
 

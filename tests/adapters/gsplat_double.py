@@ -36,6 +36,7 @@ FAULTS = {
 """What is wrong, and the equation of spec.md that it breaks."""
 TILE = 16
 CAP = 256
+PAIRS = 2**22  # of a splat and a pixel at once
 STAGES = ("render_sum", "render_frame", "render_gradients")
 ADAPTER = "conformance.adapters.gsplat_cuda"
 EXPECTED = Path(__file__).parents[2] / "conformance" / "adapters" / "gsplat_cuda" / "expected_failures.json"
@@ -131,15 +132,27 @@ def tile_box(centers, radii, height, width):
 
 
 class Rasterize(torch.autograd.Function):
-    """The sum over the pixels, all splats and pixels at once."""
+    """The sum over the pixels: all splats, and as many pixels at once as PAIRS allows."""
 
     @staticmethod
     def forward(context, centers, conics, radii, colors, height, width, double):
-        mended = double.mended
         rows, columns = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
         pixels = torch.stack([columns.flatten(), rows.flatten()], 1)
+        context.save_for_backward(centers, conics, radii, colors)
+        context.blocks = pixels.split(max(1, PAIRS // max(1, len(centers))))
+        context.frame, context.double = (height, width), double
+        sums = []
+        for block in context.blocks:
+            *_, used, _ = Rasterize.weights(block, centers, conics, radii, context.frame, double)
+            sums.append((used.T @ colors.to(used.dtype)).float())
+        return torch.cat(sums).reshape(height, width, 3)
+
+    @staticmethod
+    def weights(pixels, centers, conics, radii, frame, double):
+        """Of each splat at each pixel: the difference of places, the weight, that which is used, whether it is drawn."""
+        mended = double.mended
         delta = centers[:, None] - pixels
-        reached = in_tiles(centers, radii, pixels, height, width, math.inf if "cap" in mended else CAP)
+        reached = in_tiles(centers, radii, pixels, *frame, math.inf if "cap" in mended else CAP)
         if "conic" in mended:
             u = solved(conics, -delta.double())
             sigma = 0.5 * (u * u).sum(2)
@@ -152,17 +165,24 @@ class Rasterize(torch.autograd.Function):
             alpha = torch.fmin(torch.ones(()), weight)
             drawn = reached & ~(sigma < 0) & (alpha >= torch.tensor(1 / 255))
         used = torch.where(drawn, torch.fmin(torch.ones((), dtype=weight.dtype), weight), 0)
-        context.save_for_backward(conics, colors, delta, weight, used, drawn)
-        context.mended = mended
-        return (used.T @ colors.to(used.dtype)).float().reshape(height, width, 3)
+        return delta, weight, used, drawn
 
     @staticmethod
     def backward(context, of_picture):
-        conics, colors, delta, weight, used, drawn = context.saved_tensors
-        residual = of_picture.reshape(-1, 3).to(used.dtype)
-        of_colors = (used @ residual).float()
+        residuals = of_picture.reshape(-1, 3).split([len(block) for block in context.blocks])
+        blocks = [Rasterize.gradients(context, *pair) for pair in zip(context.blocks, residuals, strict=True)]
+        of_centers, of_conics, of_colors = (sum(parts[1:], parts[0]) for parts in zip(*blocks, strict=True))
+        return of_centers, of_conics, None, of_colors.float(), None, None, None
+
+    @staticmethod
+    def gradients(context, pixels, residual):
+        """What some pixels add to the gradients of centres, conics and colours."""
+        centers, conics, radii, colors = context.saved_tensors
+        delta, weight, used, drawn = Rasterize.weights(pixels, centers, conics, radii, context.frame, context.double)
+        residual = residual.to(used.dtype)
+        of_colors = used @ residual
         of_sigma = torch.where(drawn, -weight * (colors.to(used.dtype) @ residual.T), 0)
-        if "conic" in context.mended:
+        if "conic" in context.double.mended:
             u = solved(conics, -delta.double())
             l11, l21, l22 = conics[:, None].unbind(2)
             v2 = u[..., 1] / l22
@@ -177,7 +197,7 @@ class Rasterize(torch.autograd.Function):
         of_centers, of_conics = (
             torch.where(drawn[..., None], of_sigma[..., None] * by, 0).sum(1) for by in (by_centers, by_conics)
         )
-        return of_centers.to(delta.dtype), of_conics, None, of_colors, None, None, None
+        return of_centers.to(delta.dtype), of_conics, of_colors
 
 
 def difference(a, c, product, fused):
@@ -236,6 +256,13 @@ def vectors():
     """All vectors of the stages that the adapter has."""
     folder = VectorFolder(VECTORS)
     return list(folder.read([name for name in folder.names if name.split("/")[1] in STAGES]))
+
+
+def pairs(vector):
+    """How many pairs of a splat and a pixel a vector has."""
+    inputs = vector.inputs
+    pixels = inputs["residual"][..., 0].size if "residual" in inputs else inputs["width"] * inputs["height"]
+    return len(inputs["parameters"]) * pixels
 
 
 def failures(monkeypatch, chosen, mended=()):

@@ -26,12 +26,14 @@ def _one_thread():
 
 @pytest.fixture(scope="module")
 def vectors():
-    return double.vectors()
+    """All but the one that takes minutes: the adapter's waivers have it, too."""
+    return [vector for vector in double.vectors() if double.pairs(vector) <= double.PAIRS]
 
 
 @pytest.fixture(scope="module")
-def waivers():
-    return json.loads(double.EXPECTED.read_text(encoding="utf-8"))
+def waivers(vectors):
+    ids = {vector.id for vector in vectors}
+    return {name: why for name, why in json.loads(double.EXPECTED.read_text(encoding="utf-8")).items() if name in ids}
 
 
 def sum_of(implementation, splats, width, height):

@@ -154,7 +154,7 @@ def test_it_can_be_ended(served_page):
 
 
 def test_vectors_that_are_not_those_of_the_sums_are_refused(open_page, tmp_path):
-    folder = some_vectors(tmp_path, "core/from_half")
+    folder = some_vectors(tmp_path, "core/from_half", "stress/from_half")
     path = next(folder.glob("core/from_half/*/values.expected.npy"))
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
