@@ -183,8 +183,8 @@ def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
     if isinstance(value, bytes):
         return _file(f"{name}.gsvc", value, files)
     array = _little(np.asarray(value))
-    packed = pack(array)
-    stored = _file(f"{name}.npy", npy(packed.elements if packed else array), files)
+    packed = pack(native(array))
+    stored = _file(f"{name}.npy", npy(_little(packed.elements if packed else array)), files)
     form = {"dtype": array.dtype.str, "shape": list(array.shape)}
     return {**stored, **form, **(packed.entry if packed else {})}
 

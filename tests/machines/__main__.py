@@ -81,7 +81,7 @@ def machines() -> list[Machine]:
             "native", f"x86-64 as it is ({levels[-1] if levels else 'v2'}), nohup", ((everything, ()),), nohup=True
         ),
         Machine("interpreted", "x86-64, kernels as plain Python", ((interpreted, PLAIN),)),
-        Machine("aarch64", "aarch64, emulated", ((interpreted, PLAIN), (("encode",), ())), AARCH64),
+        Machine("aarch64", "aarch64, emulated", ((slow, PLAIN), (("encode",), ())), AARCH64),
         Machine("s390x", "s390x (big-endian), emulated", ((slow, PLAIN),), S390X),
     ]
 
