@@ -290,7 +290,7 @@ def _summary(name: str, results: Sequence[Result]) -> Summary:
 
 
 def _element(stage: str, output: OutputResult) -> str:
-    """The name of the worst element, or its indices where a report has a stage or a form that this kit does not know."""
+    """The name of the worst element, or its indices where a report has a stage or form that this kit does not know."""
     known, place = stages().get(stage), output.place or ()
     if known is None or len(place) != len(dimensions(known, output.name)):
         return str(list(place))
