@@ -16,13 +16,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering import SUPPORT_SIGMA
+from gsvc_ref.rendering import LN_255
 from gsvc_ref.splats import F4
 
 ROWS_AT_ONCE: Final = 8
 """Rows of a chunk of the dense renderer: with all rows at once autograd would keep gigabytes."""
 
-RADIUS: Final = float(np.sqrt(2 * SUPPORT_SIGMA))
+RADIUS: Final = float(np.sqrt(2 * LN_255))
 """Where a splat ends, in standard deviations."""
 
 
@@ -39,7 +39,7 @@ def numpy_frame(parameters: F4, width: int, height: int) -> NDArray[np.uint8]:
         dy = np.arange(top, bottom, dtype=np.float32)[:, None] + np.float32(0.5) - y
         u2 = (dy - l21 * u1) / l22
         sigma = (u1 * u1 + u2 * u2) / 2
-        g = np.where(sigma <= SUPPORT_SIGMA, np.exp(-sigma), np.float32(0))
+        g = np.where(sigma <= LN_255, np.exp(-sigma), np.float32(0))
         picture[top:bottom, left:right] += g[..., None] * np.array(color, np.float32)
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
@@ -73,7 +73,7 @@ class DensePyTorch:
             u1 = ((across - p[:, 0:1]) / p[:, 2:3])[:, None, :]  # (N, 1, W)
             u2 = ((down - p[:, 1:2])[:, :, None] - p[:, 3, None, None] * u1) / p[:, 4, None, None]  # (N, rows, W)
             sigma = (u1 * u1 + u2 * u2) / 2
-            g = torch.where(sigma <= SUPPORT_SIGMA, torch.exp(-sigma), 0.0)
+            g = torch.where(sigma <= LN_255, torch.exp(-sigma), 0.0)
             C = torch.einsum("nhw,nc->hwc", g, p[:, 5:])
             loss = torch.sum((straight_clamp(C) - rows) ** 2) / (height * width)
             loss.backward()
@@ -98,7 +98,7 @@ class PairListPyTorch:
         u1 = (column + 0.5 - q[:, 0]) / q[:, 2]
         u2 = (row + 0.5 - q[:, 1] - q[:, 3] * u1) / q[:, 4]
         sigma = (u1 * u1 + u2 * u2) / 2
-        g = torch.where(sigma <= SUPPORT_SIGMA, torch.exp(-sigma), 0.0)
+        g = torch.where(sigma <= LN_255, torch.exp(-sigma), 0.0)
         C = torch.zeros(height * width, 3).index_add(0, row * width + column, g[:, None] * q[:, 5:])
         loss = torch.sum((straight_clamp(C) - self.target.reshape(-1, 3)) ** 2) / (height * width)
         loss.backward()

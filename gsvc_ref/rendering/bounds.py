@@ -44,17 +44,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, added, check_residual, footprint
+from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_ref.rendering.definition import Footprint, added, check_residual, footprint
 from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 
 EPS: Final = 2.0**-23
-"""Unit roundoff of the error model fp32/1."""
+"""Unit roundoff of the error model fp32/1 (13-1)."""
 
-ETA: Final = 2.0**-126
-"""What an underflow may lose: the smallest positive normal binary32."""
+ETA: Final = SMALLEST_NORMAL
+"""What an underflow may lose (13-2)."""
 
 
 def gamma(k: ArrayLike) -> F8:
@@ -83,7 +84,7 @@ def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
 
 def coverage_margin(splat: F8) -> int:
     """How many pixels beyond the bounding box a binary32 decision may still come out as covered."""
-    reach = np.sqrt(2 * SUPPORT_SIGMA) * (splat[2] + abs(splat[3]) + splat[4])
+    reach = SUPPORT_RADIUS * (splat[2] + abs(splat[3]) + splat[4])
     return 1 + int(np.ceil(min(64 * EPS * reach, 2.0**17)))
 
 
@@ -115,7 +116,7 @@ class WeightErrors:
         self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, sigma + self.d_sigma]))
         of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
-        self.band = abs(sigma - SUPPORT_SIGMA) <= self.d_sigma + EPS * SUPPORT_SIGMA
+        self.band = abs(sigma - LN_255) <= self.d_sigma + EPS * LN_255
 
 
 def error_footprints(

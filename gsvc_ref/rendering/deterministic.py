@@ -10,14 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR
-from gsvc_ref.rendering.exponential import C0, C1, C2, C3, C4, C5
-from gsvc_ref.rendering.strips import STRIP_WIDTH, SUPPORT_SQUARED
+from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_ref.rendering.exponential import K1, K2, K3, K4, K5
+from gsvc_ref.rendering.strips import STRIP_WIDTH
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F4 = NDArray[np.float32]
 
-ONE: Final = np.float32(1)
 TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
 """How eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
 
@@ -27,9 +26,9 @@ def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
     x, y, l11, l21, l22 = splat[:5]
     r1, r2 = ONE / l11, ONE / l22
     l, f = (l21, r2) if l22 <= 1 else (l21 / l22, ONE)
-    u1 = (np.arange(width, dtype=np.float32) + np.float32(0.5) - x) * r1  # (W,) f4
+    u1 = (np.arange(width, dtype=np.float32) + HALF - x) * r1  # (W,) f4
     shear = (l * u1) * f  # (W,) f4
-    row = (np.arange(height, dtype=np.float32) + np.float32(0.5) - y) * r2  # (H,) f4
+    row = (np.arange(height, dtype=np.float32) + HALF - y) * r2  # (H,) f4
     u2 = row[:, None] - shear
     u1 = np.broadcast_to(u1, u2.shape)
     return u1, u2, u1 * u1 + u2 * u2
@@ -40,7 +39,7 @@ def weight(s: F4) -> F4:
     covered = s <= SUPPORT_SQUARED
     s = np.where(covered, s, np.float32(0))
     t = s * s
-    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
+    p = ((K5 * t + (K4 * s + K3)) * t + (K2 * s + K1)) * s + ONE
     p = p * p
     p = p * p
     return np.where(covered, p * p, np.float32(0))
@@ -49,7 +48,7 @@ def weight(s: F4) -> F4:
 def _drawn(splats: Splats) -> Iterator[tuple[int, F4]]:
     """The index and parameters (8,) f4 of every splat that is finite and not degenerate, in index order."""
     for n, splat in enumerate(splats.to_array()):
-        if splat[2] >= SMALLEST_FACTOR and splat[4] >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all():
+        if splat[2] >= SMALLEST_NORMAL and splat[4] >= SMALLEST_NORMAL and np.isfinite(splat[:5]).all():
             yield n, splat
 
 

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel, without_contraction
+from gsvc_ref.constants import ONE
 
-C0: Final = np.float32(1)
-C1: Final = np.float32(float.fromhex("-0x1.ffffc8p-5"))
-C2: Final = np.float32(float.fromhex("0x1.fff2fp-10"))
-C3: Final = np.float32(float.fromhex("-0x1.547a8p-15"))
-C4: Final = np.float32(float.fromhex("0x1.498f3ep-21"))
-C5: Final = np.float32(float.fromhex("-0x1.908c68p-28"))
+K1: Final = np.float32(float.fromhex("-0x1.ffffc8p-5"))
+K2: Final = np.float32(float.fromhex("0x1.fff2fp-10"))
+K3: Final = np.float32(float.fromhex("-0x1.547a8p-15"))
+K4: Final = np.float32(float.fromhex("0x1.498f3ep-21"))
+K5: Final = np.float32(float.fromhex("-0x1.908c68p-28"))
 """p(s) ~ exp(-s/16) on 0 <= s <= 2 ln 255: the quintic with p(0) = 1 whose relative error after three squarings, over
 0.3 + s/2, has the smallest maximum; found by linear programming on 4001 Chebyshev points, then rounded to binary32.
-spec.md (9-5) has them as k1 to k5."""
+They are k1 to k5 of (9-5)."""
 
 
 @kernel(contract=True, inline=True)
@@ -35,7 +35,7 @@ def exp_minus_half(s: np.float32) -> np.float32:
     one more multiplication; the last step is Horner's, so that p, near 1, is rounded only once.
     """
     t = s * s
-    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
+    p = ((K5 * t + (K4 * s + K3)) * t + (K2 * s + K1)) * s + ONE
     p = p * p
     p = p * p
     return p * p

@@ -3,7 +3,7 @@
 Nothing here decides coverage. Columns and rows are found in binary64 with a margin that outweighs the roundings of a
 binary32 decision, so that every pixel that any binary32 arithmetic of `bounds` calls covered is among them: with
 |u1| and |u2| off by at most gamma_5 |u1| and gamma_6 a + gamma_11 b (see there), such a pixel lies in the ellipse of
-radius REACH, moved up or down by 17 eps RADIUS (|l21| + l22) at most.
+radius REACH, moved up or down by 17 eps SUPPORT_RADIUS (|l21| + l22) at most.
 """
 
 import math
@@ -12,14 +12,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR
-from gsvc_ref.rendering.strips import F4, F8, I4, I8, RADIUS, RECORD, STRIP_WIDTH
+from gsvc_ref.constants import REACH, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_ref.rendering.strips import F4, F8, I4, I8, RECORD, STRIP_WIDTH
 
-REACH: Final = RADIUS * (1 + 2.0**-18)
-"""The support in standard deviations, with room for roundings."""
-
-ROW_MARGIN: Final = RADIUS * 2.0**-18
-"""Room for roundings of a row, in units of |l21| + l22: above 17 eps RADIUS."""
+ROW_MARGIN: Final = SUPPORT_RADIUS * 2.0**-18
+"""Room for roundings of a row, in units of |l21| + l22: above 17 eps SUPPORT_RADIUS."""
 
 SELECTED: Final = 1 << 12
 """Most entries of a selection, 76 bytes each."""
@@ -82,7 +79,7 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         strips = lists.strips[n]
         strips[0] = 0
         strips[1] = 0
-        if l11 < SMALLEST_FACTOR or l22 < SMALLEST_FACTOR or not finite:
+        if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not finite:
             continue
         half_width = REACH * l11
         half_height = REACH * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)

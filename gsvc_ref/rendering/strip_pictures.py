@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.constants import ONE
 from gsvc_ref.rendering.strips import CHANNELS, F4, F8, ROW, STRIP_WIDTH
 
 ZERO: Final = np.float32(0)
-ONE: Final = np.float32(1)
 
 
 @kernel(inline=True)

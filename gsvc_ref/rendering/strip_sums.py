@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_ref._jit import kernel, without_contraction
+from gsvc_ref.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref.rendering.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.lists import Selection, row_range
-from gsvc_ref.rendering.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH, SUPPORT_SQUARED
+from gsvc_ref.rendering.strips import F4, F8, LANES, ROW, ROWS, SLOT, STRIP_WIDTH
 
-HALF: Final = np.float32(0.5)
 ZERO: Final = np.float32(0)
 
 MOMENTS: Final = 6

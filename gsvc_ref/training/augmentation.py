@@ -16,7 +16,7 @@ from gsvc_ref.splats import F4, Splats
 
 F8 = NDArray[np.float64]
 
-NEW_WEIGHT: Final = 0.01
+NEW_WEIGHT: Final = float(np.float32(0.01))
 """Initial w of randomly placed splats, of I-frames and of GSA; the authors' value. The paper has "close to zero"."""
 
 KEPT_WEIGHT: Final = 1.0

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.chroma import down_taps, resample, sites, up_taps
+from gsvc_ref.video.chroma import down_taps, phases, resample, up_taps
 from gsvc_ref.video.format import MATRIX_NAMES, Frame, VideoFormat, assumed_matrix, check_frame
 
 F8 = NDArray[np.float64]
@@ -115,7 +115,7 @@ def _apply(row: F8, a: F8, b: F8, c: F8) -> F8:
 def planes_to_frame_plain(planes: Planes, video: VideoFormat) -> Frame:
     """Definition of `planes_to_frame` in NumPy."""
     convert = conversion(video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
     luma = planes[0] - convert.offset[0]
     cb, cr = (resample(planes[i], rows, columns) / 16 - convert.offset[i] for i in (1, 2))  # (H, W) f8 each
@@ -126,7 +126,7 @@ def planes_to_frame_plain(planes: Planes, video: VideoFormat) -> Frame:
 def frame_to_planes_plain(frame: Frame, video: VideoFormat) -> Planes:
     """Definition of `frame_to_planes` in NumPy: chroma comes from the mean R'G'B' of its cell, as the map is linear."""
     convert = conversion(video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     mean = resample(frame, down_taps(video.height, vertical), down_taps(video.width, horizontal)) / 16
     sources = (frame.astype(np.float64), mean, mean)
     values = [_apply(row, *np.moveaxis(rgb, -1, 0)) for row, rgb in zip(convert.to_planes, sources, strict=True)]
@@ -238,7 +238,7 @@ def planes_to_frame(planes: Sequence[Plane], video: VideoFormat) -> Frame:
     for plane, shape in zip((y, cb, cr), video.plane_shapes, strict=True):
         if plane.shape != shape or plane.dtype != video.dtype:
             raise UsageError(f"a plane is {plane.dtype} of shape {plane.shape}; it must be {video.dtype} of {shape}")
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
     frame = np.empty((video.height, video.width, 3), video.dtype)
     _planes_to_frame(
@@ -276,7 +276,7 @@ def frame_to_planes(frame: Frame, video: VideoFormat) -> Planes:
     """
     convert = conversion(video)
     check_frame(frame, video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = down_taps(video.height, vertical), down_taps(video.width, horizontal)
     y, cb, cr = (np.empty(shape, video.dtype) for shape in video.plane_shapes)
     _frame_to_planes(
