@@ -142,7 +142,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     kind = frame_type(bit_depth)
     value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
     lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
-    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))
+    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))  # (13-18)
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 

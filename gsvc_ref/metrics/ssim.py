@@ -90,7 +90,7 @@ def _ms_ssim_of_plane(x: F8, y: F8, peak: int) -> float:
         c1, c2 = (LUMINANCE_K * peak) ** 2, (STRUCTURE_K * peak) ** 2
         ssim, contrast_structure = mean_similarity(x, y, vertical, horizontal, c1, c2)
         last = scale == scales - 1
-        similarity *= max(ssim if last else contrast_structure, 0.0) ** float(weight)
+        similarity *= max(ssim if last else contrast_structure, 0.0) ** float(weight)  # (11-7)
         if not last:
             x, y = halve(x), halve(y)
     return similarity
@@ -125,7 +125,7 @@ def mean_similarity_plain(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float,
     mean_plus, mean_minus = filtered(plus), filtered(minus)
     variance_plus = filtered(plus**2) - mean_plus**2
     variance_minus = filtered(minus**2) - mean_minus**2
-    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)
+    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)  # (11-6)
     contrast_structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
     return float((luminance * contrast_structure).mean()), float(contrast_structure.mean())
 
@@ -161,7 +161,7 @@ def mean_similarity(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: f
             square_minus = filtered[1, column] ** 2
             variance_plus = filtered[2, column] - square_plus
             variance_minus = filtered[3, column] - square_minus
-            luminance = ((square_plus - square_minus) / 2 + c1) / ((square_plus + square_minus) / 2 + c1)
+            luminance = ((square_plus - square_minus) / 2 + c1) / ((square_plus + square_minus) / 2 + c1)  # (11-6)
             structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
             sum_ssim += luminance * structure
             sum_contrast_structure += structure

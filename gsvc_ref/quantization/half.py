@@ -41,7 +41,7 @@ def half_value(bits: int) -> float:
     if exponent == 31:
         return sign * (math.nan if fraction else math.inf)
     significand = fraction if exponent == 0 else fraction + 1024
-    return sign * math.ldexp(significand, max(exponent, 1) - 25)
+    return sign * math.ldexp(significand, max(exponent, 1) - 25)  # (8-5)
 
 
 def half_bits(value: float) -> int:
@@ -59,7 +59,7 @@ def half_bits(value: float) -> int:
     exponent = max(math.frexp(magnitude)[1] - 1, MIN_EXPONENT) if magnitude else MIN_EXPONENT
     steps = round(math.ldexp(magnitude, FRACTION_BITS - exponent))  # 0..2048; round() takes a tie to even
     # A normal number has 1024 <= steps, which is what moves the exponent field from 0 to 1 and, at 2048, to the next.
-    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)
+    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)  # (8-6)
 
 
 def to_half_bits(values: ArrayLike) -> NDArray[np.uint16]:

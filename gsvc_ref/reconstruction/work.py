@@ -18,7 +18,7 @@ def rendering_work_plain(splats: Splats, width: int, height: int) -> int:
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
         columns = max(0, min(width, ceil(x + e_x)) - max(0, floor(x - e_x)))
         rows = max(0, min(height, ceil(y + e_y)) - max(0, floor(y - e_y)))
-        work += columns * rows
+        work += columns * rows  # (5-1)
     return work
 
 
@@ -35,7 +35,7 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
         columns = max(0.0, min(width, np.ceil(x + e_x)) - max(0.0, np.floor(x - e_x)))
         rows = max(0.0, min(height, np.ceil(y + e_y)) - max(0.0, np.floor(y - e_y)))
-        work += columns * rows
+        work += columns * rows  # (5-1)
     return work
 
 

@@ -47,22 +47,24 @@ class Footprint:
     def gradient(self, splat: F8, e: F8) -> F8:
         """The gradient (8,) f8 of sum(e * C) over these pixels, with e = dL/dC (h, w, 3) and coverage held fixed.
 
-        With q = g (e . c') and v = L^-T u, that is v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11:
+        With q = g (e . c') (10-6) and v = L^-T u, that is v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11 (10-3):
 
-            d sigma / d mu  = -v                 dL/dmu  = sum q v
-            d sigma / d l11 = -v1 u1             dL/dl11 = sum q v1 u1
+            d sigma / d mu  = -v                 dL/dmu  = sum q v               (10-7)
+            d sigma / d l11 = -v1 u1             dL/dl11 = sum q v1 u1           (10-8)
             d sigma / d l21 = -v2 u1             dL/dl21 = sum q v2 u1
-            d sigma / d l22 = -v2 u2             dL/dl22 = sum q v2 u2
-                                                 dL/dc'  = sum g e
+            d sigma / d l22 = -v2 u2  (10-5)     dL/dl22 = sum q v2 u2
+                                                 dL/dc'  = sum g e               (10-9)
 
-        since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u).
+        since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u) (10-4).
         """
         l11, l21, l22 = splat[2:5]
-        q = self.g * (e[..., 0] * splat[5] + e[..., 1] * splat[6] + e[..., 2] * splat[7])
+        q = self.g * (e[..., 0] * splat[5] + e[..., 1] * splat[6] + e[..., 2] * splat[7])  # (10-6)
         v2 = self.u2 / l22
-        v1 = (self.u1 - l21 * v2) / l11
-        of_mu, of_l = [q * v1, q * v2], [q * v1 * self.u1, q * v2 * self.u1, q * v2 * self.u2]
-        return np.array([added(terms) for terms in (*of_mu, *of_l, *(self.g * e[..., k] for k in range(3)))])
+        v1 = (self.u1 - l21 * v2) / l11  # (10-3)
+        of_mu = [q * v1, q * v2]  # (10-7)
+        of_l = [q * v1 * self.u1, q * v2 * self.u1, q * v2 * self.u2]  # (10-8)
+        of_color = [self.g * e[..., k] for k in range(3)]  # (10-9)
+        return np.array([added(terms) for terms in (*of_mu, *of_l, *of_color)])
 
 
 def added(values: F8) -> float:
@@ -87,7 +89,7 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
         return None
     u1 = np.broadcast_to(dx / l11, (dy.size, dx.size))
     u2 = (dy - l21 * u1) / l22
-    sigma = (u1 * u1 + u2 * u2) / 2
+    sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)
     covered = sigma <= LN_255  # R-9.1-3
     g = np.where(covered, exp_minus(sigma), 0.0)
     return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, g)
@@ -117,7 +119,7 @@ def exact_sum(splats: Splats, width: int, height: int) -> F8:
     """
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
     for _, splat, pixels in footprints(splats, width, height):
-        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]
+        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]  # (9-2)
     return C
 
 

@@ -91,7 +91,7 @@ class PruningSchedule:
         for time in times:
             count = share if time != self.last else total - share * (len(times) - 1)
             scale = min(1.0, SETTLING * iterations / self.last)
-            iteration = max(1, int(time * scale))
+            iteration = max(1, int(time * scale))  # (10-25)
             if count:
                 removed[iteration] = removed.get(iteration, 0) + count
         return removed

@@ -50,7 +50,7 @@ def up_taps(size: int, phase: int | None) -> Taps:
     upper_weight = quarters - 4 * lower
     last = (size + 1) // 2 - 1
     indices = np.clip(np.stack([lower, lower + 1], axis=1), 0, last)  # (size, 2) i8
-    return Taps(indices, np.stack([4 - upper_weight, upper_weight], axis=1))
+    return Taps(indices, np.stack([4 - upper_weight, upper_weight], axis=1))  # (11-4)
 
 
 def down_taps(size: int, phase: int | None) -> Taps:
@@ -61,7 +61,7 @@ def down_taps(size: int, phase: int | None) -> Taps:
     offsets, weights = (([-1, 0, 1], [1, 2, 1]), ([0, 1, 1], [2, 2, 0]), ([0, 1, 2], [1, 2, 1]))[phase]
     chroma = np.arange((size + 1) // 2)
     indices = np.clip(2 * chroma[:, None] + np.array(offsets), 0, size - 1)  # (chroma, 3) i8
-    return Taps(indices, np.tile(weights, (len(chroma), 1)))
+    return Taps(indices, np.tile(weights, (len(chroma), 1)))  # (11-4)
 
 
 def phases(video: VideoFormat) -> tuple[int | None, int | None]:

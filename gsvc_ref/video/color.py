@@ -59,8 +59,8 @@ def matrix_pair(matrix: int) -> tuple[F8, F8]:
     kr, kb = LUMA_WEIGHTS[matrix]
     kg = 1 - kr - kb
     cb, cr = 2 * (1 - kb), 2 * (1 - kr)
-    forward = np.array([[kr, kg, kb], [-kr / cb, -kg / cb, 0.5], [0.5, -kg / cr, -kb / cr]])
-    inverse = np.array([[1, 0, cr], [1, -cb * kb / kg, -cr * kr / kg], [1, cb, 0]])
+    forward = np.array([[kr, kg, kb], [-kr / cb, -kg / cb, 0.5], [0.5, -kg / cr, -kb / cr]])  # (11-1)
+    inverse = np.array([[1, 0, cr], [1, -cb * kb / kg, -cr * kr / kg], [1, cb, 0]])  # (11-2)
     return forward, inverse
 
 
@@ -97,7 +97,7 @@ def conversion(video: VideoFormat) -> Conversion:
     forward, inverse = matrix_pair(matrix)
     unit = 1 << (video.bit_depth - 8)
     luma_gain, luma_offset = (video.peak, 0) if video.color.full_range else (219 * unit, 16 * unit)
-    chroma_gain, chroma_offset = video.peak if video.color.full_range else 224 * unit, 128 * unit
+    chroma_gain, chroma_offset = video.peak if video.color.full_range else 224 * unit, 128 * unit  # (11-3)
     if matrix in (0, 8):  # H.273 scales R'G'B' before it forms these, so all planes share one gain
         chroma_gain = luma_gain
     if matrix == 0:
