@@ -16,21 +16,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering import LN_255
+from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
 from gsvc_ref.splats import F4
 
 ROWS_AT_ONCE: Final = 8
 """Rows of a chunk of the dense renderer: with all rows at once autograd would keep gigabytes."""
-
-RADIUS: Final = float(np.sqrt(2 * LN_255))
-"""Where a splat ends, in standard deviations."""
 
 
 def numpy_frame(parameters: F4, width: int, height: int) -> NDArray[np.uint8]:
     """Plain NumPy: splat by splat, over the box around it; (H, W, 3) u1."""
     picture = np.zeros((height, width, 3), np.float32)
     for x, y, l11, l21, l22, *color in parameters:
-        reach_x, reach_y = RADIUS * l11, RADIUS * np.hypot(l21, l22)
+        reach_x, reach_y = SUPPORT_RADIUS * l11, SUPPORT_RADIUS * np.hypot(l21, l22)
         left, right = max(int(x - reach_x), 0), min(int(x + reach_x) + 1, width)
         top, bottom = max(int(y - reach_y), 0), min(int(y + reach_y) + 1, height)
         if left >= right or top >= bottom:
@@ -108,7 +105,7 @@ class PairListPyTorch:
         """Splat, row and column of each pair."""
         torch = self.torch
         height, width, _ = self.target.shape
-        reach_x, reach_y = RADIUS * p[:, 2], RADIUS * torch.hypot(p[:, 3], p[:, 4])
+        reach_x, reach_y = SUPPORT_RADIUS * p[:, 2], SUPPORT_RADIUS * torch.hypot(p[:, 3], p[:, 4])
         left, top = (p[:, 0] - reach_x).long().clamp(0, width), (p[:, 1] - reach_y).long().clamp(0, height)
         right = ((p[:, 0] + reach_x).long() + 1).clamp(0, width)
         bottom = ((p[:, 1] + reach_y).long() + 1).clamp(0, height)

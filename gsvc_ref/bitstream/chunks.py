@@ -20,7 +20,10 @@ HEADER_TYPE: Final = ord("H")
 INDEX_TYPE: Final = ord("x")
 END_TYPE: Final = ord("E")
 FRAMES: Final = frozenset(b"IPR")
+"""Chunk types of frames."""
+
 CRITICAL: Final = FRAMES | {HEADER_TYPE, END_TYPE}
+"""Chunk types that a decoder must know."""
 
 
 def magic(s: Coder) -> None:

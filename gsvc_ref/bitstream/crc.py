@@ -23,6 +23,7 @@ def crc32c_plain(data: bytes, crc: int = 0) -> int:
 
 
 def _table() -> NDArray[np.uint32]:
+    """What one byte leaves in the register."""
     register = np.arange(256, dtype=np.uint32)
     for _ in range(8):
         register = (register >> 1 ^ (register & 1) * np.uint32(REFLECTED_POLYNOMIAL)).astype(np.uint32)

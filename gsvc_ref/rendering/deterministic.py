@@ -36,7 +36,7 @@ def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
 
 
 def weight(m: F4) -> F4:
-    """G ~ exp(-m/2) where m <= 2 ln 255, else 0: spec.md (9-5)."""
+    """The weight g ~ exp(-m/2) where m <= 2 ln 255, else 0: spec.md (9-5)."""
     covered = m <= SUPPORT_SQUARED
     m = np.where(covered, m, np.float32(0))
     t = m * m

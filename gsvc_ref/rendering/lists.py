@@ -25,7 +25,6 @@ ROWS_FOR_ENTRY: Final = 4.0
 ROWS_FOR_ROW: Final = 1.5
 """What selecting an entry, and clearing and writing a row of a strip, takes: in rows that a splat is added to."""
 
-
 X, Y, R1, L, F, R2, RED, GREEN, BLUE, L11, L21, L22, FIRST_ROW, ROW_COUNT = range(14)
 """Columns of a record: the splat's centre, r1, l, f and r2 of (9-3), its colour, its factors, and its box's rows."""
 
