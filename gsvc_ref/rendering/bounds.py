@@ -225,11 +225,11 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
     of_11 = moment(A, u1 * u1, (2 * u1 + d1) * d1)
     of_12 = moment(A, u1 * u2, u1 * d2 + u2 * d1 + d1 * d2)
     of_22 = moment(A, u2 * u2, (2 * u2 + d2) * d2)  # (13-13)
-    shear = abs(l21) / (l11 * l22)
+    slope = abs(l21) / (l11 * l22)
     bound = [  # the factors of (13-12)
-        _total((of_u1, 1 / l11), (of_u2, shear)),
+        _total((of_u1, 1 / l11), (of_u2, slope)),
         _total((of_u2, 1 / l22)),
-        _total((of_11, 1 / l11), (of_12, shear)),
+        _total((of_11, 1 / l11), (of_12, slope)),
         _total((of_12, 1 / l22)),
         _total((of_22, 1 / l22)),
         *(_total((moment(abs(e[..., k]), 1.0, 0.0), 1.0)) for k in range(3)),

@@ -3,7 +3,7 @@
 Nothing here decides coverage. Columns and rows are found in binary64 with a margin that outweighs the roundings of a
 binary32 decision, so that every pixel that any binary32 arithmetic of `bounds` calls covered is among them: with
 |u1| and |u2| off by at most gamma_5 |u1| and gamma_6 a + gamma_11 b (see there), such a pixel lies in the ellipse of
-radius REACH, moved up or down by 17 eps SUPPORT_RADIUS (|l21| + l22) at most.
+radius ELLIPSE, moved up or down by 17 eps SUPPORT_RADIUS (|l21| + l22) at most.
 """
 
 import math
@@ -12,11 +12,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.constants import REACH, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_ref.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.rendering.strips import F4, F8, I4, I8, RECORD, STRIP_WIDTH
 
+ELLIPSE: Final = SUPPORT_RADIUS * (1 + 2.0**-18)
+"""The radius of the ellipse that is listed, in standard deviations: the support with room for roundings."""
+
 ROW_MARGIN: Final = SUPPORT_RADIUS * 2.0**-18
-"""Room for roundings of a row, in units of |l21| + l22: above 17 eps SUPPORT_RADIUS."""
+"""Room for roundings of a row, in units of |l21| + l22: above 17 eps SUPPORT_RADIUS. Both together have the room that
+`REACH` has, so that no row is listed outside of the boxes of (5-1), whose pixels are the work that a level limits."""
 
 SELECTED: Final = 1 << 12
 """Most entries of a selection, 76 bytes each."""
@@ -84,8 +88,8 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         strips[1] = 0
         if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not finite:
             continue
-        half_width = REACH * l11
-        half_height = REACH * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)
+        half_width = ELLIPSE * l11
+        half_height = ELLIPSE * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)
         # Clamped as floats: a centre may be further away than any integer type reaches.
         left = max(np.ceil(x - half_width - 0.5), 0.0)
         right = min(np.floor(x + half_width - 0.5), width - 1.0)
@@ -155,20 +159,20 @@ def entries_of(s: int, lists: Lists) -> int:
 def row_range(record: Any, strip: int, height: int) -> tuple[int, int]:
     """The rows (first, one after the last) where one splat may cover a pixel centre of a strip; equal if there is none.
 
-    The ellipse |u| = REACH has the rows y + l21 u1 + l22 u2 with u2 = ± sqrt(REACH^2 - u1^2). Its lower edge is concave
-    in u1 with the extreme at u1 = tip = REACH l21 / sqrt(l21^2 + l22^2), the upper edge mirrors it, so that over the
-    columns of a strip the extremes are at tip and -tip clamped to their range of u1.
+    The ellipse |u| = ELLIPSE has the rows y + l21 u1 + l22 u2 with u2 = ± sqrt(ELLIPSE^2 - u1^2). Its lower edge is
+    concave in u1 with the extreme at u1 = tip = ELLIPSE l21 / sqrt(l21^2 + l22^2), the upper edge mirrors it, so that
+    over the columns of a strip the extremes are at tip and -tip clamped to their range of u1.
     """
     x, y = np.float64(record[X]), np.float64(record[Y])
     l11, l21, l22 = np.float64(record[L11]), np.float64(record[L21]), np.float64(record[L22])
-    tip = REACH * l21 / math.sqrt(l21 * l21 + l22 * l22)
-    left = max((strip * STRIP_WIDTH + 0.5 - x) / l11, -REACH)
-    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - x) / l11, REACH)
+    tip = ELLIPSE * l21 / math.sqrt(l21 * l21 + l22 * l22)
+    left = max((strip * STRIP_WIDTH + 0.5 - x) / l11, -ELLIPSE)
+    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - x) / l11, ELLIPSE)
     low = min(max(tip, left), right)
     high = min(max(-tip, left), right)
     margin = ROW_MARGIN * (abs(l21) + l22)
-    bottom = y + l21 * low + l22 * math.sqrt(max(REACH * REACH - low * low, 0.0)) + margin
-    top = y + l21 * high - l22 * math.sqrt(max(REACH * REACH - high * high, 0.0)) - margin
+    bottom = y + l21 * low + l22 * math.sqrt(max(ELLIPSE * ELLIPSE - low * low, 0.0)) + margin
+    top = y + l21 * high - l22 * math.sqrt(max(ELLIPSE * ELLIPSE - high * high, 0.0)) - margin
     first = max(np.ceil(top - 0.5), 0.0)
     last = min(np.floor(bottom - 0.5), height - 1.0)
     if left > right or first > last:
