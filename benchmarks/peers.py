@@ -16,21 +16,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering import SUPPORT_SIGMA
+from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
 from gsvc_ref.splats import F4
 
 ROWS_AT_ONCE: Final = 8
 """Rows of a chunk of the dense renderer: with all rows at once autograd would keep gigabytes."""
-
-RADIUS: Final = float(np.sqrt(2 * SUPPORT_SIGMA))
-"""Where a splat ends, in standard deviations."""
 
 
 def numpy_frame(parameters: F4, width: int, height: int) -> NDArray[np.uint8]:
     """Plain NumPy: splat by splat, over the box around it; (H, W, 3) u1."""
     picture = np.zeros((height, width, 3), np.float32)
     for x, y, l11, l21, l22, *color in parameters:
-        reach_x, reach_y = RADIUS * l11, RADIUS * np.hypot(l21, l22)
+        reach_x, reach_y = SUPPORT_RADIUS * l11, SUPPORT_RADIUS * np.hypot(l21, l22)
         left, right = max(int(x - reach_x), 0), min(int(x + reach_x) + 1, width)
         top, bottom = max(int(y - reach_y), 0), min(int(y + reach_y) + 1, height)
         if left >= right or top >= bottom:
@@ -39,7 +36,7 @@ def numpy_frame(parameters: F4, width: int, height: int) -> NDArray[np.uint8]:
         dy = np.arange(top, bottom, dtype=np.float32)[:, None] + np.float32(0.5) - y
         u2 = (dy - l21 * u1) / l22
         sigma = (u1 * u1 + u2 * u2) / 2
-        g = np.where(sigma <= SUPPORT_SIGMA, np.exp(-sigma), np.float32(0))
+        g = np.where(sigma <= LN_255, np.exp(-sigma), np.float32(0))
         picture[top:bottom, left:right] += g[..., None] * np.array(color, np.float32)
     return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
 
@@ -73,7 +70,7 @@ class DensePyTorch:
             u1 = ((across - p[:, 0:1]) / p[:, 2:3])[:, None, :]  # (N, 1, W)
             u2 = ((down - p[:, 1:2])[:, :, None] - p[:, 3, None, None] * u1) / p[:, 4, None, None]  # (N, rows, W)
             sigma = (u1 * u1 + u2 * u2) / 2
-            g = torch.where(sigma <= SUPPORT_SIGMA, torch.exp(-sigma), 0.0)
+            g = torch.where(sigma <= LN_255, torch.exp(-sigma), 0.0)
             C = torch.einsum("nhw,nc->hwc", g, p[:, 5:])
             loss = torch.sum((straight_clamp(C) - rows) ** 2) / (height * width)
             loss.backward()
@@ -98,7 +95,7 @@ class PairListPyTorch:
         u1 = (column + 0.5 - q[:, 0]) / q[:, 2]
         u2 = (row + 0.5 - q[:, 1] - q[:, 3] * u1) / q[:, 4]
         sigma = (u1 * u1 + u2 * u2) / 2
-        g = torch.where(sigma <= SUPPORT_SIGMA, torch.exp(-sigma), 0.0)
+        g = torch.where(sigma <= LN_255, torch.exp(-sigma), 0.0)
         C = torch.zeros(height * width, 3).index_add(0, row * width + column, g[:, None] * q[:, 5:])
         loss = torch.sum((straight_clamp(C) - self.target.reshape(-1, 3)) ** 2) / (height * width)
         loss.backward()
@@ -108,7 +105,7 @@ class PairListPyTorch:
         """Splat, row and column of each pair."""
         torch = self.torch
         height, width, _ = self.target.shape
-        reach_x, reach_y = RADIUS * p[:, 2], RADIUS * torch.hypot(p[:, 3], p[:, 4])
+        reach_x, reach_y = SUPPORT_RADIUS * p[:, 2], SUPPORT_RADIUS * torch.hypot(p[:, 3], p[:, 4])
         left, top = (p[:, 0] - reach_x).long().clamp(0, width), (p[:, 1] - reach_y).long().clamp(0, height)
         right = ((p[:, 0] + reach_x).long() + 1).clamp(0, width)
         bottom = ((p[:, 1] + reach_y).long() + 1).clamp(0, height)

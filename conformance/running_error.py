@@ -1,7 +1,7 @@
 """Running error analysis in the error model fp32/1: numbers that know how far a binary32 implementation may be off.
 
-`Computed` is a real number (`expansions`) with a bound of the error, and calculates like an array. An operation passes
-the errors of its operands on and adds its own: eps = 2^-23 of the result for an addition, subtraction or
+`Computed` is a real number (`expansions`) with a bound of the error, and calculates like an array (13-17). An operation
+passes the errors of its operands on and adds its own: eps = 2^-23 of the result for an addition, subtraction or
 multiplication, 3.5 eps for a quotient (2.5 for a division; 2.5 and 1 for a reciprocal and a product), 2.5 eps for a
 root (that of fp32/1 for a division, taken for the root as well), and 2^-126 for underflow. `total` allows any order in
 which no term takes part in more than D additions: gamma_D of the sum of magnitudes. A fused operation leaves roundings
@@ -106,7 +106,7 @@ class Computed:
         terms = np.bincount(keys, repeated, count).reshape(-1, *ones)
         # Every partial sum of so few steps is a binary32 number.
         all_exact = (error == 0) & (magnitude < 2.0**24 * step) & (step >= ETA)
-        own = gamma(additions(terms, rows, columns)) * magnitude + terms * ETA
+        own = gamma(additions(terms, rows, columns)) * magnitude + terms * ETA  # (13-17)
         return Computed(number, np.where(all_exact, error, error + own))
 
     def flat(self) -> "Computed":
@@ -146,7 +146,7 @@ def _rounded(number: Expansion, error: F8, unit: float, exact_operands: NDArray[
     value = number.near
     with np.errstate(over="ignore"):
         representable = number.is_exact & (value.astype(np.float32) == value) & ((abs(value) >= ETA) | (value == 0))
-    own = unit * (abs(value) + error) + ETA
+    own = unit * (abs(value) + error) + ETA  # (13-17)
     return Computed(number, np.where(exact_operands & representable, error, error + own))
 
 

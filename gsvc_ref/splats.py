@@ -102,7 +102,7 @@ class Splats:
     def scaled(self, scale_x: float, scale_y: float) -> "Splats":
         """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale.
 
-        Each product is rounded once (R-9.4-1); one beyond binary32 is infinite.
+        This is (9-8). Each product is rounded once (R-9.4-1); one beyond binary32 is infinite.
         """
         with np.errstate(over="ignore", under="ignore"):
             positions = self.positions * np.array([scale_x, scale_y], np.float32)

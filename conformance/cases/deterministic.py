@@ -10,9 +10,9 @@ from conformance.cases.rendering import SIZES
 from conformance.cases.splat_sets import population, splat, splats
 from conformance.cases.unusual_splats import DEGENERATE, EXTREME, WHAT_IS_EXTREME, WHY_DEGENERATE
 from conformance.stages.rendering import render_sum_deterministic
+from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import cos, sin
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 K = np.float32(float.fromhex("0x1.62a41p+3"))
 
@@ -159,7 +159,7 @@ def beside_the_box(value: tuple[float, float, int]) -> Inputs:
     """
     x, l11, last = value
     expected = yield {"parameters": splat(x, 1.5, l11, 0.0, 1.0, (1, 1, 1)), "width": last + 3, "height": 3}
-    assert np.ceil(x + np.sqrt(2 * SUPPORT_SIGMA) * l11) <= last
+    assert np.ceil(x + np.sqrt(2 * LN_255) * l11) <= last
     assert expected["sum"].value[1, last, 0] > 0
 
 
@@ -171,7 +171,7 @@ def edges_within_rounding(rng: Draws) -> Inputs:
         for i in range(12):
             l11, l21, l22 = rng.uniform([0.1, -0.04, 0.1], [0.15, 0.04, 0.15])
             angle = rng.uniform(0, 2 * np.pi)
-            u1, u2 = np.sqrt(2 * SUPPORT_SIGMA) * np.array([cos(angle), sin(angle)])
+            u1, u2 = np.sqrt(2 * LN_255) * np.array([cos(angle), sin(angle)])
             rows.append(splat(i + 0.5 - l11 * u1, j + 0.5 - (l21 * u1 + l22 * u2), l11, l21, l22, (1, 1, 1)))
     expected = yield {"parameters": splats(*rows), "width": 12, "height": 12}
     assert 40 < np.count_nonzero(expected["sum"].value[..., 0] > 0) <= 144

@@ -17,9 +17,9 @@ from conformance.cases.unusual_splats import (
     SLOPES,
     WHAT_IS_EXTREME,
 )
+from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import exp
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 ALL_GROUPS = ((0, 2), (2, 5), (5, 8))
@@ -146,7 +146,7 @@ def the_edge_of_the_support() -> Inputs:
 @case("uncommon", "render_gradients", flags=["support"])
 def the_edge_within_rounding() -> Inputs:
     """A pixel at sigma = ln 255 as far as binary32 can tell: counted or not, both are right."""
-    l11 = 4 / math.sqrt(2 * SUPPORT_SIGMA)
+    l11 = 4 / math.sqrt(2 * LN_255)
     expected = yield {"parameters": splat(10.5, 3.5, l11, 0.0, 0.5), "residual": np.ones((7, 21, 3), np.float32)}
     assert expected["gradients"].bound[0, 5] > 1 / 256
     assert not expected["gradients"].groups

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from conformance.cases.splat_sets import splat, splats
 from conformance.stages.rendering import edge_margins
+from gsvc_ref.constants import LN_255
 from gsvc_ref.portable import cos, hypot, sin
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 Shape = tuple[float, float, float, float, float]
@@ -110,12 +110,12 @@ def at_the_edge(side: int) -> F4:
     """
     rows = []
     for (i, j), (angle, (l11, l21, l22)), color in zip(TARGETS, _EDGES, COLORS, strict=True):
-        u = np.sqrt(2 * SUPPORT_SIGMA) * np.array([cos(angle), sin(angle)])
+        u = np.sqrt(2 * LN_255) * np.array([cos(angle), sin(angle)])
         x, y = np.array([i + 0.5 - l11 * u[0], j + 0.5 - (l21 * u[0] + l22 * u[1])], np.float32)
         places = x + np.arange(-4000, 4001, dtype=np.float32) * np.spacing(abs(x))
         packed = np.tile(splat(0, float(y), l11, l21, l22, color), (len(places), 1))
         packed[:, 0] = places
-        beyond = _sigma(packed.astype(np.float64), i + 0.5, j + 0.5) - SUPPORT_SIGMA
+        beyond = _sigma(packed.astype(np.float64), i + 0.5, j + 0.5) - LN_255
         nearest = (packed[[n]] for n in np.argsort(abs(beyond), kind="stable") if side in (0, np.sign(beyond[n])))
         rows.append(next(one for one in nearest if side == 0 or edge_margins(one, WIDTH, HEIGHT) > 1))
     return splats(*rows)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import COLOR, FEWEST_GUARDS, population, splat, splats
 from conformance.stages.rendering import edge_margins
+from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 SMALLEST = 2.0**-126
 
@@ -86,7 +86,7 @@ def the_edge_of_the_support() -> Inputs:
 @case("uncommon", "render_sum", flags=["support"], rules=["R-9.1-3"])
 def the_edge_within_rounding() -> Inputs:
     """A pixel at sigma = ln 255 as far as binary32 can tell: covered or not, both are right."""
-    l11 = 4 / math.sqrt(2 * SUPPORT_SIGMA)
+    l11 = 4 / math.sqrt(2 * LN_255)
     expected = yield {"parameters": splat(10.5, 3.5, l11, 0.0, 0.5, (1, 1, 1)), "width": 21, "height": 7}
     wide = expected["sum"].bound[..., 0] > 1 / 256
     assert np.argwhere(wide).tolist() == [[3, 6], [3, 14]]
@@ -102,9 +102,9 @@ def just_beyond_the_edge(rng: Draws) -> Inputs:
     while len(rows) < 36:
         i, j = len(rows) % 2 * 6 + 2, len(rows) % 9  # right or left of a pixel of that column and row
         l11 = np.float32(rng.uniform(1.0, 3.0))
-        d = float(np.float32(math.sqrt(2 * SUPPORT_SIGMA + 1.8e-5) * l11)) * (1 if i == 2 else -1)
+        d = float(np.float32(math.sqrt(2 * LN_255 + 1.8e-5) * l11)) * (1 if i == 2 else -1)
         one = splat(i + 0.5 + d, j + 0.5, float(l11), 0.0, 0.125, (1, 1, 1))
-        beyond = ((i + 0.5 - np.float64(one[0, 0])) / np.float64(l11)) ** 2 / 2 - SUPPORT_SIGMA
+        beyond = ((i + 0.5 - np.float64(one[0, 0])) / np.float64(l11)) ** 2 / 2 - LN_255
         if beyond > 0 and 1 < edge_margins(one, 11, 9)[0] < 1.05:
             rows.append(one)
     expected = yield {"parameters": splats(*rows), "width": 11, "height": 9}

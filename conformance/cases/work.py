@@ -6,9 +6,9 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.building import Array, result
+from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import exp
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 RADIUS: Final = 3.3290429691304455 * (1 + 2.0**-17)
 """ρ′ of section 5."""
@@ -151,6 +151,6 @@ def covered_by_rounding() -> Inputs:
     x, l11 = -1.5 * 2.0**29, 241903264.0
     assert -8 < x + 3.3290429691304455 * l11 < -7
     u1 = (np.float32(23.5) - np.float32(x)) * (np.float32(1) / np.float32(l11))
-    assert u1 * u1 <= np.float32(2 * SUPPORT_SIGMA)
+    assert u1 * u1 <= np.float32(2 * LN_255)
     expected = yield {"parameters": splats((x, 8, l11, 0, 1e6)), "width": 24, "height": 17}
     assert result(expected, "work") == 24 * 17

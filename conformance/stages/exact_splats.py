@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.elementary import exp
 from conformance.expansions import PRECISIONS, Expansion, exact, joined, settled, sums_of, where
+from gsvc_ref.constants import LN_255
 from gsvc_ref.rendering.bounds import SumBound, error_footprints, gradient_bound
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -171,7 +171,7 @@ class Weights:
         u1 = (exact(pairs.column + 0.5) - x) * self.i11[pairs.splat]
         u2 = (exact(pairs.row + 0.5) - y - l21 * u1) * self.i22[pairs.splat]
         sigma = (u1 * u1 + u2 * u2).scaled(-1)
-        side = (sigma - exact(SUPPORT_SIGMA)).sign()
+        side = (sigma - exact(LN_255)).sign()
         if self._most == PRECISIONS[-1] and np.isnan(side).any():
             raise ArithmeticError("whether a splat covers a pixel is open with the most components")
         g = exp(-where(side <= 0, sigma, exact(0.0)))

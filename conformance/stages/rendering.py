@@ -11,8 +11,9 @@ from conformance.expectations import Bounded, Decision, Exact, Expectation, Inte
 from conformance.stage import Values, numbered, stage
 from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
 from gsvc_ref import rendering
+from gsvc_ref.constants import LN_255
 from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, added
+from gsvc_ref.rendering.definition import added
 from gsvc_ref.rendering.deterministic import sum_plain
 from gsvc_ref.rendering.pictures import frame_type
 from gsvc_ref.rendering.strip_pictures import read_strip, write_frame
@@ -141,7 +142,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     kind = frame_type(bit_depth)
     value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
     lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
-    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))
+    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))  # (13-18)
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 
@@ -220,6 +221,6 @@ def edge_margins(parameters: F4, width: int, height: int) -> F8:
     first, inverse, _ = distinct(parameters)
     margins = np.full(len(first), np.inf)
     for n, _, pixels, errors in error_footprints(parameters[first], width, height):
-        error = errors.d_sigma + EPS * SUPPORT_SIGMA + ETA
-        margins[n] = np.min(abs(pixels.sigma - SUPPORT_SIGMA) / error)
+        error = errors.d_sigma + EPS * LN_255 + ETA
+        margins[n] = np.min(abs(pixels.sigma - LN_255) / error)
     return np.asarray(margins[inverse])

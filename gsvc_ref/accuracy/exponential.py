@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
+from gsvc_ref.constants import LN_255
 
-RANGE: Final = {32: SUPPORT_SIGMA / 8, 64: SUPPORT_SIGMA / 32}
+RANGE: Final = {32: LN_255 / 8, 64: LN_255 / 32}
 """Largest argument of the polynomial by the bits of the arithmetic; squarings bring sigma into it.
 
 In binary32 three squarings reach ln 255, as in `gsvc_ref.rendering.exponential`; in binary64 five let a polynomial of

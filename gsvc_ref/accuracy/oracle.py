@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, footprint
+from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
+from gsvc_ref.rendering.definition import footprint
 from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import Splats
 
@@ -16,7 +17,7 @@ NOTHING_SIGMA: Final = 40.0
 """Without a cut-off the oracle ends here: exp(-40) is 4e-18, which binary64 cannot add to a colour."""
 
 
-def cut_sum(splats: Splats, width: int, height: int, support_sigma: float = SUPPORT_SIGMA) -> F8:
+def cut_sum(splats: Splats, width: int, height: int, support_sigma: float = LN_255) -> F8:
     """The sum (9-2) of spec.md with another support: a splat covers a pixel iff sigma <= support_sigma.
 
     Parameters
@@ -34,7 +35,7 @@ def cut_sum(splats: Splats, width: int, height: int, support_sigma: float = SUPP
     (H, W, 3) f8, not clamped.
     """
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
-    beyond = math.sqrt(2 * support_sigma) - math.sqrt(2 * SUPPORT_SIGMA)
+    beyond = math.sqrt(2 * support_sigma) - SUPPORT_RADIUS
     for splat in splats.to_array().astype(np.float64):
         reach = max(splat[2], math.hypot(splat[3], splat[4]))
         pixels = footprint(splat, width, height, margin=math.ceil(beyond * reach))

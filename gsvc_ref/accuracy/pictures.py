@@ -18,7 +18,7 @@ SHOWN: Final = (("precision", "fast"), ("exp", "degree 2"), ("cutoff", "1/255"))
 QUANTILE: Final = 0.999
 """This part of the samples is shown without being clipped."""
 
-REACH: Final = 120
+GREY_LEVELS: Final = 120
 """Grey levels on either side of the middle."""
 
 
@@ -59,6 +59,6 @@ def amplified(error: F8) -> tuple[U1, float]:
     usual = float(np.quantile(np.abs(error), QUANTILE))
     if usual == 0:
         return np.full(error.shape, 128, np.uint8), 1.0
-    power = 10.0 ** math.floor(math.log10(REACH / usual))
-    gain = max(factor * power for factor in (1, 2, 5) if factor * power <= REACH / usual)
+    power = 10.0 ** math.floor(math.log10(GREY_LEVELS / usual))
+    gain = max(factor * power for factor in (1, 2, 5) if factor * power <= GREY_LEVELS / usual)
     return np.clip(np.rint(128 + gain * error), 0, 255).astype(np.uint8), gain

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.accuracy.exponential import coefficients, squarings
+from gsvc_ref.constants import LN_255, SMALLEST_NORMAL
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
 from gsvc_ref.splats import Splats
 
 F8 = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Variant:
     def support_sigma(self) -> float:
         """The largest sigma that is covered."""
         if self.cutoff == 1 / 255:
-            return SUPPORT_SIGMA
+            return LN_255
         return -math.log(self.cutoff) if self.cutoff else SMALLEST_WEIGHT_SIGMA
 
 
@@ -122,7 +122,7 @@ def list_tiles(splats: F8, radius: float, size: tuple[int, int], tile: tuple[int
     ranges = np.zeros((len(splats), 4), np.int64)  # tiles: first and end across, first and end down
     offsets = np.zeros(across * down + 1, np.int64)
     for n in range(len(splats)):
-        if splats[n, 2] >= SMALLEST_FACTOR and splats[n, 4] >= SMALLEST_FACTOR:
+        if splats[n, 2] >= SMALLEST_NORMAL and splats[n, 4] >= SMALLEST_NORMAL:
             half_height = radius * math.sqrt(splats[n, 3] ** 2 + splats[n, 4] ** 2)
             left, right = first_and_end(splats[n, 0], radius * splats[n, 2], size[0])
             top, bottom = first_and_end(splats[n, 1], half_height, size[1])

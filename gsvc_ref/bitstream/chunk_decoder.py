@@ -112,7 +112,7 @@ class ChunkDecoder:
         after = replace(place, offset=place.offset + size, index_length=0)
         parsed: Frame | None = None
         ancillary: tuple[str, Bytes] | None = None
-        if chunk_type in chunks.FRAME_TYPE_CODES:
+        if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
             parsed = frame(p, self.header, place.state, frame_type, place.next_number)
             _check_filled(p)
@@ -185,7 +185,7 @@ def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
         s.fail("R-6.1-3", "a second sequence header follows; a stream has one")
     if place.next_number == 0 and chunk_type == chunks.END_TYPE:
         s.fail("R-6.1-5", "the stream has no frame")
-    if place.next_number == 0 and chunk_type in chunks.FRAME_TYPE_CODES and chunk_type != ord("I"):
+    if place.next_number == 0 and chunk_type in chunks.FRAMES and chunk_type != ord("I"):
         s.fail("R-6.4-2", f"the first frame is of type {chr(chunk_type)}; it must be an I-frame")
 
 

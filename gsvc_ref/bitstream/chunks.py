@@ -19,8 +19,11 @@ CRC_BITS: Final = 32
 HEADER_TYPE: Final = ord("H")
 INDEX_TYPE: Final = ord("x")
 END_TYPE: Final = ord("E")
-FRAME_TYPE_CODES: Final = frozenset(b"IPR")
-CRITICAL_TYPES: Final = FRAME_TYPE_CODES | {HEADER_TYPE, END_TYPE}
+FRAMES: Final = frozenset(b"IPR")
+"""Chunk types of frames."""
+
+CRITICAL: Final = FRAMES | {HEADER_TYPE, END_TYPE}
+"""Chunk types that a decoder must know."""
 
 
 def magic(s: Coder) -> None:
@@ -81,12 +84,12 @@ def is_ancillary(chunk_type: int) -> bool:
 
 def check_known(s: Coder, chunk_type: int) -> None:
     """Refuse critical types that this version does not define."""
-    if chunk_type not in CRITICAL_TYPES and not is_ancillary(chunk_type):
+    if chunk_type not in CRITICAL and not is_ancillary(chunk_type):
         s.fail("R-3.2-1", f"a chunk is of the critical type {chr(chunk_type)}, which version 1.0 reserves")
 
 
 def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:
-    """The frame type that a chunk type in `FRAME_TYPE_CODES` stands for."""
+    """The frame type that a chunk type in `FRAMES` stands for."""
     return cast(Literal["I", "P", "R"], chr(chunk_type))
 
 

@@ -38,10 +38,6 @@ CATEGORIES: Final = (
 """What bits are spent on; these categories add up to the size of a stream. Alignment counts to its element's."""
 
 UV_LIMIT: Final = 1 << 32
-GOLOMB_LONGEST: Final = 16
-"""Largest z of an `eg(k)` (R-3.1-3)."""
-
-SMALLEST_NORMAL: Final = np.float32(2.0**-126)
 
 U2 = NDArray[np.uint16]
 U4 = NDArray[np.uint32]

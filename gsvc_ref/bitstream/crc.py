@@ -22,15 +22,24 @@ def crc32c_plain(data: bytes, crc: int = 0) -> int:
     return register ^ 0xFFFFFFFF
 
 
-def _tables() -> NDArray[np.uint32]:
-    """(8, 256) u4: the register after a byte that is followed by 0, 1, … 7 zero bytes."""
-    tables = np.empty((8, 256), np.uint32)
+def _table() -> NDArray[np.uint32]:
+    """What one byte leaves in the register."""
     register = np.arange(256, dtype=np.uint32)
     for _ in range(8):
         register = (register >> 1 ^ (register & 1) * np.uint32(REFLECTED_POLYNOMIAL)).astype(np.uint32)
-    tables[0] = register
+    return register
+
+
+CRC_TABLE: Final = _table()
+"""(256,) u4: the register after each byte."""
+
+
+def _tables() -> NDArray[np.uint32]:
+    """(8, 256) u4: the register after a byte that is followed by 0, 1, … 7 zero bytes."""
+    tables = np.empty((8, 256), np.uint32)
+    tables[0] = CRC_TABLE
     for zeros in range(1, 8):
-        tables[zeros] = (tables[zeros - 1] >> 8) ^ tables[0][tables[zeros - 1] & 0xFF]
+        tables[zeros] = (tables[zeros - 1] >> 8) ^ CRC_TABLE[tables[zeros - 1] & 0xFF]
     return tables
 
 
@@ -74,7 +83,7 @@ def _zero_tables() -> NDArray[np.uint32]:
     tables = np.empty((32, 4, 256), np.uint32)
     for byte in range(4):
         register = np.arange(256, dtype=np.uint32) << np.uint32(8 * byte)
-        tables[0, byte] = (register >> 8) ^ _TABLES[0][register & 0xFF]
+        tables[0, byte] = (register >> 8) ^ CRC_TABLE[register & 0xFF]
     for k in range(1, 32):  # 2^k zero bytes are 2^(k-1), twice
         half = tables[k - 1]
         tables[k] = half[0][half & 0xFF] ^ half[1][half >> 8 & 0xFF] ^ half[2][half >> 16 & 0xFF] ^ half[3][half >> 24]

@@ -5,13 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.bitstream.coder import SMALLEST_NORMAL, U2, Coder
+from gsvc_ref.bitstream.coder import U2, Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
+from gsvc_ref.constants import SMALLEST_NORMAL
+from gsvc_ref.quantization.half import EXPONENT_MASK
 from gsvc_ref.reconstruction import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
-
-BINARY16_EXPONENT: Final = 0x7C00
-"""All exponent bits of a binary16: set in infinities and NaNs."""
 
 NO_BLOCK: Final = SplatBlock()
 NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
@@ -149,7 +148,7 @@ def _positions(s: Coder, header: SequenceHeader, count: int, given: U2 | None) -
             s, header, "positions", f"position_low[{letter}]", count, 256, None if code is None else code & 0xFF
         )
         columns.append(high << 8 | low)
-        infinite = columns[axis] & BINARY16_EXPONENT == BINARY16_EXPONENT
+        infinite = columns[axis] & EXPONENT_MASK == EXPONENT_MASK
         if infinite.any():
             first = int(np.argmax(infinite))
             s.fail("R-6.5-7", f"position {letter} of splat {first} of a block is not a finite binary16", bit=bit)

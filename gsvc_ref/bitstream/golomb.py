@@ -15,7 +15,7 @@ GOLOMB_ORDERS: Final = 16
 """Orders 0..15: `golomb_order` is a `u(4)`."""
 
 GOLOMB_LONGEST: Final = 16
-"""Largest z (R-3.1-3)."""
+"""Largest z of an `eg(k)` (R-3.1-3)."""
 
 UNDERFLOW: Final = -1
 TOO_LONG: Final = -2

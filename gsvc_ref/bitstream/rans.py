@@ -41,7 +41,7 @@ def decode_plain(
         if x < LOWEST_STATE:
             if taken == len(words):
                 return symbols, -1
-            x = x * 2**16 + words[taken]
+            x = x * 2**16 + words[taken]  # (7-1)
             taken += 1
         states[lane] = x
         symbols.append(first_symbol + s)
@@ -63,7 +63,7 @@ def encode_plain(
         while x >= frequencies[s] << (32 - precision):
             words.append(x % 2**16)
             x >>= 16
-        states[i % len(states)] = ((x // frequencies[s]) << precision) + x % frequencies[s] + cumulative[s]
+        states[i % len(states)] = ((x // frequencies[s]) << precision) + x % frequencies[s] + cumulative[s]  # (7-2)
     return states, words[::-1]
 
 
@@ -89,7 +89,7 @@ def decode_kernel(frequencies: I8, first_symbol: int, precision: int, states: I8
             if x < LOWEST_STATE:
                 if taken == len(words):
                     return -1
-                x = (x << 16) | np.int64(words[taken])
+                x = (x << 16) | np.int64(words[taken])  # (7-1)
                 taken += 1
             states[lane] = x
             symbols[base + lane] = first_symbol + s
@@ -110,7 +110,7 @@ def encode_kernel(symbols: U2, frequencies: I8, first_symbol: int, precision: in
             first_word -= 1
             words[first_word] = x & 0xFFFF
             x >>= 16
-        states[i % lanes] = ((x // frequency) << precision) + x % frequency + cumulative[s]
+        states[i % lanes] = ((x // frequency) << precision) + x % frequency + cumulative[s]  # (7-2)
     return len(words) - first_word
 
 

@@ -171,10 +171,10 @@ class Salvage:
 
     def _skip_chunk(self, head: _Head) -> None:
         """Skip the whole chunk here; after a second sequence header, the whole stream that it begins."""
-        if head.chunk_type in chunks.FRAME_TYPE_CODES:
+        if head.chunk_type in chunks.FRAMES:
             old = head.frame_number is not None and head.frame_number < self._place.next_number
             self._state_lost |= not old
-        elif head.chunk_type not in chunks.CRITICAL_TYPES and not chunks.is_ancillary(head.chunk_type):
+        elif head.chunk_type not in chunks.CRITICAL and not chunks.is_ancillary(head.chunk_type):
             self._state_lost = True
         end = self._place.offset + head.size
         self._skip_to(self._end_of_stream(end) if head.chunk_type == chunks.HEADER_TYPE else end)
@@ -226,7 +226,7 @@ def _head(chunk_type: int, size: int, payload: bytes) -> _Head:
     """What the first 8 bytes of a payload tell, which may be anything."""
     p = Reader(payload)
     try:
-        if chunk_type in chunks.FRAME_TYPE_CODES:
+        if chunk_type in chunks.FRAMES:
             return _Head(chunk_type, size, frame_number=p.uv("frame_number"))
         if chunk_type == chunks.END_TYPE:
             return _Head(chunk_type, size, ending=chunks.end(p))

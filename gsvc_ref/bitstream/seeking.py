@@ -87,7 +87,7 @@ def find_by_hopping(decoder: ChunkDecoder, number: int) -> Place:
                 break
             if chunk_type == I_TYPE:
                 place = replace(decoder.first, offset=offset, next_number=next_number)
-            next_number += chunk_type in chunks.FRAME_TYPE_CODES
+            next_number += chunk_type in chunks.FRAMES
             offset = (s.position + chunks.CRC_BITS) // 8 + chunk_length
     except GsvcError:
         pass

@@ -49,7 +49,7 @@ def decode_cholesky(difference: F4, reference: F4, scale: F4, offset: F4, p: np.
     """Cholesky factors through LSQ+ (8-3); arrays (n, 8) f4, scale and offset (3,) f4, p the largest code."""
     for n in range(difference.shape[0]):
         for c in range(3):
-            t = (difference[n, 2 + c] - offset[c]) / scale[c]
+            t = (difference[n, 2 + c] - offset[c]) / scale[c]  # (10-15)
             value = np.rint(min(max(t, np.float32(0)), p)) * scale[c] + offset[c]
             decoded[n, 2 + c] = value if reference.shape[0] == 0 else reference[n, 2 + c] + value
 
@@ -92,7 +92,7 @@ def grad_decode(
         for k in range(2):
             grad_values[n, k] = grad_decoded[n, k] if active[n, 0] else np.float32(0)
         for c in range(3):
-            t = (difference[n, 2 + c] - offset[c]) / scale[c]
+            t = (difference[n, 2 + c] - offset[c]) / scale[c]  # (10-15)
             grad, inside = np.float64(grad_decoded[n, 2 + c]), True
             if t < 0:
                 inside = False
@@ -102,8 +102,8 @@ def grad_decode(
                 sums[0, c] += grad * np.float64(p)
                 sums[1, c] += grad
             else:
-                sums[0, c] += grad * np.float64(np.rint(t) - t)
+                sums[0, c] += grad * np.float64(np.rint(t) - t)  # (10-18), (10-19)
             grad_values[n, 2 + c] = grad_decoded[n, 2 + c] if inside and active[n, 1] else np.float32(0)
         for c in range(3):
-            grad_color = grad_decoded[n, 5 + c] + commitment * (errors[n, c] * pull)
+            grad_color = grad_decoded[n, 5 + c] + commitment * (errors[n, c] * pull)  # (10-21)
             grad_values[n, 5 + c] = grad_color if active[n, 2] else np.float32(0)

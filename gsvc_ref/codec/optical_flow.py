@@ -19,7 +19,7 @@ from gsvc_ref._jit import kernel
 
 F8 = NDArray[np.float64]
 
-RADIUS: Final = 7
+WINDOW_RADIUS: Final = 7
 """Half the side of the window over which flow is taken as constant, in pixels."""
 
 CORRECTIONS: Final = 3
@@ -114,9 +114,9 @@ def solve(sums: F8, flow: F8) -> None:
     part = np.empty(5)
     farthest = np.float64(max(height, width))
     for y in range(height):
-        top, bottom = max(y - RADIUS, 0), min(y + RADIUS + 1, height)
+        top, bottom = max(y - WINDOW_RADIUS, 0), min(y + WINDOW_RADIUS + 1, height)
         for x in range(width):
-            left, right = max(x - RADIUS, 0), min(x + RADIUS + 1, width)
+            left, right = max(x - WINDOW_RADIUS, 0), min(x + WINDOW_RADIUS + 1, width)
             for k in range(5):
                 inside = sums[k, bottom, right] - sums[k, top, right] - sums[k, bottom, left] + sums[k, top, left]
                 part[k] = inside

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.strips import RADIUS
+from gsvc_ref.constants import SUPPORT_RADIUS
 from gsvc_ref.splats import F4
 from gsvc_ref.training.fit import LEAST_FACTOR
 
@@ -30,8 +30,8 @@ def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     table = np.zeros((height + 1, width + 1), np.int64)  # table[y, x]: changed pixels above y and left of x
     table[1:, 1:] = changed.cumsum(axis=0).cumsum(axis=1)
     x, y, l11, l21, l22 = parameters[:, :5].astype(np.float64).T
-    left, right = _pixels(x, RADIUS * l11, width)
-    top, bottom = _pixels(y, RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
+    left, right = _pixels(x, SUPPORT_RADIUS * l11, width)
+    top, bottom = _pixels(y, SUPPORT_RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
     inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     in_frame = (left < right) & (top < bottom)
     return np.asarray(in_frame & (inside == 0) & (l11 >= LEAST_FACTOR) & (l22 >= LEAST_FACTOR))

@@ -26,7 +26,7 @@ def mse(a: Frame, b: Frame, peak: int) -> float:
     check_pair(a, b, peak)
     difference = np.subtract(a, b, dtype=np.int32 if peak <= 0xFF else np.int64)  # (H, W, 3) i4 or i8
     np.square(difference, out=difference)
-    return float(difference.sum(dtype=np.int64)) / difference.size
+    return float(difference.sum(dtype=np.int64)) / difference.size  # (11-5)
 
 
 def psnr_from_mse(mean_squared_error: float, peak: int) -> float:
@@ -41,7 +41,7 @@ def psnr_from_mse(mean_squared_error: float, peak: int) -> float:
         raise UsageError(f"the mean squared error is {mean_squared_error}; it must be 0 or more")
     if mean_squared_error == 0:
         return math.inf
-    return 20 * math.log10(peak) - 10 * math.log10(mean_squared_error)
+    return 20 * math.log10(peak) - 10 * math.log10(mean_squared_error)  # (11-5)
 
 
 def psnr(a: Frame, b: Frame, peak: int) -> float:

@@ -41,14 +41,14 @@ SCALE_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 WINDOW_SIZE: Final = 11
 """Side of the Gaussian window in samples; Wang et al. 2004, section III-B."""
 
-WINDOW_SIGMA: Final = 1.5
+WINDOW_DEVIATION: Final = 1.5
 """Standard deviation of the window in samples; Wang et al. 2004, section III-B."""
 
-K1: Final = 0.01
-"""C_1 = (K1 peak)^2; Wang et al. 2004, section III-B."""
+LUMINANCE_K: Final = 0.01
+"""C_1 = (LUMINANCE_K peak)^2; Wang et al. 2004, section III-B."""
 
-K2: Final = 0.03
-"""C_2 = (K2 peak)^2; Wang et al. 2004, section III-B."""
+STRUCTURE_K: Final = 0.03
+"""C_2 = (STRUCTURE_K peak)^2; Wang et al. 2004, section III-B."""
 
 
 def ms_ssim_scales(height: int, width: int) -> int:
@@ -87,9 +87,10 @@ def _ms_ssim_of_plane(x: F8, y: F8, peak: int) -> float:
     similarity = 1.0
     for scale, weight in enumerate(weights):
         vertical, horizontal = (gaussian_window(min(WINDOW_SIZE, side)) for side in x.shape)
-        ssim, contrast_structure = mean_similarity(x, y, vertical, horizontal, (K1 * peak) ** 2, (K2 * peak) ** 2)
+        c1, c2 = (LUMINANCE_K * peak) ** 2, (STRUCTURE_K * peak) ** 2
+        ssim, contrast_structure = mean_similarity(x, y, vertical, horizontal, c1, c2)
         last = scale == scales - 1
-        similarity *= max(ssim if last else contrast_structure, 0.0) ** float(weight)
+        similarity *= max(ssim if last else contrast_structure, 0.0) ** float(weight)  # (11-7)
         if not last:
             x, y = halve(x), halve(y)
     return similarity
@@ -98,7 +99,7 @@ def _ms_ssim_of_plane(x: F8, y: F8, peak: int) -> float:
 def gaussian_window(size: int) -> F8:
     """(size,) f8 samples of a centred Gaussian of standard deviation 1.5 samples, with sum 1."""
     offsets = np.arange(size) - (size - 1) / 2
-    window = np.exp(-(offsets**2) / (2 * WINDOW_SIGMA**2))
+    window = np.exp(-(offsets**2) / (2 * WINDOW_DEVIATION**2))
     return np.asarray(window / window.sum())
 
 
@@ -124,7 +125,7 @@ def mean_similarity_plain(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float,
     mean_plus, mean_minus = filtered(plus), filtered(minus)
     variance_plus = filtered(plus**2) - mean_plus**2
     variance_minus = filtered(minus**2) - mean_minus**2
-    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)
+    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)  # (11-6)
     contrast_structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
     return float((luminance * contrast_structure).mean()), float(contrast_structure.mean())
 
@@ -160,7 +161,7 @@ def mean_similarity(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: f
             square_minus = filtered[1, column] ** 2
             variance_plus = filtered[2, column] - square_plus
             variance_minus = filtered[3, column] - square_minus
-            luminance = ((square_plus - square_minus) / 2 + c1) / ((square_plus + square_minus) / 2 + c1)
+            luminance = ((square_plus - square_minus) / 2 + c1) / ((square_plus + square_minus) / 2 + c1)  # (11-6)
             structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
             sum_ssim += luminance * structure
             sum_contrast_structure += structure

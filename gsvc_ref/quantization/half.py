@@ -24,7 +24,8 @@ FRACTION_BITS: Final = 10
 FINEST_HALF: Final = MIN_EXPONENT - FRACTION_BITS
 """Binary logarithm of the spacing of subnormals, which all binary16 are multiples of."""
 
-_EXPONENT_MASK: Final = 0x7C00
+EXPONENT_MASK: Final = 0x7C00
+"""All exponent bits of a binary16: set in infinities and NaNs."""
 
 
 def half_value(bits: int) -> float:
@@ -36,11 +37,11 @@ def half_value(bits: int) -> float:
         Sign (1 bit), exponent e (5 bits), fraction f (10 bits), most significant first.
     """
     sign = -1.0 if bits >> 15 else 1.0
-    exponent, fraction = (bits & _EXPONENT_MASK) >> FRACTION_BITS, bits & 0x3FF
+    exponent, fraction = (bits & EXPONENT_MASK) >> FRACTION_BITS, bits & 0x3FF
     if exponent == 31:
         return sign * (math.nan if fraction else math.inf)
     significand = fraction if exponent == 0 else fraction + 1024
-    return sign * math.ldexp(significand, max(exponent, 1) - 25)
+    return sign * math.ldexp(significand, max(exponent, 1) - 25)  # (8-5)
 
 
 def half_bits(value: float) -> int:
@@ -58,7 +59,7 @@ def half_bits(value: float) -> int:
     exponent = max(math.frexp(magnitude)[1] - 1, MIN_EXPONENT) if magnitude else MIN_EXPONENT
     steps = round(math.ldexp(magnitude, FRACTION_BITS - exponent))  # 0..2048; round() takes a tie to even
     # A normal number has 1024 <= steps, which is what moves the exponent field from 0 to 1 and, at 2048, to the next.
-    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)
+    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)  # (8-6)
 
 
 def to_half_bits(values: ArrayLike) -> NDArray[np.uint16]:
@@ -112,7 +113,7 @@ def from_half_bits(bits: ArrayLike) -> NDArray[np.float32]:
 
 def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:
     """Which 16-bit patterns are numbers, neither infinite nor NaN; same shape as `bits` (u2)."""
-    return np.asarray((_patterns(bits) & np.uint16(_EXPONENT_MASK)) != _EXPONENT_MASK)
+    return np.asarray((_patterns(bits) & np.uint16(EXPONENT_MASK)) != EXPONENT_MASK)
 
 
 def coarsen_half(values: ArrayLike, step_exponent: int) -> NDArray[np.float32]:

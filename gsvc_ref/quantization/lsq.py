@@ -2,9 +2,9 @@
 
 The codes of a channel are 0..p with p = 2^b - 1::
 
-    t  = (x - beta) / s
-    q  = round_half_even(clamp(t, 0, p))
-    xq = q * s + beta
+    t  = (x - beta) / s                     (10-15)
+    q  = round_half_even(clamp(t, 0, p))    (10-16)
+    xq = q * s + beta                       (10-17)
 
 This is R-10.5-1 of spec.md. The paper's equation writes a floor where this rounds; rounding halves the largest error
 and is what the authors train.
@@ -126,7 +126,7 @@ def gradients(
 
     The bounds count as inside::
 
-        0 <= t <= p:  d xq/dx = 1,  d xq/ds = q - t,  d xq/dbeta = 0
+        0 <= t <= p:  d xq/dx = 1,  d xq/ds = q - t,  d xq/dbeta = 0      (10-18)
         t < 0:        d xq/dx = 0,  d xq/ds = 0,      d xq/dbeta = 1
         t > p:        d xq/dx = 0,  d xq/ds = p,      d xq/dbeta = 1
 
@@ -168,8 +168,8 @@ def gradients(
 def quantize_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
     """The definition of the codes; x (N, C), s and beta (C,), p the largest code."""
     with np.errstate(over="ignore"):  # an infinite t clamps to the end on its side
-        t = (x - beta) / s
-    return np.asarray(np.rint(np.clip(t, np.float32(0), np.float32(p))).astype(np.uint16))
+        t = (x - beta) / s  # (10-15)
+    return np.asarray(np.rint(np.clip(t, np.float32(0), np.float32(p))).astype(np.uint16))  # (10-16)
 
 
 @kernel()
@@ -179,15 +179,15 @@ def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
     for n in range(x.shape[0]):
         for c in range(x.shape[1]):
             finite &= bool(np.isfinite(x[n, c]))
-            t = (x[n, c] - beta[c]) / s[c]
-            codes[n, c] = np.uint16(np.rint(min(max(t, np.float32(0)), p)))
+            t = (x[n, c] - beta[c]) / s[c]  # (10-15)
+            codes[n, c] = np.uint16(np.rint(min(max(t, np.float32(0)), p)))  # (10-16)
     return finite
 
 
 def dequantize_plain(codes: Codes, s: F4, beta: F4) -> F4:
     """The definition of the values; codes (N, C), s and beta (C,)."""
     product = codes.astype(np.float32) * s  # a code is exact in binary32
-    return np.asarray(product + beta)
+    return np.asarray(product + beta)  # (10-17)
 
 
 @kernel()
@@ -196,7 +196,7 @@ def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
     finite = True
     for n in range(codes.shape[0]):
         for c in range(codes.shape[1]):
-            value = np.float32(codes[n, c]) * s[c] + beta[c]
+            value = np.float32(codes[n, c]) * s[c] + beta[c]  # (10-17)
             values[n, c] = value
             finite &= bool(np.isfinite(value))
     return finite
@@ -205,17 +205,17 @@ def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
 def gradients_plain(x: F4, s: F4, beta: F4, p: int, grad_output: F4) -> tuple[F4, F8, F8]:
     """The definition of the gradients (without the scale 1 / sqrt(N p)): dL/dx f4, dL/ds f8, dL/dbeta f8."""
     with np.errstate(over="ignore"):
-        t = (x - beta) / s
+        t = (x - beta) / s  # (10-15)
     q = np.rint(np.clip(t, np.float32(0), np.float32(p)))
     below, above = t < 0, t > p
     inside = ~(below | above)
     dxq_ds = np.where(inside, q - np.where(inside, t, 0), np.where(above, np.float32(p), np.float32(0)))
-    dxq_dbeta = np.where(inside, np.float32(0), np.float32(1))
+    dxq_dbeta = np.where(inside, np.float32(0), np.float32(1))  # (10-18)
     wide = grad_output.astype(np.float64)
     zero = np.zeros((1, x.shape[1]))
     grad_s = np.concatenate([zero, wide * dxq_ds]).cumsum(axis=0)[-1]  # cumsum adds one splat after the other
     grad_beta = np.concatenate([zero, wide * dxq_dbeta]).cumsum(axis=0)[-1]
-    return np.where(inside, grad_output, np.float32(0)), grad_s, grad_beta
+    return np.where(inside, grad_output, np.float32(0)), grad_s, grad_beta  # (10-19)
 
 
 @kernel()
@@ -226,7 +226,7 @@ def _gradients(x: F4, s: F4, beta: F4, p: np.float32, grad_output: F4, grad_x: F
         grad_s, grad_beta = 0.0, 0.0
         for n in range(x.shape[0]):
             finite &= bool(np.isfinite(x[n, c]))
-            t = (x[n, c] - beta[c]) / s[c]
+            t = (x[n, c] - beta[c]) / s[c]  # (10-15)
             grad = np.float64(grad_output[n, c])
             if t < 0:
                 grad_x[n, c] = 0
@@ -237,8 +237,8 @@ def _gradients(x: F4, s: F4, beta: F4, p: np.float32, grad_output: F4, grad_x: F
                 grad_beta += grad
             else:
                 grad_x[n, c] = grad_output[n, c]
-                grad_s += grad * np.float64(np.rint(t) - t)
-        sums[0, c], sums[1, c] = grad_s, grad_beta
+                grad_s += grad * np.float64(np.rint(t) - t)  # (10-18)
+        sums[0, c], sums[1, c] = grad_s, grad_beta  # (10-19)
     return finite
 
 

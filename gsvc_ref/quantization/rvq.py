@@ -2,7 +2,7 @@
 
 Stage k quantises what the stages before left over::
 
-    r^1 = x,   i^k = argmin_b |r^k - C^k[b]|^2 (lowest b on a tie),   r^(k+1) = r^k - C^k[i^k]
+    r^1 = x,   i^k = argmin_b |r^k - C^k[b]|^2 (lowest b on a tie),   r^(k+1) = r^k - C^k[i^k]     (10-20)
     xq  = C^1[i^1] + ... + C^M[i^M]
 
 Codebooks are a sequence of M arrays C^k of shape (B_k, 3), f4; the numbers of codewords may differ. Gradients pass
@@ -147,7 +147,7 @@ def residuals(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> F4:
     r = np.empty((len(books) + 1, len(vectors), 3), np.float32)  # (M + 1, N, 3)
     r[0] = vectors
     for k, book in enumerate(books):
-        np.subtract(r[k], np.take(book, chosen[:, k], axis=0), out=r[k + 1])
+        np.subtract(r[k], np.take(book, chosen[:, k], axis=0), out=r[k + 1])  # (10-20)
     return r
 
 
@@ -175,7 +175,7 @@ def commitment(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> Commit
     errors = residuals(x, indices, codebooks)[1:]  # (M, N, 3) f4
     components = max(3 * errors.shape[1], 1)
     gradient = errors.sum(axis=0) * np.float32(2 / components)
-    return Commitment(float(np.square(errors, dtype=np.float64).sum() / components), gradient)
+    return Commitment(float(np.square(errors, dtype=np.float64).sum() / components), gradient)  # (10-21)
 
 
 def codeword_bits(indices: ArrayLike, codebooks: Codebooks) -> list[F4]:
@@ -200,7 +200,7 @@ def assign_plain(x: F4, codebooks: Codebooks, penalties: Sequence[F4], weights: 
         d = (e[..., 0] * e[..., 0] + e[..., 1] * e[..., 1]) + e[..., 2] * e[..., 2]  # (N, B) f4
         column = (weights[:, None] * d + penalty).argmin(axis=1)  # argmin takes the lowest index
         columns.append(column)
-        residual = residual - book[column]
+        residual = residual - book[column]  # (10-20)
     return np.stack(columns, axis=1).astype(np.uint16)
 
 
@@ -221,7 +221,7 @@ def _assign(r: F4, book: F4, penalties: F4, weights: F4, chosen: Indices) -> Non
                 best, least = b, cost[b]
         chosen[n] = best
         for c in range(3):
-            r[n, c] -= book[best, c]
+            r[n, c] -= book[best, c]  # (10-20)
 
 
 @kernel()
@@ -258,7 +258,7 @@ def nearest_codewords(x: F4, books: F4, ends: NDArray[np.int64], chosen: Indices
                     best, least = b, cost[b]
             chosen[n, k] = best
             for c in range(3):
-                r[c] -= books[first + best, c]
+                r[c] -= books[first + best, c]  # (10-20)
                 errors[n, c] += r[c]
             first = ends[k]
 

@@ -3,8 +3,8 @@
 The paper asks for a commitment loss (`gsvc_ref.quantization.rvq.commitment`) and leaves the codebooks' own rule open.
 Ours, per stage and training step, for the vectors r that reach the stage and their codewords i::
 
-    n_b <- a n_b + (1 - a) * sum of w over i = b          S_b <- a S_b + (1 - a) * sum of w r over i = b
-    C[b] = S_b / ((n_b + e) / (n + B e) * n)              n = sum of n_b
+    n_b <- a n_b + (1 - a) * sum of w over i = b          S_b <- a S_b + (1 - a) * sum of w r over i = b    (10-22)
+    C[b] = S_b / ((n_b + e) / (n + B e) * n)              n = sum of n_b                                    (10-23)
 
 with decay a and Laplace smoothing e. The weights w have the mean 1, so that n_b counts splats.
 """
@@ -179,10 +179,10 @@ def moved(state: RvqState, x: F4, indices: Indices, settings: RvqSettings, rng: 
     starts, sizes = np.append(0, ends[:-1]), np.diff(ends, prepend=0)
     batch_counts, batch_sums = _totals(x, w, indices, flat, ends)
     counts = settings.decay * np.concatenate(state.counts) + (1 - settings.decay) * batch_counts  # (sum of B,) f8
-    sums = settings.decay * np.concatenate(state.sums) + (1 - settings.decay) * batch_sums  # (sum of B, 3) f8
+    sums = settings.decay * np.concatenate(state.sums) + (1 - settings.decay) * batch_sums  # (10-22), (sum of B, 3) f8
     total = np.repeat(np.add.reduceat(counts, starts), sizes)
     smoothed = (counts + settings.smoothing) / (total + np.repeat(sizes, sizes) * settings.smoothing) * total
-    codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], flat)
+    codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], flat)  # (10-23)
     dead = counts < settings.dead_count
     if settings.zero_codeword:
         dead[starts] = False
@@ -214,7 +214,7 @@ def _revive(
     drawn = np.minimum(drawn, len(errors) - 1)  # a product that rounds up to the total would pass the last
     codebook[dead] = residual[drawn]
     counts[dead] = REVIVED_COUNT
-    sums[dead] = REVIVED_COUNT * codebook[dead]
+    sums[dead] = REVIVED_COUNT * codebook[dead]  # (10-24)
 
 
 def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator) -> F4:

@@ -1,21 +1,12 @@
 """How much a frame asks of a renderer: the work that a level limits (spec.md section 5)."""
 
 from math import ceil, floor
-from typing import Final
 
 import numpy as np
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.constants import REACH, SMALLEST_NORMAL
 from gsvc_ref.splats import F4, Splats
-
-REACH: Final = 3.3290429691304455 * (1 + 2.0**-17)
-"""√(2 ln 255), the radius of a splat's support in standard deviations, with room for the roundings of a renderer.
-
-No renderer finds a pixel covered outside of these boxes, so that what they hold bounds the time that a frame takes.
-"""
-
-SMALLEST_NORMAL: Final = 2.0**-126
-"""2⁻¹²⁶: a splat with a smaller l11 or l22 is degenerate and covers nothing (spec.md section 9.1)."""
 
 
 def rendering_work_plain(splats: Splats, width: int, height: int) -> int:
@@ -27,7 +18,7 @@ def rendering_work_plain(splats: Splats, width: int, height: int) -> int:
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
         columns = max(0, min(width, ceil(x + e_x)) - max(0, floor(x - e_x)))
         rows = max(0, min(height, ceil(y + e_y)) - max(0, floor(y - e_y)))
-        work += columns * rows
+        work += columns * rows  # (5-1)
     return work
 
 
@@ -44,13 +35,14 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
         columns = max(0.0, min(width, np.ceil(x + e_x)) - max(0.0, np.floor(x - e_x)))
         rows = max(0.0, min(height, np.ceil(y + e_y)) - max(0.0, np.floor(y - e_y)))
-        work += columns * rows
+        work += columns * rows  # (5-1)
     return work
 
 
 def rendering_work(splats: Splats, width: int, height: int) -> int:
     """The number of (splat, pixel) pairs in the splats' boxes on a frame of `width` by `height` pixels.
 
-    It is the work that spec.md section 5 defines. A splat with an infinite position or factor has no box.
+    It is the work that spec.md section 5 defines; no renderer finds a pixel covered outside of these boxes, so that it
+    bounds the time that a frame takes. A splat with an infinite position or factor has no box.
     """
     return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))

@@ -5,8 +5,8 @@ modules compute it fast: `lists` sorts the splats into column `strips`, `strip_s
 shares them among threads, and `renderer` and `objective` are what the rest of the package calls.
 """
 
+from gsvc_ref.constants import LN_255, SMALLEST_NORMAL
 from gsvc_ref.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR, SUPPORT_SIGMA
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.pictures import to_frame
 from gsvc_ref.rendering.precision import PRECISIONS, Precision
@@ -21,9 +21,9 @@ from gsvc_ref.rendering.renderer import (
 )
 
 __all__ = [
+    "LN_255",
     "PRECISIONS",
-    "SMALLEST_FACTOR",
-    "SUPPORT_SIGMA",
+    "SMALLEST_NORMAL",
     "Objective",
     "Precision",
     "Renderer",

@@ -1,9 +1,10 @@
 """How far a correct binary32 renderer may be from the definition, per pixel and per gradient: error model fp32/1.
 
 The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
-relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps; terms may be
-added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 - k eps) bounds k roundings in a row.
-In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then columns.
+relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps (13-3); terms
+may be added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 - k eps) bounds k roundings in a
+row. In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then
+columns.
 
 **sigma.** With a = |dy| / l22 and b = |l21 u1| / l22, hence |u2| <= a + b:
 
@@ -44,21 +45,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA, Footprint, added, check_residual, footprint
+from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_ref.rendering.definition import Footprint, added, check_residual, footprint
 from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 
 EPS: Final = 2.0**-23
-"""Unit roundoff of the error model fp32/1."""
+"""Unit roundoff of the error model fp32/1 (13-1)."""
 
-ETA: Final = 2.0**-126
-"""What an underflow may lose: the smallest positive normal binary32."""
+ETA: Final = SMALLEST_NORMAL
+"""What an underflow may lose (13-2)."""
 
 
 def gamma(k: ArrayLike) -> F8:
-    """The relative error of k roundings in a row, k eps / (1 - k eps); infinite where k eps reaches 1."""
+    """The relative error of k roundings in a row, k eps / (1 - k eps) (13-4); infinite where k eps reaches 1."""
     error = np.asarray(k, np.float64) * EPS
     return np.where(error < 1, error / np.maximum(1 - error, ETA), np.inf)
 
@@ -83,7 +85,7 @@ def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
 
 def coverage_margin(splat: F8) -> int:
     """How many pixels beyond the bounding box a binary32 decision may still come out as covered."""
-    reach = np.sqrt(2 * SUPPORT_SIGMA) * (splat[2] + abs(splat[3]) + splat[4])
+    reach = SUPPORT_RADIUS * (splat[2] + abs(splat[3]) + splat[4])
     return 1 + int(np.ceil(min(64 * EPS * reach, 2.0**17)))
 
 
@@ -104,18 +106,18 @@ class WeightErrors:
         l21, l22 = splat[3:5]
         u1, u2, sigma = abs(pixels.u1), abs(pixels.u2), pixels.sigma
         underflow = ETA * (1 + abs(pixels.dx))
-        self.delta_1 = gamma(5) * u1 + underflow
+        self.delta_1 = gamma(5) * u1 + underflow  # (13-5)
         self.delta_2 = (
             (gamma(6) * abs(pixels.dy) + gamma(11) * abs(l21) * u1 + abs(l21) * underflow + ETA) / l22
-            + ETA * (1 + abs(pixels.dy) + abs(l21) * u1 + u1)
+            + ETA * (1 + abs(pixels.dy) + abs(l21) * u1 + u1)  # (13-6)
         )  # fmt: skip
         w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1 * self.delta_1 + self.delta_2 * self.delta_2) / 2
-        self.d_sigma = w + gamma(2) * (sigma + w)
+        self.d_sigma = w + gamma(2) * (sigma + w)  # (13-7)
         nearest = np.maximum(sigma - self.d_sigma, 0)
         self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, sigma + self.d_sigma]))
         of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
-        self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA
-        self.band = abs(sigma - SUPPORT_SIGMA) <= self.d_sigma + EPS * SUPPORT_SIGMA
+        self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA  # (13-8)
+        self.band = abs(sigma - LN_255) <= self.d_sigma + EPS * LN_255  # (13-9)
 
 
 def error_footprints(
@@ -142,7 +144,7 @@ class SumBound:
         highest = errors.g_plain + errors.d_g
         self._smooth[at] += (pixels.covered * errors.d_g)[..., None] * c
         self._absolute[at] += (pixels.covered * highest)[..., None] * c
-        self._band[at] += (errors.band * highest)[..., None] * c
+        self._band[at] += (errors.band * highest)[..., None] * c  # (13-10)
         self._terms[at] += (pixels.covered | errors.band)[..., None] * float(times)
 
     def bound(self) -> F8:
@@ -207,7 +209,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
     either = pixels.covered | errors.band
     rows, columns = (np.count_nonzero(either.any(axis=axis)) for axis in (1, 0))
     order = gamma(additions(np.count_nonzero(either), int(rows), int(columns)) + 4)
-    d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)
+    d_q_of_a = errors.d_g + gamma(5) * (errors.g_plain + errors.d_g)  # (13-14)
 
     def moment(A: F8, m: F8 | float, d_m: F8 | float) -> tuple[float, float]:
         """The absolute sum and the error of one moment."""
@@ -215,19 +217,19 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
         d_Q = d_q_of_a * A + 8 * ETA
         highest = (errors.g_plain * A + d_Q) * M
         error = d_Q * M + errors.g_plain * A * d_m + order * highest + 2 * ETA
-        return added(highest[either]), added(error[either]) + added(highest[errors.band])
+        return added(highest[either]), added(error[either]) + added(highest[errors.band])  # (13-15)
 
     A = abs(e[..., 0] * splat[5]) + abs(e[..., 1] * splat[6]) + abs(e[..., 2] * splat[7])  # (h, w) f8
     of_u1 = moment(A, u1, d1)
     of_u2 = moment(A, u2, d2)
     of_11 = moment(A, u1 * u1, (2 * u1 + d1) * d1)
     of_12 = moment(A, u1 * u2, u1 * d2 + u2 * d1 + d1 * d2)
-    of_22 = moment(A, u2 * u2, (2 * u2 + d2) * d2)
-    shear = abs(l21) / (l11 * l22)
-    bound = [
-        _total((of_u1, 1 / l11), (of_u2, shear)),
+    of_22 = moment(A, u2 * u2, (2 * u2 + d2) * d2)  # (13-13)
+    slope = abs(l21) / (l11 * l22)
+    bound = [  # the factors of (13-12)
+        _total((of_u1, 1 / l11), (of_u2, slope)),
         _total((of_u2, 1 / l22)),
-        _total((of_11, 1 / l11), (of_12, shear)),
+        _total((of_11, 1 / l11), (of_12, slope)),
         _total((of_12, 1 / l22)),
         _total((of_22, 1 / l22)),
         *(_total((moment(abs(e[..., k]), 1.0, 0.0), 1.0)) for k in range(3)),
@@ -238,7 +240,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8) ->
 def _total(*parts: tuple[tuple[float, float], float]) -> float:
     """The error of a sum of moments times factors, each (absolute sum, error) and factor."""
     errors = [
-        (error + gamma(12) * (absolute + error)) * factor + ETA * (1 + absolute + error)
+        (error + gamma(12) * (absolute + error)) * factor + ETA * (1 + absolute + error)  # (13-16)
         for (absolute, error), factor in parts
     ]
     return added(np.array(errors))

@@ -2,23 +2,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
-
-SUPPORT_SIGMA: Final = 5.541263545158426
-"""ln 255: a splat covers a pixel iff sigma <= SUPPORT_SIGMA, that is, iff its weight is at least one step of 8 bits.
-The paper says "splats covering the pixel" without a number; its authors' code cuts at exp(-sigma) < 1/255."""
-
-SMALLEST_FACTOR: Final = 2.0**-126
-"""The smallest positive normal binary32: a splat with l11 or l22 below it (zero, negative or less) covers nothing."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +29,7 @@ class Footprint:
     sigma
         (h, w) f8, (u1^2 + u2^2) / 2.
     covered
-        (h, w) bool, sigma <= SUPPORT_SIGMA.
+        (h, w) bool, sigma <= LN_255.
     g
         (h, w) f8, exp(-sigma) where the splat covers the pixel, else 0.
     """
@@ -54,22 +47,24 @@ class Footprint:
     def gradient(self, splat: F8, e: F8) -> F8:
         """The gradient (8,) f8 of sum(e * C) over these pixels, with e = dL/dC (h, w, 3) and coverage held fixed.
 
-        With q = g (e . c') and v = L^-T u, that is v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11:
+        With q = g (e . c') (10-6) and v = L^-T u, that is v2 = u2 / l22 and v1 = (u1 - l21 v2) / l11 (10-3):
 
-            d sigma / d mu  = -v                 dL/dmu  = sum q v
-            d sigma / d l11 = -v1 u1             dL/dl11 = sum q v1 u1
+            d sigma / d mu  = -v                 dL/dmu  = sum q v               (10-7)
+            d sigma / d l11 = -v1 u1             dL/dl11 = sum q v1 u1           (10-8)
             d sigma / d l21 = -v2 u1             dL/dl21 = sum q v2 u1
-            d sigma / d l22 = -v2 u2             dL/dl22 = sum q v2 u2
-                                                 dL/dc'  = sum g e
+            d sigma / d l22 = -v2 u2  (10-5)     dL/dl22 = sum q v2 u2
+                                                 dL/dc'  = sum g e               (10-9)
 
-        since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u).
+        since u = L^-1 d gives du = -L^-1 (dmu + dL u), hence d sigma = u . du = -v . (dmu + dL u) (10-4).
         """
         l11, l21, l22 = splat[2:5]
-        q = self.g * (e[..., 0] * splat[5] + e[..., 1] * splat[6] + e[..., 2] * splat[7])
+        q = self.g * (e[..., 0] * splat[5] + e[..., 1] * splat[6] + e[..., 2] * splat[7])  # (10-6)
         v2 = self.u2 / l22
-        v1 = (self.u1 - l21 * v2) / l11
-        of_mu, of_l = [q * v1, q * v2], [q * v1 * self.u1, q * v2 * self.u1, q * v2 * self.u2]
-        return np.array([added(terms) for terms in (*of_mu, *of_l, *(self.g * e[..., k] for k in range(3)))])
+        v1 = (self.u1 - l21 * v2) / l11  # (10-3)
+        of_mu = [q * v1, q * v2]  # (10-7)
+        of_l = [q * v1 * self.u1, q * v2 * self.u1, q * v2 * self.u2]  # (10-8)
+        of_color = [self.g * e[..., k] for k in range(3)]  # (10-9)
+        return np.array([added(terms) for terms in (*of_mu, *of_l, *of_color)])
 
 
 def added(values: F8) -> float:
@@ -84,19 +79,18 @@ def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footpri
     d^T (L L^T)^-1 d / 2 (section 3.2), never negative and without a determinant.
     """
     mu_x, mu_y, l11, l21, l22 = splat[:5]
-    if not (l11 >= SMALLEST_FACTOR and l22 >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all()):
+    if not (l11 >= SMALLEST_NORMAL and l22 >= SMALLEST_NORMAL and np.isfinite(splat[:5]).all()):
         return None  # degenerate (R-9.1-2), or infinite, which leaves no sigma that is small enough
-    radius = np.sqrt(2 * SUPPORT_SIGMA)
-    columns = _box(mu_x, radius * l11, width, margin)
-    rows = _box(mu_y, radius * np.sqrt(l21 * l21 + l22 * l22), height, margin)
+    columns = _box(mu_x, SUPPORT_RADIUS * l11, width, margin)
+    rows = _box(mu_y, SUPPORT_RADIUS * np.sqrt(l21 * l21 + l22 * l22), height, margin)
     dx = np.arange(columns.start, columns.stop)[None, :] + 0.5 - mu_x  # (1, w) f8
     dy = np.arange(rows.start, rows.stop)[:, None] + 0.5 - mu_y  # (h, 1) f8
     if dx.size == 0 or dy.size == 0:
         return None
     u1 = np.broadcast_to(dx / l11, (dy.size, dx.size))
     u2 = (dy - l21 * u1) / l22
-    sigma = (u1 * u1 + u2 * u2) / 2
-    covered = sigma <= SUPPORT_SIGMA  # R-9.1-3
+    sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)
+    covered = sigma <= LN_255  # R-9.1-3
     g = np.where(covered, exp_minus(sigma), 0.0)
     return Footprint(rows, columns, dx, dy, u1, u2, sigma, covered, g)
 
@@ -125,7 +119,7 @@ def exact_sum(splats: Splats, width: int, height: int) -> F8:
     """
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
     for _, splat, pixels in footprints(splats, width, height):
-        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]
+        C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]  # (9-2)
     return C
 
 

@@ -10,46 +10,46 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR
-from gsvc_ref.rendering.exponential import C0, C1, C2, C3, C4, C5
-from gsvc_ref.rendering.strips import STRIP_WIDTH, SUPPORT_SQUARED
+from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_ref.rendering.exponential import K1, K2, K3, K4, K5
+from gsvc_ref.rendering.strip_sums import E_BLUE, E_GREEN, E_RED, U1, U1U1, U1U2, U2, U2U2
+from gsvc_ref.rendering.strips import SLOT, STRIP_WIDTH
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F4 = NDArray[np.float32]
 
-ONE: Final = np.float32(1)
 TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
 """How eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
-    """u1 and u2 and s = u1^2 + u2^2 of one splat (8,) f4 over the frame, each (H, W) f4: spec.md (9-3) and (9-4)."""
+    """u1 and u2 and m = u1^2 + u2^2 of one splat (8,) f4 over the frame, each (H, W) f4: spec.md (9-3) and (9-4)."""
     x, y, l11, l21, l22 = splat[:5]
     r1, r2 = ONE / l11, ONE / l22
     l, f = (l21, r2) if l22 <= 1 else (l21 / l22, ONE)
-    u1 = (np.arange(width, dtype=np.float32) + np.float32(0.5) - x) * r1  # (W,) f4
+    u1 = (np.arange(width, dtype=np.float32) + HALF - x) * r1  # (W,) f4
     shear = (l * u1) * f  # (W,) f4
-    row = (np.arange(height, dtype=np.float32) + np.float32(0.5) - y) * r2  # (H,) f4
+    row = (np.arange(height, dtype=np.float32) + HALF - y) * r2  # (H,) f4
     u2 = row[:, None] - shear
     u1 = np.broadcast_to(u1, u2.shape)
     return u1, u2, u1 * u1 + u2 * u2
 
 
-def weight(s: F4) -> F4:
-    """g(s) ~ exp(-s/2) where s <= 2 ln 255, else 0: spec.md (9-5)."""
-    covered = s <= SUPPORT_SQUARED
-    s = np.where(covered, s, np.float32(0))
-    t = s * s
-    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
-    p = p * p
-    p = p * p
-    return np.where(covered, p * p, np.float32(0))
+def weight(m: F4) -> F4:
+    """The weight g ~ exp(-m/2) where m <= 2 ln 255, else 0: spec.md (9-5)."""
+    covered = m <= SUPPORT_SQUARED
+    m = np.where(covered, m, np.float32(0))
+    t = m * m
+    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE
+    h = p * p
+    q = h * h
+    return np.where(covered, q * q, np.float32(0))
 
 
 def _drawn(splats: Splats) -> Iterator[tuple[int, F4]]:
     """The index and parameters (8,) f4 of every splat that is finite and not degenerate, in index order."""
     for n, splat in enumerate(splats.to_array()):
-        if splat[2] >= SMALLEST_FACTOR and splat[4] >= SMALLEST_FACTOR and np.isfinite(splat[:5]).all():
+        if splat[2] >= SMALLEST_NORMAL and splat[4] >= SMALLEST_NORMAL and np.isfinite(splat[:5]).all():
             yield n, splat
 
 
@@ -88,13 +88,13 @@ def gradients_plain(splats: Splats, residual: F4) -> F4:
     gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
     with np.errstate(over="ignore", invalid="ignore"):
         for n, splat in _drawn(splats):
-            sums = np.zeros(8)  # (8,) f8: q u1, q u2, q u1^2, q u1 u2, q u2^2, g e
-            u1, u2, s = whitened(splat, strips * STRIP_WIDTH, height)
-            g = weight(s)
+            S = np.zeros(SLOT)  # (8,) f8, with the columns of `strip_sums`
+            u1, u2, m = whitened(splat, strips * STRIP_WIDTH, height)
+            g = weight(m)
             for strip in range(strips):
                 at = slice(strip * STRIP_WIDTH, (strip + 1) * STRIP_WIDTH)
-                sums += _strip_sums(u1[0, at], u2[:, at], g[:, at], padded[:, at], splat[5:])
-            gradients[n] = _from_sums(sums, splat.astype(np.float64))
+                S += _strip_sums(u1[0, at], u2[:, at], g[:, at], padded[:, at], splat[5:])
+            gradients[n] = _from_sums(S, splat.astype(np.float64))
     return gradients
 
 
@@ -102,14 +102,14 @@ def _strip_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
     """The eight sums of one strip: `u1` (16,), `u2` and `g` (H, 16), `e` (H, 16, 3)."""
     u2 = np.where(g > 0, u2, np.float32(0))
     q = np.where(g > 0, g * (e[..., 0] * color[0] + e[..., 1] * color[1] + e[..., 2] * color[2]), np.float32(0))
-    r = q * u2
-    lanes = np.stack([q, r, r * u2, *(g * e[..., k] for k in range(3))])  # (6, H, 16) f4
+    qu2 = q * u2
+    lanes = np.stack([q, qu2, qu2 * u2, *(g * e[..., k] for k in range(3))])  # (6, H, 16) f4
     totals = np.zeros((6, STRIP_WIDTH), np.float32)
     for row in range(lanes.shape[1]):
         totals = totals + lanes[:, row]
-    q, r = totals[0], totals[1]
-    u1 = np.where((q != 0) | (r != 0), u1, np.float32(0))
-    eights = [_halves(q * u1), _halves(r), _halves(q * u1 * u1), _halves(r * u1), *map(_halves, totals[2:])]
+    q, qu2 = totals[0], totals[1]
+    u1 = np.where((q != 0) | (qu2 != 0), u1, np.float32(0))
+    eights = [_halves(q * u1), _halves(qu2), _halves(q * u1 * u1), _halves(qu2 * u1), *map(_halves, totals[2:])]
     return np.array([_tree(lane) for lane in eights], np.float64)
 
 
@@ -122,19 +122,11 @@ def _tree(eight: F4) -> np.float32:
     return np.float32((a + b) + (c + d))
 
 
-def _from_sums(sums: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
-    """One splat's gradient (8,) f4, see `strip_sums.grad_splat`."""
+def _from_sums(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
+    """One splat's gradient (8,) f4 by (13-12), see `strip_sums.grad_splat`."""
     l11, l21, l22 = splat[2:5]
-    i11, i22 = 1 / l11, 1 / l22
-    shear = l21 * i11 * i22
-    return np.array(
-        [
-            sums[0] * i11 - sums[1] * shear,
-            sums[1] * i22,
-            sums[2] * i11 - sums[3] * shear,
-            sums[3] * i22,
-            sums[4] * i22,
-            *sums[5:],
-        ],
-        np.float32,
-    )
+    r1, r2 = 1 / l11, 1 / l22
+    slope = l21 * r1 * r2
+    of_mu = [S[U1] * r1 - S[U2] * slope, S[U2] * r2]
+    of_l = [S[U1U1] * r1 - S[U1U2] * slope, S[U1U2] * r2, S[U2U2] * r2]
+    return np.array([*of_mu, *of_l, S[E_RED], S[E_GREEN], S[E_BLUE]], np.float32)

@@ -3,7 +3,7 @@
 Nothing here decides coverage. Columns and rows are found in binary64 with a margin that outweighs the roundings of a
 binary32 decision, so that every pixel that any binary32 arithmetic of `bounds` calls covered is among them: with
 |u1| and |u2| off by at most gamma_5 |u1| and gamma_6 a + gamma_11 b (see there), such a pixel lies in the ellipse of
-radius REACH, moved up or down by 17 eps RADIUS (|l21| + l22) at most.
+radius ELLIPSE, moved up or down by 17 eps SUPPORT_RADIUS (|l21| + l22) at most.
 """
 
 import math
@@ -12,14 +12,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.definition import SMALLEST_FACTOR
-from gsvc_ref.rendering.strips import F4, F8, I4, I8, RADIUS, RECORD, STRIP_WIDTH
+from gsvc_ref.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_ref.rendering.strips import F4, F8, I4, I8, RECORD, STRIP_WIDTH
 
-REACH: Final = RADIUS * (1 + 2.0**-18)
-"""The support in standard deviations, with room for roundings."""
+ELLIPSE: Final = SUPPORT_RADIUS * (1 + 2.0**-18)
+"""The radius of the ellipse that is listed, in standard deviations: the support with room for roundings."""
 
-ROW_MARGIN: Final = RADIUS * 2.0**-18
-"""Room for roundings of a row, in units of |l21| + l22: above 17 eps RADIUS."""
+ROW_MARGIN: Final = SUPPORT_RADIUS * 2.0**-18
+"""Room for roundings of a row, in units of |l21| + l22: above 17 eps SUPPORT_RADIUS. Both together have the room that
+`REACH` has, so that no row is listed outside of the boxes of (5-1), whose pixels are the work that a level limits."""
 
 SELECTED: Final = 1 << 12
 """Most entries of a selection, 76 bytes each."""
@@ -27,6 +28,9 @@ SELECTED: Final = 1 << 12
 ROWS_FOR_ENTRY: Final = 4.0
 ROWS_FOR_ROW: Final = 1.5
 """What selecting an entry, and clearing and writing a row of a strip, takes: in rows that a splat is added to."""
+
+X, Y, R1, L, F, R2, RED, GREEN, BLUE, L11, L21, L22, FIRST_ROW, ROW_COUNT = range(14)
+"""Columns of a record: the splat's centre, r1, l, f and r2 of (9-3), its colour, its factors, and its box's rows."""
 
 
 class Lists(NamedTuple):
@@ -37,9 +41,9 @@ class Lists(NamedTuple):
     Attributes
     ----------
     records
-        Per splat (RECORD,) f4, one cache line: mu_x, mu_y, 1/l11, l, f, 1/l22, the colour, l11, l21, l22, and the
-        first row of its bounding box and their number. The inner loops compute (l21 u1) / l22 as (l u1) f, which is
-        (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is covered.
+        Per splat (RECORD,) f4, one cache line, with the columns `X` to `ROW_COUNT`. The inner loops compute
+        (l21 u1) / l22 as (l u1) f (9-3), which is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so that
+        nothing overflows where a pixel is covered.
     strips
         Per splat (2,) i4: the first strip and the one after the last; equal if no pixel centre can be covered.
     base
@@ -77,39 +81,39 @@ def prepare(first: int, end: int, parameters: F4, width: int, height: int, lists
         finite = True
         for column in range(5):
             finite &= np.isfinite(parameters[n, column])
-        mu_x, mu_y = np.float64(parameters[n, 0]), np.float64(parameters[n, 1])
+        x, y = np.float64(parameters[n, 0]), np.float64(parameters[n, 1])
         l11, l21, l22 = np.float64(parameters[n, 2]), np.float64(parameters[n, 3]), np.float64(parameters[n, 4])
         strips = lists.strips[n]
         strips[0] = 0
         strips[1] = 0
-        if l11 < SMALLEST_FACTOR or l22 < SMALLEST_FACTOR or not finite:
+        if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not finite:
             continue
-        half_width = REACH * l11
-        half_height = REACH * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)
+        half_width = ELLIPSE * l11
+        half_height = ELLIPSE * math.sqrt(l21 * l21 + l22 * l22) + ROW_MARGIN * (abs(l21) + l22)
         # Clamped as floats: a centre may be further away than any integer type reaches.
-        left = max(np.ceil(mu_x - half_width - 0.5), 0.0)
-        right = min(np.floor(mu_x + half_width - 0.5), width - 1.0)
-        top = max(np.ceil(mu_y - half_height - 0.5), 0.0)
-        bottom = min(np.floor(mu_y + half_height - 0.5), height - 1.0)
+        left = max(np.ceil(x - half_width - 0.5), 0.0)
+        right = min(np.floor(x + half_width - 0.5), width - 1.0)
+        top = max(np.ceil(y - half_height - 0.5), 0.0)
+        bottom = min(np.floor(y + half_height - 0.5), height - 1.0)
         if left > right or top > bottom:
             continue
         strips[0] = int(left) // STRIP_WIDTH
         strips[1] = int(right) // STRIP_WIDTH + 1
         record = lists.records[n]
-        record[0] = parameters[n, 0]
-        record[1] = parameters[n, 1]
-        record[2] = np.float32(1 / l11)
-        record[3] = parameters[n, 3] if l22 <= 1 else np.float32(l21 / l22)
-        record[4] = np.float32(1 / l22) if l22 <= 1 else np.float32(1)
-        record[5] = np.float32(1 / l22)
-        record[6] = parameters[n, 5]
-        record[7] = parameters[n, 6]
-        record[8] = parameters[n, 7]
-        record[9] = parameters[n, 2]
-        record[10] = parameters[n, 3]
-        record[11] = parameters[n, 4]
-        record[12] = np.float32(top)
-        record[13] = np.float32(bottom - top + 1)
+        record[X] = parameters[n, 0]
+        record[Y] = parameters[n, 1]
+        record[R1] = np.float32(1 / l11)
+        record[L] = parameters[n, 3] if l22 <= 1 else np.float32(l21 / l22)  # (9-3)
+        record[F] = np.float32(1 / l22) if l22 <= 1 else np.float32(1)
+        record[R2] = np.float32(1 / l22)
+        record[RED] = parameters[n, 5]
+        record[GREEN] = parameters[n, 6]
+        record[BLUE] = parameters[n, 7]
+        record[L11] = parameters[n, 2]
+        record[L21] = parameters[n, 3]
+        record[L22] = parameters[n, 4]
+        record[FIRST_ROW] = np.float32(top)
+        record[ROW_COUNT] = np.float32(bottom - top + 1)
 
 
 @kernel()
@@ -125,7 +129,7 @@ def count_entries(height: int, lists: Lists) -> None:
         base[n + 1] = base[n] + end - first
         for s in range(first, end):
             offsets[s + 1] += 1
-            work[s + 1] += lists.records[n, 13] + ROWS_FOR_ENTRY
+            work[s + 1] += lists.records[n, ROW_COUNT] + ROWS_FOR_ENTRY
     for s in range(offsets.size - 1):
         offsets[s + 1] += offsets[s]
         work[s + 1] += work[s]
@@ -155,20 +159,20 @@ def entries_of(s: int, lists: Lists) -> int:
 def row_range(record: Any, strip: int, height: int) -> tuple[int, int]:
     """The rows (first, one after the last) where one splat may cover a pixel centre of a strip; equal if there is none.
 
-    The ellipse |u| = REACH has y = mu_y + l21 u1 + l22 u2 with u2 = ± sqrt(REACH^2 - u1^2). Its lower edge is concave
-    in u1 with the extreme at t = REACH l21 / sqrt(l21^2 + l22^2), the upper edge mirrors it, so that over the columns
-    of a strip the extremes are at t and -t clamped to their range of u1.
+    The ellipse |u| = ELLIPSE has the rows y + l21 u1 + l22 u2 with u2 = ± sqrt(ELLIPSE^2 - u1^2). Its lower edge is
+    concave in u1 with the extreme at u1 = tip = ELLIPSE l21 / sqrt(l21^2 + l22^2), the upper edge mirrors it, so that
+    over the columns of a strip the extremes are at tip and -tip clamped to their range of u1.
     """
-    mu_x, mu_y = np.float64(record[0]), np.float64(record[1])
-    l11, l21, l22 = np.float64(record[9]), np.float64(record[10]), np.float64(record[11])
-    t = REACH * l21 / math.sqrt(l21 * l21 + l22 * l22)
-    left = max((strip * STRIP_WIDTH + 0.5 - mu_x) / l11, -REACH)
-    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - mu_x) / l11, REACH)
-    low = min(max(t, left), right)
-    high = min(max(-t, left), right)
+    x, y = np.float64(record[X]), np.float64(record[Y])
+    l11, l21, l22 = np.float64(record[L11]), np.float64(record[L21]), np.float64(record[L22])
+    tip = ELLIPSE * l21 / math.sqrt(l21 * l21 + l22 * l22)
+    left = max((strip * STRIP_WIDTH + 0.5 - x) / l11, -ELLIPSE)
+    right = min((strip * STRIP_WIDTH + STRIP_WIDTH - 0.5 - x) / l11, ELLIPSE)
+    low = min(max(tip, left), right)
+    high = min(max(-tip, left), right)
     margin = ROW_MARGIN * (abs(l21) + l22)
-    bottom = mu_y + l21 * low + l22 * math.sqrt(max(REACH * REACH - low * low, 0.0)) + margin
-    top = mu_y + l21 * high - l22 * math.sqrt(max(REACH * REACH - high * high, 0.0)) - margin
+    bottom = y + l21 * low + l22 * math.sqrt(max(ELLIPSE * ELLIPSE - low * low, 0.0)) + margin
+    top = y + l21 * high - l22 * math.sqrt(max(ELLIPSE * ELLIPSE - high * high, 0.0)) - margin
     first = max(np.ceil(top - 0.5), 0.0)
     last = min(np.floor(bottom - 0.5), height - 1.0)
     if left > right or first > last:

@@ -99,7 +99,8 @@ class Objective:
         loss = self._run(parameters, with_gradient=True)
         work = self._workspace
         gradient = np.empty((len(work.parameters), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-        work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, 2 / self._pixels, gradient)
+        factor = 2 / self._pixels  # (10-2)
+        work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, factor, gradient)
         if self._moving is None:
             return loss, gradient
         of_all = np.zeros((self._count, PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
@@ -169,7 +170,7 @@ class Objective:
         work.over_strips(
             objective_task, objective_tasks, slots, self._target, self._base, self.width, self._losses, with_gradient
         )  # fmt: skip
-        return float(math.fsum(self._losses) / self._pixels)
+        return float(math.fsum(self._losses) / self._pixels)  # (10-1)
 
 
 def _checked(parameters: ArrayLike) -> F4:

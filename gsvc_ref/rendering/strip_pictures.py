@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.constants import ONE
 from gsvc_ref.rendering.strips import CHANNELS, F4, F8, ROW, STRIP_WIDTH
 
 ZERO: Final = np.float32(0)
-ONE: Final = np.float32(1)
 
 
 @kernel(inline=True)
@@ -25,7 +25,7 @@ def clamped(value: np.float32) -> np.float32:
 @kernel(inline=True)
 def rounded(value: np.float32, peak: np.float32) -> np.int32:
     """Clamp, times peak, round half to even (R-9.1-1)."""
-    return np.int32(np.rint(clamped(value) * peak))
+    return np.int32(np.rint(clamped(value) * peak))  # (9-7)
 
 
 @kernel(inline=True)
@@ -112,7 +112,7 @@ def read_strip(picture: F4, s: int, strip: F4) -> None:
 
 @kernel()
 def subtract_target(strip: F4, target: F4, height: int, lanes: int, squares: F8) -> float:
-    """Turn the sum C of a strip into e = clamp(C, 0, 1) - target, zero outside the frame; return the sum of e^2.
+    """Turn the sum C of a strip into e = clamp(C, 0, 1) - target (10-2), zero outside the frame; return the sum of e^2.
 
     `target` is (H * ROW,) f4 with zeros outside the frame, `lanes` the columns inside it, and `squares` is
     (STRIP_WIDTH,) f8 scratch: the squares of a pixel are added in binary32, everything else in binary64, per lane down
@@ -133,7 +133,7 @@ def subtract_target(strip: F4, target: F4, height: int, lanes: int, squares: F8)
             e[k] = red
             e[STRIP_WIDTH + k] = green
             e[2 * STRIP_WIDTH + k] = blue
-            squares[k] += np.float64(red * red + green * green + blue * blue)
+            squares[k] += np.float64(red * red + green * green + blue * blue)  # (10-1)
     total = 0.0
     for k in range(STRIP_WIDTH):
         total += squares[k]

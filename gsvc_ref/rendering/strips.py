@@ -10,8 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.rendering.definition import SUPPORT_SIGMA
-
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I4 = NDArray[np.int32]
@@ -30,18 +28,12 @@ SPARE_ROWS: Final = ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
 RECORD: Final = 16
-"""Floats of a record in `lists.Lists`: 64 bytes, of which fourteen numbers are used."""
+"""Floats of a record in `lists.Lists`: 64 bytes, a cache line."""
 
 SLOT: Final = 8
-"""Sums that the backward pass keeps per entry: q u, q v, q u^2, q u v, q v^2 and the three of g e."""
+"""Sums S that the backward pass keeps per entry, the moments of (13-12) and the sums of (10-9)."""
 
 LANES: Final = np.arange(STRIP_WIDTH, dtype=np.float32)  # (16,) f4
-
-SUPPORT_SQUARED: Final = np.float32(2 * SUPPORT_SIGMA)
-"""u1^2 + u2^2 at the edge of the support, rounded to binary32."""
-
-RADIUS: Final = math.sqrt(2 * SUPPORT_SIGMA)
-"""The support in standard deviations: covered iff |u| <= RADIUS."""
 
 
 def strip_count(width: int) -> int:

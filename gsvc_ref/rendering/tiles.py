@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.rendering.lists import FIRST_ROW, ROW_COUNT
 from gsvc_ref.rendering.strips import F4, F8, I4, I8
 
 
@@ -63,7 +64,7 @@ class Prepared(NamedTuple):
 @kernel()
 def mark(splats: Prepared, n: int, tiles: Tiles) -> None:
     """Mark the tiles of the box around splat n; the closer rows of each strip would take longer than they save."""
-    first, count = int(splats.records[n, 12]), int(splats.records[n, 13])
+    first, count = int(splats.records[n, FIRST_ROW]), int(splats.records[n, ROW_COUNT])
     for s in range(splats.strips[n, 0], splats.strips[n, 1]):
         for tile in range(first // tiles.rows, (first + count - 1) // tiles.rows + 1):
             tiles.stale[s, tile] = True

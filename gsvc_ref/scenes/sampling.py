@@ -15,7 +15,7 @@ F8 = NDArray[np.float64]
 
 _POLE: Final = math.sqrt(3) - 2
 """Of the recursive filters that find the coefficients of a cubic spline."""
-_REACH: Final = 30
+_POWERS: Final = 30
 """The powers of the pole beyond are less than a unit in the last place."""
 _AT_ONCE: Final = 1 << 16  # places that are read together: what belongs to them stays in the cache
 
@@ -56,7 +56,7 @@ def spline_coefficients(samples: NDArray[Any]) -> F8:
 def _filtered(lines: F8) -> F8:
     """The recursive filters there and back along the first axis, on a new array."""
     count = len(lines)
-    mirrored = [k % (2 * count) for k in range(_REACH)]
+    mirrored = [k % (2 * count) for k in range(_POWERS)]
     values = 6 * lines
     first, power = values[0].copy(), 1.0
     for k in mirrored:  # sample -1 - k is sample k

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
+from gsvc_ref.quantization.half import EXPONENT_MASK
 from gsvc_ref.reconstruction import (
     BlockKind,
     Codebooks,
@@ -166,7 +167,7 @@ def _positions(choices: Choices, count: int, kind: BlockKind) -> U2:
     style = choices.pick(("plausible", "alike", "any"))
     if style == "any":
         signs = rng.choice(np.array([0, 0x8000], np.uint16), (count, 2))
-        bits: U2 = rng.integers(0, 0x7C00, (count, 2), np.uint16) | signs
+        bits: U2 = rng.integers(0, EXPONENT_MASK, (count, 2), np.uint16) | signs
         return bits
     spread = 1.0 if kind == "intra" else 2.0**-6
     values = rng.uniform(-spread, spread, (count, 2)).astype(np.float16)

@@ -5,8 +5,8 @@ For a learned value theta with gradient g, k counting its steps from 1, and g_pr
     d = g - g_prev
     m = b1 m + (1 - b1) g
     v = b2 v + (1 - b2) d
-    n = b3 n + (1 - b3) (g + b2 d)^2
-    theta -= rate * (m / (1 - b1^k) + b2 v / (1 - b2^k)) / (sqrt(n) / sqrt(1 - b3^k) + epsilon)
+    n = b3 n + (1 - b3) (g + b2 d)^2                                                                  (10-13)
+    theta -= rate * (m / (1 - b1^k) + b2 v / (1 - b2^k)) / (sqrt(n) / sqrt(1 - b3^k) + epsilon)             (10-14)
 
 No weight decay, no clipping, no restart. A learned value may have another unit than the parameter it stands for:
 parameter = unit * theta, so g = unit * dL/dparameter, and the parameter moves by unit times the step.
@@ -224,9 +224,9 @@ def adan_step_plain(
     m = b1 * m + c1 * g
     v = b2 * v + c2 * d
     ahead = g + b2 * d
-    n = b3 * n + c3 * (ahead * ahead)
+    n = b3 * n + c3 * (ahead * ahead)  # (10-13)
     update = (over_m * m + over_v * v) / (np.sqrt(n) * over_n + epsilon)
-    return parameters - rate * update, m, v, n
+    return parameters - rate * update, m, v, n  # (10-14)
 
 
 @kernel()
@@ -275,9 +275,9 @@ def _step(
             m_part[j] = b1 * m_part[j] + c1 * g
             v_part[j] = b2 * v_part[j] + c2 * d
             ahead = g + b2 * d
-            n_part[j] = b3 * n_part[j] + c3 * (ahead * ahead)
+            n_part[j] = b3 * n_part[j] + c3 * (ahead * ahead)  # (10-13)
             update = (over_m * m_part[j] + over_v * v_part[j]) / (np.sqrt(n_part[j]) * over_n + epsilon)
-            x[j] -= rates[j] * update
+            x[j] -= rates[j] * update  # (10-14)
             g_prev[j] = g
         steps[start:stop] = k
         start = stop

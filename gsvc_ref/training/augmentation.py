@@ -16,8 +16,8 @@ from gsvc_ref.splats import F4, Splats
 
 F8 = NDArray[np.float64]
 
-NEW_WEIGHT: Final = 0.01
-"""Initial w of randomly placed splats, of I-frames and of GSA; the authors' value. The paper has "close to zero"."""
+NEW_WEIGHT: Final = float(np.float32(0.01))
+"""Initial w of random splats, of I-frames and of GSA (10-27); the authors' value. The paper has "close to zero"."""
 
 KEPT_WEIGHT: Final = 1.0
 """Initial w of the splats that a P-frame takes over (paper section 3.5)."""
@@ -60,8 +60,8 @@ def random_splats(count: int, width: int, height: int, rng: Generator) -> Splats
     if count < 0 or width < 1 or height < 1:
         raise UsageError(f"cannot place {count} splats on {width}x{height} pixels; give at least 0 and 1x1")
     positions = rng.random((count, 2), np.float32) * np.array([width, height], np.float32)
-    cholesky = rng.random((count, 3), np.float32) + RANDOM_CHOLESKY_OFFSET
-    return Splats(positions, cholesky, rng.random((count, 3), np.float32))
+    cholesky = rng.random((count, 3), np.float32) + RANDOM_CHOLESKY_OFFSET  # (10-26)
+    return Splats(positions, cholesky, rng.random((count, 3), np.float32))  # (10-27)
 
 
 def draw_from_density(density: NDArray[np.floating], count: int, rng: Generator) -> F4:

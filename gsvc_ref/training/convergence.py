@@ -56,6 +56,6 @@ class ConvergenceTest:
         """
         if math.isnan(loss):
             raise UsageError("the loss is NaN; training has diverged, use lower learning rates")
-        self.calm = self.calm + 1 if abs(loss - self.previous) <= self.rule.tolerance else 0
+        self.calm = self.calm + 1 if abs(loss - self.previous) <= self.rule.tolerance else 0  # (10-31)
         self.previous = loss
         return self.calm >= self.rule.patience

@@ -1,10 +1,11 @@
 """Dynamic Key-frame Selection (DKS): which frames are trained from scratch (paper section 3.6).
 
 Every frame is pre-trained twice, from scratch (loss I) and from the frame before (loss P). With D_t = P_t - I_t for
-every frame t but the first, and the window W_t of the frames t - w..t + w that have a D, the paper makes t a key frame
-if D_t exceeds the mean of the window by more than k = 3 times its standard deviation (dividing by n = |W_t|)::
+every frame t but the first, and the window W_t of the frames t - w..t + w that have a D (10-28), the paper makes t a
+key frame if D_t exceeds the mean of the window by more than k = 3 times its standard deviation (dividing by
+n = |W_t|)::
 
-    n D_t - S > 0   and   (n D_t - S)^2 > k^2 (n Q - S^2),     S = sum of D, Q = sum of D^2 over W_t
+    n D_t - S > 0   and   (n D_t - S)^2 > k^2 (n Q - S^2),     S = sum of D, Q = sum of D^2 over W_t        (10-29)
 
 which is the same without division and root (R-10.9-1). It is evaluated in rational numbers, so a tie is a tie on any
 machine.
@@ -12,9 +13,9 @@ machine.
 The paper's rule is blind in two ways: D_t is one of the n values, so it is never more than sqrt(n - 1) deviations from
 the mean, and n <= 10 can never exceed 3; and a cut hides another (two equal cuts among 20 frames give exactly 3.0).
 The *robust* rule, ours, leaves t out of its own statistics, as well as the key frames found before it, and guards
-against noise: t is a key frame if P_t > g I_t, with g = 2, and D_t exceeds the mean of the other frames of the window
-by more than k of their standard deviations; without others, the guard decides. Under ``paper`` the robust rule is used
-only in windows too short for the paper's, those with n - 1 <= k^2.
+against noise: t is a key frame if P_t > g I_t (10-30), g = 2, and D_t exceeds the mean of the other frames of the
+window by more than k of their standard deviations; without others, the guard decides. Under ``paper`` the robust rule
+is used only in windows too short for the paper's, those with n - 1 <= k^2.
 
 Frames are numbered from 0 here; the paper's t is the number plus 1.
 """
@@ -110,7 +111,7 @@ class KeyFrameSelector:
             self._started = True
             return [True]
         i, p = Fraction(loss_i), Fraction(loss_p)
-        self._waiting.append(_Frame(p - i, p > self._guard_ratio * i))
+        self._waiting.append(_Frame(p - i, p > self._guard_ratio * i))  # (10-30)
         look_ahead = 0 if self.causal else self.window
         return [self._decide()] if len(self._waiting) > look_ahead else []
 
@@ -120,7 +121,7 @@ class KeyFrameSelector:
 
     def _decide(self) -> bool:
         frame = self._waiting.popleft()
-        values = [other.difference for other in (*self._decided, frame, *self._waiting)]
+        values = [other.difference for other in (*self._decided, frame, *self._waiting)]  # (10-28)
         if self._paper and len(values) - 1 > self._threshold * self._threshold:
             is_key = _exceeds(frame.difference, values, self._threshold)
         else:
@@ -195,4 +196,4 @@ def _exceeds(value: Fraction, values: Iterable[Fraction], threshold: Fraction) -
     for other in values:
         n, total, squares = n + 1, total + other, squares + other * other
     above = n * value - total
-    return above > 0 and above * above > threshold * threshold * (n * squares - total * total)
+    return above > 0 and above * above > threshold * threshold * (n * squares - total * total)  # (10-29)

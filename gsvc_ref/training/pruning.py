@@ -11,8 +11,8 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan
 
-SETTLING: Final = 0.2
-"""Fraction of the iterations, at the end, that a schedule leaves for the survivors to settle; ours."""
+SETTLING: Final = 0.8
+"""Part of the iterations up to the last removal, at most; the survivors settle in the others. Ours."""
 
 LAST: Final = 10_000_000
 """Latest iteration that can be named."""
@@ -23,8 +23,8 @@ class PruningSchedule:
     """How many splats are removed after which iteration; the paper only says how many in all.
 
     Removals come after the iterations first, first + interval, ... and last. Each removes the same number, rounded
-    down; the last also removes the remainder, so that the counts add up. Where there are too few iterations for
-    SETTLING of them to follow the last removal, all removals move forward in proportion.
+    down; the last also removes the remainder, so that the counts add up. Where the last would come later
+    than after SETTLING of the iterations, all removals move forward in proportion.
 
     Attributes
     ----------
@@ -90,8 +90,8 @@ class PruningSchedule:
         removed: dict[int, int] = {}
         for time in times:
             count = share if time != self.last else total - share * (len(times) - 1)
-            scale = min(1.0, (1 - SETTLING) * iterations / self.last)
-            iteration = max(1, int(time * scale))
+            scale = min(1.0, SETTLING * iterations / self.last)
+            iteration = max(1, int(time * scale))  # (10-25)
             if count:
                 removed[iteration] = removed.get(iteration, 0) + count
         return removed

@@ -46,7 +46,7 @@ class StepDecay:
 
     def __call__(self, iteration: int) -> float:
         """Factor ** (iteration // interval)."""
-        return whole_power(self.factor, iteration // self.interval)
+        return whole_power(self.factor, iteration // self.interval)  # (10-12)
 
 
 @dataclass(frozen=True)

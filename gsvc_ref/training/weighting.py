@@ -20,7 +20,7 @@ WEIGHT = PARAMETERS_PER_SPLAT
 def rendered_plain(values: F4) -> F4:
     """What is rendered, (N, 8) f4, of the values (N, 9) f4: colours are w c'."""
     parameters = values[:, :PARAMETERS_PER_SPLAT].copy()
-    parameters[:, COLOR] = fold_weights(values[:, COLOR], values[:, WEIGHT])
+    parameters[:, COLOR] = fold_weights(values[:, COLOR], values[:, WEIGHT])  # (10-10)
     return parameters
 
 
@@ -29,7 +29,7 @@ def grad_rendered_plain(values: F4, grad_parameters: F4) -> F4:
     G, c, w = grad_parameters[:, COLOR], values[:, COLOR], values[:, WEIGHT]
     products = G * c
     by_weight = (products[:, 0] + products[:, 1]) + products[:, 2]
-    return np.concatenate([grad_parameters[:, :5], w[:, None] * G, by_weight[:, None]], axis=1)
+    return np.concatenate([grad_parameters[:, :5], w[:, None] * G, by_weight[:, None]], axis=1)  # (10-11)
 
 
 def rendered(values: F4) -> F4:
@@ -52,7 +52,7 @@ def _rendered(values: F4, parameters: F4) -> None:
         for k in range(5):
             parameters[n, k] = values[n, k]
         for k in range(5, 8):
-            parameters[n, k] = values[n, k] * values[n, 8]
+            parameters[n, k] = values[n, k] * values[n, 8]  # (10-10)
 
 
 @kernel()
@@ -61,6 +61,6 @@ def _grad_rendered(values: F4, grad_parameters: F4, gradient: F4) -> None:
         for k in range(5):
             gradient[n, k] = grad_parameters[n, k]
         for k in range(5, 8):
-            gradient[n, k] = values[n, 8] * grad_parameters[n, k]
+            gradient[n, k] = values[n, 8] * grad_parameters[n, k]  # (10-11)
         by_weight = grad_parameters[n, 5] * values[n, 5] + grad_parameters[n, 6] * values[n, 6]
         gradient[n, 8] = by_weight + grad_parameters[n, 7] * values[n, 7]

@@ -12,7 +12,7 @@ from gsvc_ref.video.color import frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
 from gsvc_ref.video.png import decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
-from gsvc_ref.video.y4m_header import MAGIC
+from gsvc_ref.video.y4m_header import SIGNATURE
 
 __all__ = [
     "ChromaFormat",
@@ -88,13 +88,13 @@ def _open_path(path: Path) -> VideoReader:
     if not path.is_file():  # a pipe or device: reading its first bytes would take them away
         return y4m.Y4mReader(path, name)
     with path.open("rb") as file:
-        magic = file.read(len(MAGIC))
+        magic = file.read(len(SIGNATURE))
     if not magic:
         raise GsvcError("malformed", f"{path} is empty; give a video file")
     suffix = path.suffix.lower()
     if suffix == SCENE_SUFFIX:
         return _open_scene(name)
-    if magic == MAGIC or suffix == ".y4m":
+    if magic == SIGNATURE or suffix == ".y4m":
         return y4m.Y4mReader(path, name)
     if magic.startswith(images.PNG_SIGNATURE) or suffix in images.SUFFIXES:
         return images.ImageReader([path], name)
@@ -106,11 +106,11 @@ def _open_file(file: BinaryIO) -> VideoReader:
     if not file.seekable():
         return y4m.Y4mReader(file, name)
     start = file.tell()
-    magic = file.read(len(MAGIC))
+    magic = file.read(len(SIGNATURE))
     file.seek(start)
     if not magic:
         raise GsvcError("malformed", f"{name} is empty; give a video file")
-    if magic == MAGIC:
+    if magic == SIGNATURE:
         return y4m.Y4mReader(file, name)
     if magic.startswith((images.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
         return images.ImageReader([file.read()], name)

@@ -1,6 +1,6 @@
 """Chroma siting and the two filters that follow from it (ITU-T H.273, ChromaLocType).
 
-On a subsampled side, chroma sample k lies at luma coordinate 2k + p with p = 0 (on the first of its two luma samples),
+On a subsampled side, chroma sample k lies at luma coordinate 2k + phi with phi = 0 (on the first of two luma samples),
 1/2 (between them) or 1 (on the second). From that one number follow both directions:
 
 - *up*: linear interpolation between the two neighbouring chroma samples;
@@ -19,12 +19,9 @@ from numpy.typing import NDArray
 
 from gsvc_ref.video.format import VideoFormat
 
-QUARTER_PHASES: Final = {"first": 0, "between": 2, "second": 4}
-"""p in quarters of a luma sample."""
-
-HORIZONTAL_SITE: Final = ("first", "between", "first", "between", "first", "between")
-VERTICAL_SITE: Final = ("between", "between", "first", "first", "second", "second")
-"""Where ChromaLocType 0 to 5 puts the sample on each axis."""
+PHASE_OF_COLUMNS: Final = (0, 1, 0, 1, 0, 1)
+PHASE_OF_ROWS: Final = (1, 1, 0, 0, 2, 2)
+"""2 phi, by ChromaLocType 0 to 5: where it puts the sample on each axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,40 +40,36 @@ class Taps:
     weights: NDArray[np.int64]
 
 
-def up_taps(size: int, site: str | None) -> Taps:
-    """Taps from chroma to the `size` luma samples of one side; site None is a side without subsampling."""
+def up_taps(size: int, phase: int | None) -> Taps:
+    """Taps from chroma to the `size` luma samples of one side, `phase` 2 phi; None is a side without subsampling."""
     luma = np.arange(size)
-    if site is None:
+    if phase is None:
         return Taps(np.stack([luma, luma], axis=1), np.tile([4, 0], (size, 1)))
-    eighths = 4 * luma - QUARTER_PHASES[site]  # position in chroma samples, times 8
-    lower = eighths // 8  # (size,) i8
-    upper_weight = (eighths - 8 * lower) // 2  # p is a whole half, so no remainder is lost
+    quarters = 2 * luma - phase  # (i - phi) / 2, the position in chroma samples, times 4
+    lower = quarters // 4  # (size,) i8
+    upper_weight = quarters - 4 * lower
     last = (size + 1) // 2 - 1
     indices = np.clip(np.stack([lower, lower + 1], axis=1), 0, last)  # (size, 2) i8
-    return Taps(indices, np.stack([4 - upper_weight, upper_weight], axis=1))
+    return Taps(indices, np.stack([4 - upper_weight, upper_weight], axis=1))  # (11-4)
 
 
-def down_taps(size: int, site: str | None) -> Taps:
-    """Taps from `size` luma samples of one side to its chroma samples; site None is a side without subsampling."""
-    if site is None:
+def down_taps(size: int, phase: int | None) -> Taps:
+    """Taps from `size` luma samples of one side to its chroma samples; phase None is a side without subsampling."""
+    if phase is None:
         luma = np.arange(size)
         return Taps(np.stack([luma, luma, luma], axis=1), np.tile([0, 4, 0], (size, 1)))
-    offsets, weights = {
-        "first": ([-1, 0, 1], [1, 2, 1]),
-        "between": ([0, 1, 1], [2, 2, 0]),
-        "second": ([0, 1, 2], [1, 2, 1]),
-    }[site]
+    offsets, weights = (([-1, 0, 1], [1, 2, 1]), ([0, 1, 1], [2, 2, 0]), ([0, 1, 2], [1, 2, 1]))[phase]
     chroma = np.arange((size + 1) // 2)
     indices = np.clip(2 * chroma[:, None] + np.array(offsets), 0, size - 1)  # (chroma, 3) i8
-    return Taps(indices, np.tile(weights, (len(chroma), 1)))
+    return Taps(indices, np.tile(weights, (len(chroma), 1)))  # (11-4)
 
 
-def sites(video: VideoFormat) -> tuple[str | None, str | None]:
-    """The (vertical, horizontal) site of chroma, None on a side without subsampling."""
+def phases(video: VideoFormat) -> tuple[int | None, int | None]:
+    """2 phi of rows and of columns, None on a side without subsampling."""
     location = video.color.chroma_location
-    vertical = VERTICAL_SITE[location] if video.chroma_format == "420" else None
-    horizontal = HORIZONTAL_SITE[location] if video.chroma_format in ("420", "422") else None
-    return vertical, horizontal
+    rows = PHASE_OF_ROWS[location] if video.chroma_format == "420" else None
+    columns = PHASE_OF_COLUMNS[location] if video.chroma_format in ("420", "422") else None
+    return rows, columns
 
 
 def resample(plane: NDArray[Any], vertical: Taps, horizontal: Taps) -> NDArray[np.int64]:

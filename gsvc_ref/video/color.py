@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.chroma import down_taps, resample, sites, up_taps
+from gsvc_ref.video.chroma import down_taps, phases, resample, up_taps
 from gsvc_ref.video.format import MATRIX_NAMES, Frame, VideoFormat, assumed_matrix, check_frame
 
 F8 = NDArray[np.float64]
@@ -59,8 +59,8 @@ def matrix_pair(matrix: int) -> tuple[F8, F8]:
     kr, kb = LUMA_WEIGHTS[matrix]
     kg = 1 - kr - kb
     cb, cr = 2 * (1 - kb), 2 * (1 - kr)
-    forward = np.array([[kr, kg, kb], [-kr / cb, -kg / cb, 0.5], [0.5, -kg / cr, -kb / cr]])
-    inverse = np.array([[1, 0, cr], [1, -cb * kb / kg, -cr * kr / kg], [1, cb, 0]])
+    forward = np.array([[kr, kg, kb], [-kr / cb, -kg / cb, 0.5], [0.5, -kg / cr, -kb / cr]])  # (11-1)
+    inverse = np.array([[1, 0, cr], [1, -cb * kb / kg, -cr * kr / kg], [1, cb, 0]])  # (11-2)
     return forward, inverse
 
 
@@ -97,7 +97,7 @@ def conversion(video: VideoFormat) -> Conversion:
     forward, inverse = matrix_pair(matrix)
     unit = 1 << (video.bit_depth - 8)
     luma_gain, luma_offset = (video.peak, 0) if video.color.full_range else (219 * unit, 16 * unit)
-    chroma_gain, chroma_offset = video.peak if video.color.full_range else 224 * unit, 128 * unit
+    chroma_gain, chroma_offset = video.peak if video.color.full_range else 224 * unit, 128 * unit  # (11-3)
     if matrix in (0, 8):  # H.273 scales R'G'B' before it forms these, so all planes share one gain
         chroma_gain = luma_gain
     if matrix == 0:
@@ -115,7 +115,7 @@ def _apply(row: F8, a: F8, b: F8, c: F8) -> F8:
 def planes_to_frame_plain(planes: Planes, video: VideoFormat) -> Frame:
     """Definition of `planes_to_frame` in NumPy."""
     convert = conversion(video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
     luma = planes[0] - convert.offset[0]
     cb, cr = (resample(planes[i], rows, columns) / 16 - convert.offset[i] for i in (1, 2))  # (H, W) f8 each
@@ -126,7 +126,7 @@ def planes_to_frame_plain(planes: Planes, video: VideoFormat) -> Frame:
 def frame_to_planes_plain(frame: Frame, video: VideoFormat) -> Planes:
     """Definition of `frame_to_planes` in NumPy: chroma comes from the mean R'G'B' of its cell, as the map is linear."""
     convert = conversion(video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     mean = resample(frame, down_taps(video.height, vertical), down_taps(video.width, horizontal)) / 16
     sources = (frame.astype(np.float64), mean, mean)
     values = [_apply(row, *np.moveaxis(rgb, -1, 0)) for row, rgb in zip(convert.to_planes, sources, strict=True)]
@@ -238,7 +238,7 @@ def planes_to_frame(planes: Sequence[Plane], video: VideoFormat) -> Frame:
     for plane, shape in zip((y, cb, cr), video.plane_shapes, strict=True):
         if plane.shape != shape or plane.dtype != video.dtype:
             raise UsageError(f"a plane is {plane.dtype} of shape {plane.shape}; it must be {video.dtype} of {shape}")
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
     frame = np.empty((video.height, video.width, 3), video.dtype)
     _planes_to_frame(
@@ -276,7 +276,7 @@ def frame_to_planes(frame: Frame, video: VideoFormat) -> Planes:
     """
     convert = conversion(video)
     check_frame(frame, video)
-    vertical, horizontal = sites(video)
+    vertical, horizontal = phases(video)
     rows, columns = down_taps(video.height, vertical), down_taps(video.width, horizontal)
     y, cb, cr = (np.empty(shape, video.dtype) for shape in video.plane_shapes)
     _frame_to_planes(

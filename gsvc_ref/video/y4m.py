@@ -13,7 +13,7 @@ from gsvc_ref.files import PartialFile, remove_leftovers
 from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import Frame, VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
-from gsvc_ref.video.y4m_header import MAGIC, format_header, malformed, parse_header, planar_format
+from gsvc_ref.video.y4m_header import SIGNATURE, format_header, malformed, parse_header, planar_format
 
 MAX_LINE: Final = 4096
 """Longest stream header or frame header in bytes, far beyond what any program writes."""
@@ -54,9 +54,9 @@ class Y4mReader(VideoReader):
         line = self._stream.readline(MAX_LINE + 1)
         if not line:
             raise malformed(name, "it is empty")
-        if not line.startswith(MAGIC):
+        if not line.startswith(SIGNATURE):
             _refuse_stream(line, name)
-            raise malformed(name, f"it does not begin with {MAGIC.decode()}")
+            raise malformed(name, f"it does not begin with {SIGNATURE.decode()}")
         if not line.endswith(b"\n"):
             raise malformed(name, f"its header is cut off, or longer than {MAX_LINE} bytes")
         header = parse_header(line[:-1], name)
@@ -117,9 +117,9 @@ def _refuse_stream(line: bytes, name: str) -> None:
     UsageError
         It is one; the message says what to do.
     """
-    from gsvc_ref.bitstream.chunks import MAGIC as STREAM_MAGIC  # which imports the compiler
+    from gsvc_ref.bitstream.chunks import MAGIC  # which imports the compiler
 
-    if STREAM_MAGIC.startswith(line):
+    if MAGIC.startswith(line):
         raise UsageError(
             f"{name} holds a GSVC stream, and a pipe is read as y4m: save it to a file, or decode it on the way "
             f"(gsvc decode - -)"

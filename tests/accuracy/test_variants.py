@@ -13,7 +13,7 @@ from gsvc_ref.accuracy.exponential import coefficients, squarings
 from gsvc_ref.accuracy.oracle import NOTHING_SIGMA, cut_sum
 from gsvc_ref.accuracy.variants import Variant, render_variant
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import SUPPORT_SIGMA, render_exact_with_bound, render_sum
+from gsvc_ref.rendering import LN_255, render_exact_with_bound, render_sum
 from gsvc_ref.splats import Splats
 
 JIT = not numba.config.DISABLE_JIT
@@ -117,7 +117,7 @@ def test_without_a_cut_the_oracle_sums_every_splat_over_every_pixel():
     np.testing.assert_allclose(cut_sum(splats, WIDTH, HEIGHT, NOTHING_SIGMA), wanted, atol=1e-14, rtol=0)
 
 
-def exp_errors(degree, sigma=SUPPORT_SIGMA, bits=32):
+def exp_errors(degree, sigma=LN_255, bits=32):
     """The error of the polynomial's power at points from 0 to the edge."""
     s = np.linspace(0, 2 * sigma, 20001)
     power = np.polyval(coefficients(degree, sigma, bits)[::-1], s) ** (2 ** squarings(sigma, bits))
@@ -127,7 +127,7 @@ def exp_errors(degree, sigma=SUPPORT_SIGMA, bits=32):
 @pytest.mark.parametrize(("degree", "most"), [(2, 1.1e-3), (3, 4.6e-5), (4, 1.6e-6), (5, 4.5e-8), (7, 3e-11)])
 def test_the_polynomials_are_the_best_of_their_degree(degree, most):
     error = exp_errors(degree)
-    assert coefficients(degree, SUPPORT_SIGMA, 32)[0] == 1
+    assert coefficients(degree, LN_255, 32)[0] == 1
     assert abs(error).max() < most
     # Chebyshev: with p(0) = 1 given, `degree` coefficients are free, and the best has degree + 1 extremes of one size.
     changes = np.flatnonzero(np.diff(np.sign(error[1:]))) + 1
@@ -141,7 +141,7 @@ def test_the_binary64_polynomial_is_exact_to_its_last_bits():
 
 
 def test_more_range_takes_more_squarings():
-    assert squarings(SUPPORT_SIGMA, 32) == 3
-    assert squarings(SUPPORT_SIGMA, 64) == 5
+    assert squarings(LN_255, 32) == 3
+    assert squarings(LN_255, 64) == 5
     assert squarings(Variant(cutoff=0).support_sigma, 32) == 7
     assert abs(exp_errors(5, Variant(cutoff=0).support_sigma)).max() < 1e-7

@@ -12,7 +12,7 @@ from conformance.cases.gradients import ALL_GROUPS, noise, slope
 from conformance.cases.splat_sets import FEWEST_GUARDS, population, splat, splats
 from conformance.stage import stages
 from conformance.stages.rendering import FEWEST_SPLATS, edge_margins, render_gradients
-from gsvc_ref.rendering import SMALLEST_FACTOR, SUPPORT_SIGMA
+from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL
 
 
 def oracle(name, **inputs):
@@ -39,7 +39,7 @@ def chopped(x):
 def flushed(x):
     """To binary32, and what is subnormal to zero."""
     near = nearest(x)
-    return np.where(abs(near) < SMALLEST_FACTOR, 0.0, near)
+    return np.where(abs(near) < SMALLEST_NORMAL, 0.0, near)
 
 
 class Arithmetic(NamedTuple):
@@ -79,13 +79,13 @@ def weights(parameters, width, height, arithmetic):
     rows = range(len(parameters))
     for n in reversed(rows) if arithmetic.backwards else rows:
         x, y, l11, l21, l22 = parameters[n, :5].astype(np.float64)
-        if not (SMALLEST_FACTOR <= l11 < np.inf and SMALLEST_FACTOR <= l22 < np.inf):
+        if not (SMALLEST_NORMAL <= l11 < np.inf and SMALLEST_NORMAL <= l22 < np.inf):
             continue
         u1 = arithmetic.divide(fl(np.arange(width) + 0.5 - x), l11)
         d_y = fl(np.arange(height) + 0.5 - y)[:, None]
         u2 = arithmetic.divide(arithmetic.add_product(-l21, u1, d_y), l22)
         sigma = fl(arithmetic.add_product(u2, u2, fl(u1 * u1)) / 2)
-        g = np.where(sigma <= np.float32(SUPPORT_SIGMA), arithmetic.exp_minus(sigma), 0.0)
+        g = np.where(sigma <= np.float32(LN_255), arithmetic.exp_minus(sigma), 0.0)
         yield n, np.broadcast_to(u1, g.shape), u2, g
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_cases import HEIGHT, NAMED, SMOOTH, WIDTH, population
 
-from gsvc_ref.rendering import SUPPORT_SIGMA, Objective, render_gradients
+from gsvc_ref.rendering import LN_255, Objective, render_gradients
 from gsvc_ref.splats import Splats
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install gsvc_ref[peers]")
@@ -19,7 +19,7 @@ def autograd(splats, differentiate):
     u1 = dx / l11
     u2 = (dy - l21 * u1) / l22
     sigma = (u1**2 + u2**2) / 2
-    g = torch.where(sigma <= SUPPORT_SIGMA, torch.exp(-sigma), 0.0)
+    g = torch.where(sigma <= LN_255, torch.exp(-sigma), 0.0)
     differentiate(torch.einsum("nhw,nc->hwc", g, parameters[:, 5:])).backward()
     return parameters.grad.numpy()
 

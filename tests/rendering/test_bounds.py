@@ -19,7 +19,7 @@ from render_cases import (
 )  # fmt: skip
 
 from gsvc_ref.rendering import (
-    SUPPORT_SIGMA,
+    LN_255,
     exact_gradients_with_bound,
     render_exact_with_bound,
     render_gradients,
@@ -83,7 +83,7 @@ def test_named_cases_keep_within_the_bound(name):
 
 def test_a_coverage_flip_is_inside_the_band_and_nothing_else_is_that_wide():
     """A splat whose edge lies on a pixel centre to within binary32: that pixel may lose 1/255, no other may."""
-    l11 = np.float32(4 / math.sqrt(2 * SUPPORT_SIGMA))
+    l11 = np.float32(4 / math.sqrt(2 * LN_255))
     C, bound = render_exact_with_bound(single(10.5, 10.5, l11, 0.0, 1.0, (1, 1, 1)), 21, 21)
     edge = np.zeros((21, 21), bool)
     edge[10, [6, 14]] = True

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from render_cases import DEGENERATE, EXAMPLES, HEIGHT, NAMED, SMOOTH, WIDTH, ordinary, population, single, splat_sets
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import SMALLEST_FACTOR, SUPPORT_SIGMA, render, render_gradients, render_sum
+from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL, render, render_gradients, render_sum
 from gsvc_ref.rendering.definition import exact_covered_pixels, exact_gradients, exact_sum, footprint
 from gsvc_ref.splats import Splats
 
@@ -30,8 +30,8 @@ def plain_sum(splats, width, height):
 
 
 def test_constants():
-    assert abs(SUPPORT_SIGMA - math.log(255)) < 1e-15
-    assert float(np.finfo(np.float32).smallest_normal) == SMALLEST_FACTOR
+    assert abs(LN_255 - math.log(255)) < 1e-15
+    assert float(np.finfo(np.float32).smallest_normal) == SMALLEST_NORMAL
 
 
 @settings(max_examples=EXAMPLES // 3, deadline=None)
@@ -98,7 +98,7 @@ def away_from_the_cut(splats, residual):
     """The residual, zero at pixels whose coverage a small step could change."""
     splat = splats.to_array().astype(np.float64)[0]
     pixels = footprint(splat, residual.shape[1], residual.shape[0], margin=2)
-    residual[pixels.rows, pixels.columns] *= (abs(pixels.sigma - SUPPORT_SIGMA) > 0.01)[..., None]
+    residual[pixels.rows, pixels.columns] *= (abs(pixels.sigma - LN_255) > 0.01)[..., None]
     return residual
 
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from numpy._core import _multiarray_umath as multiarray
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, single, splat_sets
 
+from gsvc_ref.constants import ONE, SUPPORT_SQUARED
 from gsvc_ref.rendering import (
     Objective,
     Renderer,
@@ -27,8 +28,7 @@ from gsvc_ref.rendering import (
     to_frame,
 )  # fmt: skip
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, weight, whitened
-from gsvc_ref.rendering.exponential import C0, C1, C2, C3, C4, C5, exp_minus_half, exp_minus_half_strict
-from gsvc_ref.rendering.strips import SUPPORT_SQUARED
+from gsvc_ref.rendering.exponential import K1, K2, K3, K4, K5, exp_minus_half, exp_minus_half_strict
 from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
@@ -162,7 +162,7 @@ def test_a_sum_that_is_no_number_is_black():
 def test_the_polynomial_is_evaluated_as_written():
     s = np.concatenate([np.linspace(0, SUPPORT_SQUARED, 5001), np.geomspace(2.0**-140, 1, 301)]).astype(np.float32)
     t = s * s
-    p = ((C5 * t + (C4 * s + C3)) * t + (C2 * s + C1)) * s + C0
+    p = ((K5 * t + (K4 * s + K3)) * t + (K2 * s + K1)) * s + ONE
     p = p * p
     p = p * p
     expected = p * p
@@ -253,7 +253,7 @@ def test_the_constants_are_those_of_the_specification():
     """The table of section 9.3, by value and by bits."""
     text = (Path(__file__).parents[2] / "spec.md").read_text(encoding="utf-8")
     table = re.findall(r"^\| (K|k\d) \| `([^`]+)` \| `([0-9a-f]{8})` \|$", text, re.MULTILINE)
-    values = {"K": SUPPORT_SQUARED, "k1": C1, "k2": C2, "k3": C3, "k4": C4, "k5": C5}
+    values = {"K": SUPPORT_SQUARED, "k1": K1, "k2": K2, "k3": K3, "k4": K4, "k5": K5}
     assert [name for name, _, _ in table] == list(values)
     for name, value, bits in table:
         assert float.fromhex(value) == values[name]

@@ -48,7 +48,7 @@ def test_counts_add_up_and_come_in_time(
     counts = PruningSchedule(fraction, first, first + length, interval).counts(splats, iterations)
     assert sum(counts.values()) == (round(fraction * splats) if iterations else 0)
     assert list(counts) == sorted(counts)
-    assert all(1 <= iteration <= max(1, (1 - SETTLING) * iterations) for iteration in counts)
+    assert all(1 <= iteration <= max(1, SETTLING * iterations) for iteration in counts)
     assert all(count > 0 for count in counts.values())
 
 

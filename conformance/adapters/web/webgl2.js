@@ -19,7 +19,7 @@ precision highp sampler2D;
 `;
 
   const SPLAT_VERTICES = `${PREAMBLE}
-const float REACH = 3.3290429691304455;   // sqrt(2 ln 255): the radius of the support, in standard deviations
+const float REACH = 3.3290683677126687;   // rho' of (5-1): the radius of the support, with room for roundings
 
 layout(location = 0) in vec2 corner;      // 0 or 1
 layout(location = 1) in vec4 geometry;    // x, y, l11, l21: per splat
