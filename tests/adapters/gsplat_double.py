@@ -149,7 +149,7 @@ class Rasterize(torch.autograd.Function):
 
     @staticmethod
     def weights(pixels, centers, conics, radii, frame, double):
-        """Of splats at pixels, (N, P) each: the difference of places, the weight, what of it is used, whether it is drawn."""
+        """Of splats at pixels, (N, P) each: how far away, the weight, what of it is used, whether it is drawn."""
         mended = double.mended
         delta = centers[:, None] - pixels
         reached = in_tiles(centers, radii, pixels, *frame, math.inf if "cap" in mended else CAP)
