@@ -31,13 +31,13 @@ MAX_BITS: Final = 16
 
 
 class LsqGradients(NamedTuple):
-    """Gradients of a loss through `quantize` and `dequantize`, all f4."""
+    """Gradients of a loss through `lsq_quantize` and `lsq_dequantize`, all f4."""
 
-    x: F4
+    grad_x: F4
     """(N, C)"""
-    scale: F4
+    grad_scale: F4
     """(C,)"""
-    offset: F4
+    grad_offset: F4
     """(C,)"""
 
 
@@ -48,7 +48,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
-def quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
+def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
 
     Parameters
@@ -81,7 +81,7 @@ def quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Co
     return codes
 
 
-def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
+def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
 
     Parameters
@@ -113,7 +113,7 @@ def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     return values
 
 
-def gradients(
+def lsq_gradients(
     x: ArrayLike,
     scale: ArrayLike,
     offset: ArrayLike,
@@ -133,7 +133,7 @@ def gradients(
     Parameters
     ----------
     x, scale, offset, bits
-        As for `quantize`.
+        As for `lsq_quantize`.
     grad_output
         (N, C) f4, dL/dxq.
     gradient_scale
@@ -147,7 +147,7 @@ def gradients(
     Raises
     ------
     UsageError
-        As for `quantize`, or the shape of grad_output differs.
+        As for `lsq_quantize`, or the shape of grad_output differs.
     """
     p = largest_code(bits)
     values, grad = _checked_values(x), _checked_values(grad_output)
