@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from conformance.expectations import Exact, Expectation
-from conformance.pairs import answer
+from conformance.pairs import PAIRS, answer
 
 Values = dict[str, Any]
 """Inputs or outputs of a stage by name: arrays, int, float, bytes (streams) or str (errors)."""
@@ -176,7 +176,8 @@ def stages() -> Mapping[str, Stage]:
     """All stages by name, in the order of spec.md."""
     for module in MODULES:
         importlib.import_module(f"conformance.stages.{module}")
-    return dict(_STAGES)
+    places = {name: place for place, name in enumerate(PAIRS)}
+    return dict(sorted(_STAGES.items(), key=lambda item: places[item[0]]))
 
 
 def _ports(text: str) -> tuple[Port, ...]:

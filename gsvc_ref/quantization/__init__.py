@@ -4,10 +4,11 @@ What a decoder needs is `from_half`, `lsq_dequantize` and `rvq.dequantize`; ever
 """
 
 from gsvc_ref.quantization import lsq, lsq_parameters, rvq, rvq_training
+from gsvc_ref.quantization.codebook_update import RvqUpdate, rvq_update
 from gsvc_ref.quantization.half import coarsen_half, from_half, half_is_finite, to_half
 from gsvc_ref.quantization.lsq import lsq_dequantize, lsq_gradients, lsq_quantize
 from gsvc_ref.quantization.lsq_parameters import LsqParameters
-from gsvc_ref.quantization.rvq_training import RvqSettings, RvqState, RvqUpdate, rvq_update
+from gsvc_ref.quantization.rvq_training import RvqSettings, RvqState
 
 __all__ = [
     "LsqParameters",

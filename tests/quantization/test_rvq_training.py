@@ -8,7 +8,8 @@ from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import rvq
-from gsvc_ref.quantization.rvq_training import REVIVED_COUNT, RvqSettings, RvqState, initialize, rvq_update, update
+from gsvc_ref.quantization.codebook_update import REVIVED_COUNT, rvq_update
+from gsvc_ref.quantization.rvq_training import RvqSettings, RvqState, initialize, update
 
 vectors = hnp.arrays(
     np.float32,
@@ -225,11 +226,9 @@ def test_given_uniform_numbers_do_what_drawn_ones_do() -> None:
 
 def test_too_few_uniform_numbers_are_refused() -> None:
     x = np.array([[0, 0, 0], [7, 7, 7]], np.float32)
-    book = np.array([[0, 0, 0], [9, 9, 9]], np.float32)
+    book, indices = np.array([[0, 0, 0], [9, 9, 9]], np.float32), np.zeros((2, 1), np.uint16)
     with pytest.raises(UsageError, match="0 uniform numbers"):
-        rvq_update(
-            x, np.zeros((2, 1), np.uint16), [2], book, np.array([2.0, 0.0]), np.zeros((2, 3)), np.zeros(0), 0.8, 1e-5, 0.5
-        )  # fmt: skip
+        rvq_update(x, indices, [2], book, np.array([2.0, 0.0]), np.zeros((2, 3)), np.zeros(0), 0.8, 1e-5, 0.5)
 
 
 def test_without_vectors_an_update_gives_back_what_it_got() -> None:
