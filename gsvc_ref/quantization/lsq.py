@@ -9,7 +9,7 @@ The codes of a channel are 0..p with p = 2^b - 1::
 This is R-10.5-1 of spec.md. The paper's equation writes a floor where this rounds; rounding halves the largest error
 and is what the authors train.
 Every function takes all channels at once: x is (N, C), scale and offset are (C,), and channel c uses scale[c] and
-offset[c]. The functions named `..._plain` are the definitions, those without are checked and fast.
+offset[c]. The plain forms are those of `gsvc_ref.spec`; `gradients_plain` fixes the order of the sums, too.
 """
 
 from typing import Final, NamedTuple
@@ -165,16 +165,9 @@ def lsq_gradients(
     return LsqGradients(grad_x, sums[0].astype(np.float32), sums[1].astype(np.float32))
 
 
-def quantize_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
-    """The definition of the codes; x (N, C), s and beta (C,), p the largest code."""
-    with np.errstate(over="ignore"):  # an infinite t clamps to the end on its side
-        t = (x - beta) / s
-    return np.asarray(np.rint(np.clip(t, np.float32(0), np.float32(p))).astype(np.uint16))
-
-
 @kernel()
 def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
-    """Twin of `quantize_plain`; False where a value is not finite."""
+    """Twin of `spec.lsq_quantize`; False where a value is not finite."""
     finite = True
     for n in range(x.shape[0]):
         for c in range(x.shape[1]):
@@ -184,15 +177,9 @@ def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
     return finite
 
 
-def dequantize_plain(codes: Codes, s: F4, beta: F4) -> F4:
-    """The definition of the values; codes (N, C), s and beta (C,)."""
-    product = codes.astype(np.float32) * s  # a code is exact in binary32
-    return np.asarray(product + beta)
-
-
 @kernel()
 def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
-    """Twin of `dequantize_plain`; False where a value is not finite."""
+    """Twin of `spec.lsq_dequantize`; False where a value is not finite."""
     finite = True
     for n in range(codes.shape[0]):
         for c in range(codes.shape[1]):

@@ -90,7 +90,7 @@ def test_two_equal_cuts_in_a_window_of_twenty_hide_each_other_from_the_paper() -
     assert not any(scene_transitions(differences))
     cuts = {10: 0.5, 11: 0.5}
     assert select_key_frames(*sequence(21, cuts)) == [0]
-    assert select_key_frames(*sequence(21, cuts), rule="robust") == [0, 10, 11]
+    assert select_key_frames(*sequence(21, cuts), robust=True) == [0, 10, 11]
     assert select_key_frames(*sequence(21, cuts), causal=True) == [0, 10, 11]
 
 
@@ -98,7 +98,7 @@ def test_a_cut_stays_in_the_papers_statistics_and_leaves_the_robust_ones() -> No
     cuts = {6: 1.0, 12: 0.5}
     assert select_key_frames(*sequence(40, cuts)) == [0, 6]
     assert select_key_frames(*sequence(40, cuts), causal=True) == [0, 6, 12]
-    assert select_key_frames(*sequence(40, cuts), rule="robust", causal=True) == [0, 6, 12]
+    assert select_key_frames(*sequence(40, cuts), robust=True, causal=True) == [0, 6, 12]
 
 
 def test_a_window_that_holds_nothing_but_cuts_leaves_the_guard() -> None:
@@ -117,13 +117,13 @@ def test_streaming_equals_the_whole_sequence(
     case: tuple[list[float], list[float]], window: int, rule: str, causal: bool
 ) -> None:
     losses_i, losses_p = case
-    selector = KeyFrameSelector(window=window, rule=rule, causal=causal)
+    selector = KeyFrameSelector(window=window, robust=rule == "robust", causal=causal)
     decided: list[bool] = []
     for frame, loss_i in enumerate(losses_i):
         decided += selector.push(loss_i, losses_p[frame - 1] if frame else None)
         assert len(decided) == (frame + 1 if causal else max(1, frame + 1 - window))
     decided += selector.flush()
-    expected = select_key_frames(losses_i, losses_p, window=window, rule=rule, causal=causal)
+    expected = select_key_frames(losses_i, losses_p, window=window, robust=rule == "robust", causal=causal)
     assert [frame for frame, is_key in enumerate(decided) if is_key] == expected
     assert len(decided) == len(losses_i)
     assert selector.flush() == []
@@ -144,7 +144,7 @@ def test_long_windows_of_the_selector_are_the_papers(case: tuple[list[float], li
 @given(sequences(), st.integers(0, 12))
 def test_robust_decisions_follow_their_definition(case: tuple[list[float], list[float]], window: int) -> None:
     losses_i, losses_p = case
-    keys = select_key_frames(losses_i, losses_p, window=window, rule="robust")
+    keys = select_key_frames(losses_i, losses_p, window=window, robust=True)
     exact = [p - i for i, p in zip(losses_i[1:], losses_p, strict=True)]
     for t, difference in enumerate(exact):
         others = [
