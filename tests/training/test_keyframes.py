@@ -117,7 +117,7 @@ def test_streaming_equals_the_whole_sequence(
     case: tuple[list[float], list[float]], window: int, rule: str, causal: bool
 ) -> None:
     losses_i, losses_p = case
-    selector = KeyFrameSelector(window=window, robust=rule == "robust", causal=causal)
+    selector = KeyFrameSelector(window=window, rule=rule, causal=causal)
     decided: list[bool] = []
     for frame, loss_i in enumerate(losses_i):
         decided += selector.push(loss_i, losses_p[frame - 1] if frame else None)
