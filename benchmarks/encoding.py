@@ -32,7 +32,7 @@ from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.rendering.workspace import thread_count
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
 
 LADDER: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
@@ -110,7 +110,7 @@ class Case:
             if settings.intra.start == "image":
                 splats, weight = image_start(self.frames[0], count, rng), KEPT_WEIGHT
             else:
-                splats, weight = random_splats(count, self.width, self.height, rng), NEW_WEIGHT
+                splats, weight = random_splats(uniform_numbers(count, rng), self.width, self.height), NEW_WEIGHT
             return Population(splats, weight, np.full(count, NEW, np.int64), fit_settings)
 
         return Run(start, self.objectives[0], fit_settings, self.total, rng, keep=keep)
@@ -131,7 +131,7 @@ class Case:
                 everywhere = np.ones((self.height, self.width), np.bool_)
                 add_where_wrong(population, objective, make_room(population, new, self.total), rng, everywhere)
             else:
-                population.append(random_splats(new, self.width, self.height, rng), NEW_WEIGHT)
+                population.augment(uniform_numbers(new, rng), self.width, self.height)
             return population
 
         return Run(start, objective, fit_settings, self.total, rng, keep=keep)

@@ -1,4 +1,7 @@
-"""gsvc_ref behind the names and signatures of the stages: ``reference.render_sum(parameters=..., ...)``."""
+"""gsvc_ref behind the names and signatures of the stages: ``reference.render_sum(parameters=..., ...)``.
+
+`conformance.pairs` says which of its functions that is; where it has none of the name, `conformance.stages` translates.
+"""
 
 from collections.abc import Callable
 

@@ -1,25 +1,17 @@
-"""The code inside spec.md: its fenced Python blocks are a complete slow implementation when run in their order."""
+"""The code inside spec.md: as `gsvc_ref.spec` runs it, patched for mutants, or with other functions in it."""
 
-import re
 import types
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
-SPEC: Final = Path(__file__).parents[1] / "spec.md"
+from gsvc_ref import spec
+from gsvc_ref.document import PATH, blocks
+
+SPEC: Final = PATH
 
 Patch = tuple[str, str]
 """A text of the code, which occurs exactly once, and what stands there instead."""
-
-_BLOCK: Final = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-
-
-@cache
-def blocks() -> tuple[str, ...]:
-    """The blocks in order, each behind as many empty lines as stand before it in spec.md, so that tracebacks fit."""
-    text = SPEC.read_text(encoding="utf-8")
-    return tuple("\n" * text.count("\n", 0, block.start(1)) + block[1] for block in _BLOCK.finditer(text))
 
 
 def source() -> str:
@@ -35,7 +27,7 @@ def namespace(
     Parameters
     ----------
     patches
-        Changes, made in order; without any it is the code as it stands, which is run only once.
+        Changes, made in order; without any it is the code as it stands, whose functions are those of `gsvc_ref.spec`.
     functions
         What takes the place of functions of the code, which then calls these.
 
@@ -47,7 +39,9 @@ def namespace(
     patches = tuple(patches)
     if not patches and not functions:
         return _original()
-    names = _run([_compiled(block) for block in _patched(patches)])
+    names: dict[str, Any] = {"__name__": spec.__name__}
+    for block in _patched(patches):
+        exec(_compiled(block), names)
     if strange := (functions or {}).keys() - names.keys():
         raise LookupError(f"the code of spec.md has no {', '.join(sorted(strange))}")
     names.update(functions or {})
@@ -94,11 +88,4 @@ def _compiled(block: str) -> types.CodeType:
 
 @cache
 def _original() -> dict[str, Any]:
-    return _run([_compiled(block) for block in blocks()])
-
-
-def _run(codes: Iterable[types.CodeType]) -> dict[str, Any]:
-    names: dict[str, Any] = {"__name__": "spec"}
-    for code in codes:
-        exec(code, names)
-    return names
+    return {name: value for name, value in vars(spec).items() if not name.startswith("_")}

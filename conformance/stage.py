@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from conformance.expectations import Exact, Expectation
+from conformance.pairs import PAIRS, answer
 
 Values = dict[str, Any]
 """Inputs or outputs of a stage by name: arrays, int, float, bytes (streams) or str (errors)."""
@@ -24,8 +25,8 @@ MODULES: Final = (
     "reconstruction",
     "rendering",
     "training",
-    "quantization",
     "selection",
+    "quantization",
     "color",
     "metrics",
 )
@@ -127,6 +128,27 @@ def stage(
     return define
 
 
+def operation(
+    name: str,
+    group: Group,
+    title: str,
+    *,
+    inputs: str,
+    outputs: str,
+    equations: tuple[str, ...] = (),
+    rules: tuple[str, ...] = (),
+    oracle: Callable[..., Mapping[str, Expectation]] | None = None,
+) -> None:
+    """Define a stage that gsvc_ref has by the same name (`conformance.pairs`); the arguments are those of `stage`."""
+    of_outputs = {port.name: port.type for port in _ports(outputs)}
+
+    def reference(**given: Any) -> Values:
+        return answer(name, of_outputs, given)
+
+    reference.__name__, reference.__doc__ = name, title
+    stage(group, inputs=inputs, outputs=outputs, equations=equations, rules=rules, oracle=oracle)(reference)
+
+
 def numbered(section: int, first: int, last: int) -> tuple[str, ...]:
     """The equations of a section from the first to the last."""
     return tuple(f"{section}-{number}" for number in range(first, last + 1))
@@ -154,7 +176,8 @@ def stages() -> Mapping[str, Stage]:
     """All stages by name, in the order of spec.md."""
     for module in MODULES:
         importlib.import_module(f"conformance.stages.{module}")
-    return dict(_STAGES)
+    places = {name: place for place, name in enumerate(PAIRS)}
+    return dict(sorted(_STAGES.items(), key=lambda item: places[item[0]]))
 
 
 def _ports(text: str) -> tuple[Port, ...]:

@@ -18,7 +18,7 @@ from gsvc_ref.codec.settings import FrameSettings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import ms_ssim
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, Population, Rates, fit
 from gsvc_ref.training.schedule import StepDecay
 from gsvc_ref.video.format import Frame
@@ -159,13 +159,13 @@ def fitted_frames(frames: Iterable[Frame], settings: Settings, keys: Collection[
         if before is None or number in keys:
             fit_settings = settings.pruned(settings.intra.fit)
             weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT
-            start = random_splats(total, width, height, rng)
+            start = random_splats(uniform_numbers(total, rng), width, height)
             population = Population(start, weight, np.full(total, NEW, np.int64), fit_settings)
         else:
             new = 0 if settings.effects.gsa == "off" else round(settings.inter.new_fraction * total)
             fit_settings = pruning_as_many(settings.pruned(settings.inter.fit), new, len(before) + new)
             population = Population(before, KEPT_WEIGHT, np.arange(len(before)), fit_settings)
-            population.append(random_splats(new, width, height, rng), NEW_WEIGHT)
+            population.augment(uniform_numbers(new, rng), width, height)
         picture = Picture(frame, settings.threads)
         fit(population, picture.objective, fit_settings, rng)
         before = population.splats()

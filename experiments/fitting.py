@@ -10,7 +10,7 @@ from gsvc_ref.codec.settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, Population, fit
 from gsvc_ref.video.format import Frame
 
@@ -65,7 +65,7 @@ def intra_start(
     if settings.start == "image":
         splats, usual = image_start(picture.samples, first, rng), KEPT_WEIGHT
     else:
-        splats, usual = random_splats(first, picture.width, picture.height, rng), NEW_WEIGHT
+        splats, usual = random_splats(uniform_numbers(first, rng), picture.width, picture.height), NEW_WEIGHT
     return Population(splats, usual if weight is None else weight, np.full(first, NEW, np.int64), settings.fit)
 
 

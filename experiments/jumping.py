@@ -13,7 +13,7 @@ from gsvc_ref.codec.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr
 from gsvc_ref.scenes import Base, Clip, Scene, truth
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, uniform_numbers
 from gsvc_ref.training.fit import Population, fit
 from gsvc_ref.video.format import Frame
 
@@ -150,8 +150,8 @@ def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed
     rng = np.random.default_rng([seed, 1])
     population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), schedule)
     if gsa:
-        new = random_splats(round(settings.new_fraction * total), jump.after.width, jump.after.height, rng)
-        population.append(new, NEW_WEIGHT)
+        uniforms = uniform_numbers(round(settings.new_fraction * total), rng)
+        population.augment(uniforms, jump.after.width, jump.after.height)
     fit(population, jump.after.objective, schedule, rng)
     return population.splats()
 

@@ -100,7 +100,7 @@ def detect(clip: Clip, settings: Settings, say: Say, what: str) -> dict[str, Any
         losses_p += [] if loss_p is None else [loss_p]
         now_and_then(f"{what}: frame {number + 1} of {clip.format.frame_count}")
     guard = settings.detection.guard_ratio
-    found = {rule: select_key_frames(losses_i, losses_p, rule=rule, guard_ratio=guard) for rule in RULES}
+    found = {rule: select_key_frames(losses_i, losses_p, robust=rule == "robust", guard_ratio=guard) for rule in RULES}
     rules = "; ".join(f"{rule} rule: {listed(found[rule][1:])}" for rule in RULES)
     say(f"{what}: {len(losses_i)} frames, {time.perf_counter() - begin:.1f} s; {rules}")
     return {"guard": guard, "losses_i": losses_i, "losses_p": losses_p, "found": found}

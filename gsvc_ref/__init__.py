@@ -11,9 +11,9 @@
     for frame in gsvc_ref.decode("damaged.gsvc", on_gap=print): # all that is left, and what is missing
         ...
 
-spec.md says what the bytes mean, and `bitstream`, `reconstruction`, `rendering` and `quantization` do what it says;
-`training` has the paper's algorithms, `codec` the drivers, and `testing` Hypothesis strategies for those who test an
-implementation of their own.
+spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `reconstruction`, `rendering` and
+`quantization` do what it says; `training` has the paper's algorithms, `codec` the drivers, and `testing` Hypothesis
+strategies for those who test an implementation of their own.
 """
 
 from importlib import import_module

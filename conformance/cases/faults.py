@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from conformance.cases.building import HEADER, Chunks, intra_block, operated, predicted, quantizer_of
 from gsvc_ref.bitstream import StreamReader
 from gsvc_ref.bitstream.coder import Element, encode_uv
-from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
 
@@ -132,7 +132,7 @@ def with_table(plane: str, symbols: ArrayLike, frequencies: ArrayLike, *lies: Li
     States and words are those of the table (frequencies of 12 bits from symbol 0 on), so a table that breaks a rule is
     all that is wrong; further lies come on top.
     """
-    states, words = encode(np.asarray(symbols), np.asarray(frequencies), 0, 12, 2)
+    states, words = encode_plane(np.asarray(symbols), np.asarray(frequencies), 12, 2)
     said = {"table_bits": 12, "first_symbol": 0, "last_symbol": np.size(frequencies) - 1, "frequency": frequencies,
             "word_count": len(words), "lane_state": states, "word": words}  # fmt: skip
     table = [Lie(f"{plane}.{element}", value) for element, value in said.items()]

@@ -11,7 +11,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.golomb import golomb_bits
 from gsvc_ref.bitstream.plane_coding import best_golomb_order
-from gsvc_ref.bitstream.rans import decode_plain, encode
+from gsvc_ref.bitstream.rans import decode_plain, encode_plane
 from gsvc_ref.draws import Draws
 
 LEAST_STATE: Final = 1 << 16
@@ -45,7 +45,7 @@ def coded(
     first, last = int(occurring[0]), int(occurring[-1])
     frequencies = normalized_frequencies(counts[first : last + 1], table_bits)
     order = best_golomb_order(frequencies)[0] if order is None else order
-    states, words = encode(symbols, frequencies << (precision - table_bits), first, precision, lanes)
+    states, words = encode_plane(symbols, frequencies << (precision - table_bits), precision, lanes, first)
     w = (alphabet - 1).bit_length()
     s = Writer()
     for name, size, number in (("plane_mode", 2, 2), ("table_bits", 5, table_bits), ("golomb_order", 4, order)):
@@ -195,7 +195,7 @@ def longest_golomb_code() -> Inputs:
 def many_words(rng: Draws) -> Inputs:
     """More than 127 words: word_count takes two bytes."""
     symbols = rng.integers(0, 256, 700).astype(np.uint16)
-    assert len(encode(symbols, np.full(256, 16), 0, 12, 4)[1]) > 127
+    assert len(encode_plane(symbols, np.full(256, 16), 12, 4)[1]) > 127
     yield from decoding(symbols, 256, 12, 4, counts=np.ones(256, np.int64))
 
 
@@ -204,7 +204,7 @@ def no_words() -> Inputs:
     """A plane that fits into the states: there is no word at all."""
     symbols = np.array([0, 1, 0, 0, 0], np.uint16)
     counts = np.array([15, 1])
-    assert len(encode(symbols, normalized_frequencies(counts, 12), 0, 12, 1)[1]) == 0
+    assert len(encode_plane(symbols, normalized_frequencies(counts, 12), 12, 1)[1]) == 0
     yield from decoding(symbols, 2, 12, 1, counts=counts)
 
 
@@ -213,7 +213,7 @@ def states_of_32_bits(rng: Draws) -> Inputs:
     """States above 2^31, which are negative as signed integers of 32 bits."""
     symbols = rng.integers(0, 200, 130).astype(np.uint16)
     counts = np.ones(200, np.int64)
-    states, _ = encode(symbols, normalized_frequencies(counts, 16), 0, 16, 64)
+    states, _ = encode_plane(symbols, normalized_frequencies(counts, 16), 16, 64)
     assert (states >= 1 << 31).any()
     yield from decoding(symbols, 200, 16, 64, counts=counts)
 

@@ -20,7 +20,7 @@ from conformance.cases.building import (
     stream_of,
 )
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
-from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
@@ -88,7 +88,7 @@ def lanes_64_and_words(rng: Draws) -> Inputs:
     block = intra_block(400)
     codes = np.clip(np.rint(rng.normal(2000, 4, (400, 3))), 0, 4095).astype(np.uint16)
     frequencies = normalized_frequencies(np.bincount(codes[:, 0], minlength=4096), 12)
-    assert len(encode(codes[:, 0], frequencies, 0, 12, 64)[1]) > 32
+    assert len(encode_plane(codes[:, 0], frequencies, 12, 64)[1]) > 32
     frames = [FrameCodes.intra_frame(SplatBlock(block.positions, codes, block.colors, QUANTIZER_12, BOOKS))]
     expected = yield {"stream": stream_of(frames, cholesky_bits=12, lane_count=64)}
     assert np.array_equal(np.rint((frames_of(expected)[0][:, 2] - 0.5) / 2.0**-9), codes[:, 0])

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 import gsvc_ref
 from conformance.expectations import Expectation, Interval, Refusal
-from conformance.stage import Values, exactly, stage, stages
+from conformance.stage import Values, exactly, operation, stage, stages
 from gsvc_ref.bitstream import SequenceHeader, StreamReader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.bitstream.rans import encode
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
@@ -103,17 +102,15 @@ def decode_plane(data: Array, count: int, alphabet: int, entropy_precision: int,
     return {"symbols": plane(Reader(data.tobytes()), header, "colors", "plane", count, alphabet)}
 
 
-@stage(
+operation(
+    "encode_plane",
     "bitstream",
+    "The states and words with which a decoder finds the symbols again, by the encoder of section 7.",
     inputs="symbols: u2 (count,); frequencies: i8 (alphabet,); entropy_precision: int; lane_count: int",
     outputs="lane_states: u4 (lanes,); words: u2 (n,)",
     equations=("7-2",),
     rules=("R-6.6-5", "R-7-1"),
 )
-def encode_plane(symbols: Array, frequencies: Array, entropy_precision: int, lane_count: int) -> Values:
-    """The states and words with which a decoder finds the symbols again, by the encoder of section 7."""
-    states, words = encode(symbols, frequencies, 0, entropy_precision, lane_count)
-    return {"lane_states": states, "words": words}
 
 
 def _refused(**inputs: Any) -> dict[str, Expectation]:

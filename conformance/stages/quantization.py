@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expectations import Decision, Expectation
 from conformance.running_error import Computed, expected, given, rounded_once, stack
-from conformance.stage import Values, stage
+from conformance.stage import Values, operation, stage
 from conformance.stages.codebooks import books_of, residual, rvq_update_oracle
-from conformance.stages.selection import generator_of
-from gsvc_ref.quantization import RvqSettings, RvqState, lsq, rvq, rvq_training
+from gsvc_ref.quantization import rvq
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -46,29 +45,27 @@ def lsq_quantize_oracle(x: F4, scale: F4, offset: F4, bits: int) -> Expected:
     return {"codes": Decision(*both, float(to_tie[inside].min()), float(t.error[inside].max()))}
 
 
-@stage(
+operation(
+    "lsq_quantize",
     "quantization",
+    "LSQ+ codes of values.",
     inputs="x: f4 (N, C); scale: f4 (C,); offset: f4 (C,); bits: int",
     outputs="codes: u2 (N, C)",
     equations=("10-15", "10-16", "13-17"),
     rules=("R-10.5-1",),
     oracle=lsq_quantize_oracle,
 )
-def lsq_quantize(x: F4, scale: F4, offset: F4, bits: int) -> Values:
-    """LSQ+ codes of values."""
-    return {"codes": lsq.quantize(x, scale, offset, bits)}
 
 
-@stage(
+operation(
+    "lsq_dequantize",
     "quantization",
+    "Values of LSQ+ codes: a rounded product, then a rounded sum.",
     inputs="codes: u2 (N, C); scale: f4 (C,); offset: f4 (C,)",
     outputs="values: f4 (N, C)",
     equations=("10-17",),
     rules=("R-10.5-1",),
 )
-def lsq_dequantize(codes: U2, scale: F4, offset: F4) -> Values:
-    """Values of LSQ+ codes: a rounded product, then a rounded sum."""
-    return {"values": lsq.dequantize(codes, scale, offset)}
 
 
 def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F4) -> Expected:
@@ -100,18 +97,16 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     }
 
 
-@stage(
+operation(
+    "lsq_gradients",
     "quantization",
+    "Straight-through gradients of LSQ+.",
     inputs="x: f4 (N, C); scale: f4 (C,); offset: f4 (C,); bits: int; grad_output: f4 (N, C)",
     outputs="grad_x: f4 (N, C); grad_scale: f4 (C,); grad_offset: f4 (C,)",
     equations=("10-18", "10-19", "13-17"),
     rules=("R-10.5-2",),
     oracle=lsq_gradients_oracle,
 )
-def lsq_gradients(x: F4, scale: F4, offset: F4, bits: int, grad_output: F4) -> Values:
-    """Straight-through gradients of LSQ+."""
-    found = lsq.gradients(x, scale, offset, bits, grad_output)
-    return {"grad_x": found.x, "grad_scale": found.scale, "grad_offset": found.offset}
 
 
 def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
@@ -157,8 +152,10 @@ def rvq_assign(x: F4, codebook_sizes: I8, codebooks: F4) -> Values:
     return {"indices": rvq.assign(x, books_of(codebook_sizes, codebooks))}
 
 
-@stage(
+operation(
+    "rvq_update",
     "quantization",
+    "One step of the codebooks' moving averages, with dead codewords replaced.",
     inputs="x: f4 (N, 3); indices: u2 (N, M); codebook_sizes: i8 (M,); codebooks: f4 (K, 3); counts: f8 (K,); "
     "sums: f8 (K, 3); uniforms: f8 (D,); decay: float; smoothing: float; dead_count: float",
     outputs="counts: f8 (K,); sums: f8 (K, 3); codebooks: f4 (K, 3)",
@@ -166,31 +163,6 @@ def rvq_assign(x: F4, codebook_sizes: I8, codebooks: F4) -> Values:
     rules=("R-10.6-3",),
     oracle=rvq_update_oracle,
 )
-def rvq_update(
-    x: F4,
-    indices: U2,
-    codebook_sizes: I8,
-    codebooks: F4,
-    counts: F8,
-    sums: F8,
-    uniforms: F8,
-    decay: float,
-    smoothing: float,
-    dead_count: float,
-) -> Values:
-    """One step of the codebooks' moving averages, with dead codewords replaced."""
-    state = RvqState(
-        tuple(books_of(codebook_sizes, codebooks)),
-        tuple(books_of(codebook_sizes, counts)),
-        tuple(books_of(codebook_sizes, sums)),
-    )
-    settings = RvqSettings(tuple(codebook_sizes.tolist()), decay, smoothing, dead_count)
-    moved = rvq_training.update(state, x, indices, settings, generator_of(uniforms))
-    return {
-        "counts": np.concatenate(moved.counts),
-        "sums": np.concatenate(moved.sums),
-        "codebooks": np.concatenate(moved.codebooks),
-    }
 
 
 def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> Expected:
@@ -227,4 +199,4 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
 def commitment(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> Values:
     """The commitment loss of all stages and its gradient."""
     found = rvq.commitment(x, indices, books_of(codebook_sizes, codebooks))
-    return {"loss": np.array(found.loss), "grad_x": found.x}
+    return {"loss": np.array(found.loss), "grad_x": found.grad_x}

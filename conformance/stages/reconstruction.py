@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.stage import Values, stage
+from conformance.stage import Values, operation, stage
 from gsvc_ref.bitstream import crc
 from gsvc_ref.quantization import half
 from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, SplatBlock, State, reconstruct, work
@@ -24,10 +24,15 @@ def _from_half_plain(bits: Array) -> Oracle:
     return {"values": Exact(np.array([half.half_value(int(b)) for b in bits], np.float32))}
 
 
-@stage("reconstruction", inputs="bits: u2 (N,)", outputs="values: f4 (N,)", equations=("8-5",), oracle=_from_half_plain)
-def from_half(bits: Array) -> Values:
-    """The values of binary16 patterns."""
-    return {"values": half.from_half_bits(bits)}
+operation(
+    "from_half",
+    "reconstruction",
+    "The values of binary16 patterns.",
+    inputs="bits: u2 (N,)",
+    outputs="values: f4 (N,)",
+    equations=("8-5",),
+    oracle=_from_half_plain,
+)
 
 
 def _to_half_plain(values: Array) -> Oracle:
@@ -35,10 +40,15 @@ def _to_half_plain(values: Array) -> Oracle:
     return {"bits": Exact(np.array([half.half_bits(float(v)) for v in values], np.uint16))}
 
 
-@stage("reconstruction", inputs="values: f4 (N,)", outputs="bits: u2 (N,)", equations=("8-6",), oracle=_to_half_plain)
-def to_half(values: Array) -> Values:
-    """The binary16 patterns nearest to values, ties to even."""
-    return {"bits": half.to_half_bits(values)}
+operation(
+    "to_half",
+    "reconstruction",
+    "The binary16 patterns nearest to values, ties to even.",
+    inputs="values: f4 (N,)",
+    outputs="bits: u2 (N,)",
+    equations=("8-6",),
+    oracle=_to_half_plain,
+)
 
 
 def _halves(bits: Array) -> Array:
@@ -138,16 +148,15 @@ def _checksum_plain(parameters: Array) -> Oracle:
     return {"checksum": Exact(np.array(crc.crc32c_plain(data), np.int64))}
 
 
-@stage(
+operation(
+    "parameter_checksum",
     "reconstruction",
+    "The checksum of a frame's parameters.",
     inputs="parameters: f4 (N, 8)",
     outputs="checksum: i8 ()",
     rules=("R-6.4-3",),
     oracle=_checksum_plain,
 )
-def parameter_checksum(parameters: Array) -> Values:
-    """The checksum of a frame's parameters."""
-    return {"checksum": np.array(crc.parameter_checksum(Splats.from_array(parameters)), np.int64)}
 
 
 def _work_plain(parameters: Array, width: int, height: int) -> Oracle:
@@ -156,14 +165,13 @@ def _work_plain(parameters: Array, width: int, height: int) -> Oracle:
     return {"work": Exact(np.array(pairs, np.int64))}
 
 
-@stage(
+operation(
+    "rendering_work",
     "reconstruction",
+    "How many (splat, pixel) pairs the boxes of splats hold.",
     inputs="parameters: f4 (N, 8); width: int; height: int",
     outputs="work: i8 ()",
     equations=("5-1",),
     rules=("R-5-4",),
     oracle=_work_plain,
 )
-def rendering_work(parameters: Array, width: int, height: int) -> Values:
-    """How many (splat, pixel) pairs the boxes of splats hold."""
-    return {"work": np.array(work.rendering_work(Splats.from_array(parameters), width, height), np.int64)}

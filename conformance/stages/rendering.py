@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
-from conformance.stage import Values, numbered, stage
+from conformance.stage import Values, numbered, operation, stage
 from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
 from gsvc_ref import rendering
 from gsvc_ref.constants import LN_255
@@ -16,8 +16,6 @@ from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
 from gsvc_ref.rendering.definition import added
 from gsvc_ref.rendering.deterministic import sum_plain
 from gsvc_ref.rendering.pictures import frame_type
-from gsvc_ref.rendering.strip_pictures import read_strip, write_frame
-from gsvc_ref.rendering.strips import ROW, aligned, strip_count
 from gsvc_ref.splats import Splats
 
 F4 = NDArray[np.float32]
@@ -35,40 +33,25 @@ FEWEST_SPLATS: Final = 30
 SPLATS: Final = "parameters: f4 (N, 8); width: int; height: int"
 
 
-def _has_finite_factors(parameters: F4) -> NDArray[np.bool_]:
-    """Which splats have finite l11 and l22: (N,) bool."""
-    return np.asarray(np.isfinite(parameters[:, 2]) & np.isfinite(parameters[:, 4]))
-
-
-def _drawable(parameters: F4) -> F4:
-    """The splats with finite l11 and l22: gsvc_ref takes no others, and those are degenerate (section 9.1)."""
-    return parameters[_has_finite_factors(parameters)]
-
-
-def _finite(parameters: F4) -> Splats:
-    return Splats.from_array(_drawable(parameters))
-
-
 def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
     """(9-2), exact, and the error bound of section 9.2; colours must not leave binary32 in any partial sum."""
-    return {"sum": Bounded(*sum_with_bound(_drawable(parameters), width, height))}
+    return {"sum": Bounded(*sum_with_bound(parameters, width, height))}
 
 
-@stage(
+operation(
+    "render_sum",
     "rendering",
+    "The sum of the splats over a frame, before the clamp, within the error bound of binary32.",
     inputs=SPLATS,
     outputs="sum: f4 (H, W, 3)",
     equations=("9-1", "9-2", *numbered(13, 1, 11)),
     oracle=_bounded_sum,
 )
-def render_sum(parameters: F4, width: int, height: int) -> Values:
-    """The sum of the splats over a frame, before the clamp, within the error bound of binary32."""
-    return {"sum": rendering.render_sum(_finite(parameters), width, height)}
 
 
 def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
     """Every operation of section 9.3 by NumPy, which rounds each on its own."""
-    return {"sum": Exact(sum_plain(_finite(parameters), width, height))}
+    return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
 
 
 @stage(
@@ -77,7 +60,7 @@ def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation
 )  # fmt: skip
 def render_sum_deterministic(parameters: F4, width: int, height: int) -> Values:
     """The sum of the splats over a frame, before the clamp, with the stated operations in the stated order."""
-    return {"sum": rendering.render_sum(_finite(parameters), width, height, precision="deterministic")}
+    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height, precision="deterministic")}
 
 
 def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:
@@ -99,13 +82,15 @@ def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:
     }
 
 
-@stage(
-    "rendering", inputs="sum: f4 (H, W, 3); bit_depth: int", outputs="frame: u1|u2 (H, W, 3)",
-    rules=("R-9.1-1",), oracle=_rounded,
-)  # fmt: skip
-def to_frame(sum: F4, bit_depth: int) -> Values:
-    """Clamp a sum, scale it to the peak and round half to even."""
-    return {"frame": rendering.to_frame(sum, bit_depth)}
+operation(
+    "to_frame",
+    "rendering",
+    "Clamp a sum, scale it to the peak and round half to even.",
+    inputs="sum: f4 (H, W, 3); bit_depth: int",
+    outputs="frame: u1|u2 (H, W, 3)",
+    rules=("R-9.1-1",),
+    oracle=_rounded,
+)
 
 
 def _rounded_in_binary32(sum: F4, bit_depth: int) -> dict[str, Expectation]:
@@ -114,19 +99,16 @@ def _rounded_in_binary32(sum: F4, bit_depth: int) -> dict[str, Expectation]:
     return {"frame": Exact(np.rint(v * np.float32(2**bit_depth - 1)).astype(frame_type(bit_depth)))}
 
 
-@stage(
-    "deterministic", inputs="sum: f4 (H, W, 3); bit_depth: int", outputs="frame: u1|u2 (H, W, 3)", equations=("9-7",),
-    rules=("R-9.1-1", "R-9.3-1"), oracle=_rounded_in_binary32,
-)  # fmt: skip
-def to_frame_deterministic(sum: F4, bit_depth: int) -> Values:
-    """Clamp a sum, scale it to the peak in binary32 and round half to even; what is no number is black."""
-    height, width, _ = sum.shape
-    frame = np.empty(sum.shape, frame_type(bit_depth))
-    rows, strip = np.ascontiguousarray(sum).reshape(height, -1), aligned((height * ROW,))
-    for s in range(strip_count(width)):
-        read_strip(rows, s, strip)
-        write_frame(strip, s, 0, height, frame.reshape(height, -1), np.float32(2**bit_depth - 1))
-    return {"frame": frame}
+operation(
+    "to_frame_deterministic",
+    "deterministic",
+    "Clamp a sum, scale it to the peak in binary32 and round half to even; what is no number is black.",
+    inputs="sum: f4 (H, W, 3); bit_depth: int",
+    outputs="frame: u1|u2 (H, W, 3)",
+    equations=("9-7",),
+    rules=("R-9.1-1", "R-9.3-1"),
+    oracle=_rounded_in_binary32,
+)
 
 
 def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: int) -> dict[str, Expectation]:
@@ -137,7 +119,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     integer keeps the order: so the frame lies between the roundings of clamp(C - b) peak (1 - eps) and
     clamp(C + b) peak (1 + eps), which is never rounded above the peak.
     """
-    C, bound = sum_with_bound(_drawable(parameters), width, height)
+    C, bound = sum_with_bound(parameters, width, height)
     peak = 2**bit_depth - 1
     kind = frame_type(bit_depth)
     value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
@@ -146,13 +128,16 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 
-@stage(
-    "rendering", inputs=SPLATS + "; bit_depth: int", outputs="frame: u1|u2 (H, W, 3)",
-    equations=("9-1", "9-2", *numbered(13, 1, 11), "13-18"), rules=("R-9.1-1",), oracle=_frames_of_bounded_sums,
-)  # fmt: skip
-def render_frame(parameters: F4, width: int, height: int, bit_depth: int) -> Values:
-    """The frame of a set of splats: sum, clamp, scale, round."""
-    return {"frame": rendering.render_frame(Splats.from_array(parameters), width, height, bit_depth)}
+operation(
+    "render_frame",
+    "rendering",
+    "The frame of a set of splats: sum, clamp, scale, round.",
+    inputs=SPLATS + "; bit_depth: int",
+    outputs="frame: u1|u2 (H, W, 3)",
+    equations=("9-1", "9-2", *numbered(13, 1, 11), "13-18"),
+    rules=("R-9.1-1",),
+    oracle=_frames_of_bounded_sums,
+)
 
 
 def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
@@ -167,9 +152,7 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     Without these conditions, or where a pixel may be covered or not, cancellation or one pixel alone can legally
     exceed the limits.
     """
-    gradients, bound = np.zeros((2, *parameters.shape))
-    drawn = _has_finite_factors(parameters)
-    gradients[drawn], bound[drawn] = gradients_with_bound(_drawable(parameters), residual)
+    gradients, bound = gradients_with_bound(parameters, residual)
     height, width = residual.shape[:2]
     few = parameters[distinct(parameters)[0]]
     clear = bool(np.all(edge_margins(few, width, height) > 1))
@@ -187,16 +170,16 @@ def _together(gradients: F8, bound: F8) -> bool:
     return bool(enough and l1 and l2)
 
 
-@stage(
-    "gradients", inputs="parameters: f4 (N, 8); residual: f4 (H, W, 3)", outputs="gradients: f4 (N, 8)",
-    equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)), rules=("R-10.3-1",),
+operation(
+    "render_gradients",
+    "gradients",
+    "The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed.",
+    inputs="parameters: f4 (N, 8); residual: f4 (H, W, 3)",
+    outputs="gradients: f4 (N, 8)",
+    equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)),
+    rules=("R-10.3-1",),
     oracle=_bounded_gradients,
-)  # fmt: skip
-def render_gradients(parameters: F4, residual: F4) -> Values:
-    """The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed."""
-    gradients = np.zeros_like(parameters)
-    gradients[_has_finite_factors(parameters)] = rendering.render_gradients(_finite(parameters), residual)
-    return {"gradients": gradients}
+)
 
 
 @stage(

@@ -9,20 +9,15 @@ from conformance.distinct import distinct
 from conformance.expansions import Expansion, certain, exact
 from conformance.expectations import Bounded, Exact, Expectation
 from conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
-from conformance.stage import Values, stage
-from gsvc_ref.rendering import Objective
+from conformance.stage import Values, operation, stage
 from gsvc_ref.rendering.bounds import EPS, ETA
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.schedule import StepDecay
-from gsvc_ref.training.weighting import grad_rendered, rendered
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 Expected = Mapping[str, Expectation]
-
-DOT = 0.125
-"""Deviation in pixels of a splat that covers one pixel centre alone."""
 
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
@@ -39,28 +34,16 @@ def loss_oracle(picture: F4, target: F4) -> Expected:
     return {"loss": expected(loss, "<f8"), "residual": expected(residual[inverse.reshape(picture.shape)])}
 
 
-@stage(
+operation(
+    "loss",
     "training",
+    "The loss of a picture against its target, and dL/dC.",
     inputs="picture: f4 (H, W, 3); target: f4 (H, W, 3)",
     outputs="loss: f8 (); residual: f4 (H, W, 3)",
     equations=("10-1", "10-2", "13-17"),
     rules=("R-10.2-1",),
     oracle=loss_oracle,
 )
-def loss(picture: F4, target: F4) -> Values:
-    """The loss of a picture against its target, and dL/dC.
-
-    gsvc_ref evaluates splats: one on each pixel's centre, which covers nothing else and has g = 1 there, makes the
-    picture, and the gradient by its colour is dL/dC.
-    """
-    height, width = picture.shape[:2]
-    dots = np.zeros((height, width, 8), np.float32)
-    dots[..., 0] = np.arange(width) + 0.5
-    dots[..., 1] = np.arange(height)[:, None] + 0.5
-    dots[..., 2] = dots[..., 4] = DOT
-    dots[..., 5:] = picture
-    value, gradient = Objective(target, threads=1).evaluate(dots.reshape(-1, 8))
-    return {"loss": np.array(value), "residual": gradient[:, 5:].reshape(picture.shape)}
 
 
 def weighted_parameters_oracle(values: F4) -> Expected:
@@ -70,17 +53,16 @@ def weighted_parameters_oracle(values: F4) -> Expected:
     return {"parameters": Exact(np.concatenate([values[:, :5], products.astype(np.float32)], axis=1))}
 
 
-@stage(
+operation(
+    "weighted_parameters",
     "training",
+    "What is rendered of splats with weights: the colours are w c'.",
     inputs="values: f4 (N, 9)",
     outputs="parameters: f4 (N, 8)",
     equations=("10-10",),
     rules=("R-10.3-2",),
     oracle=weighted_parameters_oracle,
 )
-def weighted_parameters(values: F4) -> Values:
-    """What is rendered of splats with weights: the colours are w c'."""
-    return {"parameters": rendered(values)}
 
 
 def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
@@ -94,17 +76,16 @@ def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
     return {"gradients": Bounded(value[inverse], bound[inverse])}
 
 
-@stage(
+operation(
+    "weighted_gradients",
     "training",
+    "The gradients of colours and weights, from those of their products.",
     inputs="values: f4 (N, 9); gradients: f4 (N, 8)",
     outputs="gradients: f4 (N, 9)",
     equations=("10-11", "13-17"),
     rules=("R-10.3-2",),
     oracle=weighted_gradients_oracle,
 )
-def weighted_gradients(values: F4, gradients: F4) -> Values:
-    """The gradients of colours and weights, from those of their products."""
-    return {"gradients": grad_rendered(values, gradients)}
 
 
 def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: int) -> Expected:

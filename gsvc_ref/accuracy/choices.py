@@ -16,7 +16,7 @@ from gsvc_ref.codec.settings import PIXELS_PER_SPLAT, FrameSettings, Settings
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
 from gsvc_ref.training.pruning import fold_weights
 
@@ -194,7 +194,7 @@ class Training:
         if self.start == "image":
             splats = image_start(subject.picture, count, rng)
         else:
-            drawn = random_splats(count, subject.width, subject.height, rng)
+            drawn = random_splats(uniform_numbers(count, rng), subject.width, subject.height)
             dim = fold_weights(drawn.colors, np.full(count, NEW_WEIGHT, np.float32))
             splats = Splats(drawn.positions, drawn.cholesky, dim)
         population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit)

@@ -10,7 +10,7 @@ from gsvc_ref.bitstream.coder import I8, U2, U4, encode_uv
 from gsvc_ref.bitstream.frequencies import all_frequencies, log2_table
 from gsvc_ref.bitstream.golomb import golomb_sizes, golomb_totals
 from gsvc_ref.bitstream.header import SequenceHeader
-from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import log2
 
@@ -94,7 +94,7 @@ def choose_plane_code(symbols: NDArray[np.integer], alphabet: int, header: Seque
         if least >= 8 * best.size(alphabet):
             continue
         scaled = frequencies << (header.entropy_precision - table_bits)
-        states, words = encode(row, scaled, first, header.entropy_precision, header.lane_count)
+        states, words = encode_plane(row, scaled, header.entropy_precision, header.lane_count, first)
         code = PlaneCode(CODED, row, table_bits, order, first, last, frequencies, states, words)
         if code.size(alphabet) < best.size(alphabet):
             best = code

@@ -5,7 +5,7 @@ Callers check the tables first (frequencies that add up to 2^R, states of at lea
 """
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,9 +114,20 @@ def encode_kernel(symbols: U2, frequencies: I8, first_symbol: int, precision: in
     return len(words) - first_word
 
 
-def encode(symbols: U2, frequencies: I8, first_symbol: int, precision: int, lanes: int) -> tuple[U4, U2]:
-    """Encode symbols (count,) u2: the states (min(lanes, count),) u4 and the words (word_count,) u2 for a decoder."""
-    states = np.full(min(lanes, len(symbols)), LOWEST_STATE, np.int64)
+class EncodedPlane(NamedTuple):
+    """What a decoder begins with."""
+
+    lane_states: U4
+    """(min(lane_count, count),)"""
+    words: U2
+    """(word_count,)"""
+
+
+def encode_plane(
+    symbols: U2, frequencies: I8, entropy_precision: int, lane_count: int, first_symbol: int = 0
+) -> EncodedPlane:
+    """The states and words with which a decoder finds symbols (count,) u2 again (7-2); R-7-1."""
+    states = np.full(min(lane_count, len(symbols)), LOWEST_STATE, np.int64)
     words = np.empty(len(symbols), np.uint16)
-    used = encode_kernel(symbols, frequencies, first_symbol, precision, states, words)
-    return states.astype(np.uint32), words[len(words) - used :].copy()
+    used = encode_kernel(symbols, frequencies, first_symbol, entropy_precision, states, words)
+    return EncodedPlane(states.astype(np.uint32), words[len(words) - used :].copy())

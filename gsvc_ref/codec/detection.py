@@ -22,7 +22,7 @@ from gsvc_ref.codec.settings import FrameSettings, Settings, scaled
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, Population, fit
 from gsvc_ref.training.keyframes import KeyFrameSelector
 
@@ -265,7 +265,7 @@ class Pretraining:
         )
         start = image_start(small, count, self.rng) if self.settings.intra.start == "image" else None
         intra_loss, splats = self._fit(
-            start or random_splats(count, width, height, self.rng), objective, self.settings.intra
+            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.settings.intra
         )
         inter_loss = None
         if self.before is not None:

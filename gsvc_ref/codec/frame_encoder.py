@@ -20,7 +20,7 @@ from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
 
 Frame = NDArray[np.unsignedinteger[Any]]
@@ -147,7 +147,7 @@ class _FrameWork:
             if settings.start == "image":
                 splats, weight = image_start(self.picture, count, self.rng), KEPT_WEIGHT
             else:
-                splats = random_splats(count, self.width, self.height, self.rng)
+                splats = random_splats(uniform_numbers(count, self.rng), self.width, self.height)
                 weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT  # w is learnt only for pruning
             population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
         if fit_settings.pruning is not None:

@@ -19,7 +19,7 @@ from gsvc_ref.codec.rest import at_rest, changed_pixels
 from gsvc_ref.codec.settings import Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
 from gsvc_ref.training.fit import FitSettings, Population
 
 F8 = NDArray[np.float64]
@@ -206,12 +206,13 @@ class Prediction:
 
     def _append_random(self, count: int, width: int, height: int) -> None:
         """Add nearly invisible splats anywhere, as in the paper; where w is not learnt, their colours are faint."""
-        splats = random_splats(count, width, height, self.rng)
+        uniforms = uniform_numbers(count, self.rng)
         if self.fit.pruning is None:
+            splats = random_splats(uniforms, width, height)
             faint = Splats(splats.positions, splats.cholesky, splats.colors * np.float32(NEW_WEIGHT))
             self.population.append(faint, KEPT_WEIGHT)
         else:
-            self.population.append(splats, NEW_WEIGHT)
+            self.population.augment(uniforms, width, height)
 
     def _gsa_decision(self, new: int, share: float) -> Decision:
         mode = self.settings.effects.gsa

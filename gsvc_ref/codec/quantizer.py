@@ -20,7 +20,16 @@ from gsvc_ref.codec.block_kernels import (
     grad_decode,
 )
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, rvq, to_half_bits
+from gsvc_ref.quantization import (
+    LsqParameters,
+    RvqSettings,
+    coarsen_half,
+    lsq,
+    lsq_gradients,
+    lsq_quantize,
+    rvq,
+    to_half,
+)
 from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
@@ -192,7 +201,7 @@ class BlockQuantizer:
         own_codebooks = color and self.rvq is not None
         return SplatBlock(
             positions=self._position_bits(difference[:, :2]) if position else None,
-            cholesky=lsq.quantize(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
+            cholesky=lsq_quantize(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
             if cholesky
             else None,
             colors=indices if color else None,
@@ -203,7 +212,7 @@ class BlockQuantizer:
     def _position_bits(self, positions: F4) -> NDArray[np.uint16]:
         offset = np.float32(1 if self.reference is None else 0)
         normalised = np.clip(positions / self.size - offset, -LARGEST_HALF, LARGEST_HALF)
-        return to_half_bits(coarsen_half(normalised, self.step_exponent))
+        return to_half(coarsen_half(normalised, self.step_exponent))
 
     @property
     def step_exponent(self) -> int:
@@ -257,15 +266,15 @@ class BlockQuantizer:
     def grad_plain(self, values: F4, gradient: F4) -> tuple[F4, F4]:
         """The definition of `backward`: its result, and the gradients of scale and offset, (2, 3) f4."""
         difference, result = self._difference(values), gradient.copy()
-        grad = lsq.gradients(
+        grad = lsq_gradients(
             difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits, gradient[:, 2:5]
         )
-        result[:, 2:5] = grad.x
+        result[:, 2:5] = grad.grad_x
         colors = difference[:, 5:8]
-        pull = rvq.commitment(colors, rvq.assign(colors, self.codebooks), self.codebooks).x
+        pull = rvq.commitment(colors, rvq.assign(colors, self.codebooks), self.codebooks).grad_x
         result[:, 5:8] += np.float32(self.settings.commitment) * pull
         mask = np.repeat(self.active, [2, 3, 3], axis=1)
-        return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.scale, grad.offset])
+        return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.grad_scale, grad.grad_offset])
 
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""

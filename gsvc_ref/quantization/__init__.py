@@ -1,10 +1,12 @@
 """Values <-> codes: binary16 (`half`), LSQ+ (`lsq`), residual vector quantisation (`rvq`), and how these are learned.
 
-What a decoder needs is `from_half_bits`, `lsq.dequantize` and `rvq.dequantize`; everything else is an encoder's.
+What a decoder needs is `from_half`, `lsq_dequantize` and `rvq.dequantize`; everything else is an encoder's.
 """
 
 from gsvc_ref.quantization import lsq, lsq_parameters, rvq, rvq_training
-from gsvc_ref.quantization.half import coarsen_half, from_half_bits, half_is_finite, to_half_bits
+from gsvc_ref.quantization.codebook_update import RvqUpdate, rvq_update
+from gsvc_ref.quantization.half import coarsen_half, from_half, half_is_finite, to_half
+from gsvc_ref.quantization.lsq import lsq_dequantize, lsq_gradients, lsq_quantize
 from gsvc_ref.quantization.lsq_parameters import LsqParameters
 from gsvc_ref.quantization.rvq_training import RvqSettings, RvqState
 
@@ -12,12 +14,17 @@ __all__ = [
     "LsqParameters",
     "RvqSettings",
     "RvqState",
+    "RvqUpdate",
     "coarsen_half",
-    "from_half_bits",
+    "from_half",
     "half_is_finite",
     "lsq",
+    "lsq_dequantize",
+    "lsq_gradients",
     "lsq_parameters",
+    "lsq_quantize",
     "rvq",
     "rvq_training",
-    "to_half_bits",
+    "rvq_update",
+    "to_half",
 ]

@@ -1,7 +1,7 @@
 """binary16: the positions and codebook entries of profile `paper` (paper section 3.8, Q_mu).
 
-`half_value` and `half_bits` define the conversion in integers and powers of two, one number at a time; `to_half_bits`
-and `from_half_bits` are the same functions on arrays.
+`half_value` and `half_bits` define the conversion in integers and powers of two, one number at a time; `to_half`
+and `from_half` are the same functions on arrays.
 """
 
 import math
@@ -62,7 +62,7 @@ def half_bits(value: float) -> int:
     return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)  # (8-6)
 
 
-def to_half_bits(values: ArrayLike) -> NDArray[np.uint16]:
+def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     """Patterns of the binary16 nearest to each value, ties to even.
 
     Parameters
@@ -87,7 +87,7 @@ def to_half_bits(values: ArrayLike) -> NDArray[np.uint16]:
     return halves.view(np.uint16)
 
 
-def from_half_bits(bits: ArrayLike) -> NDArray[np.float32]:
+def from_half(bits: ArrayLike) -> NDArray[np.float32]:
     """Values of 16-bit patterns, exactly.
 
     The patterns of infinities and NaN give just these: test `half_is_finite` first where they are not allowed.

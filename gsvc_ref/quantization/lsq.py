@@ -9,7 +9,7 @@ The codes of a channel are 0..p with p = 2^b - 1::
 This is R-10.5-1 of spec.md. The paper's equation writes a floor where this rounds; rounding halves the largest error
 and is what the authors train.
 Every function takes all channels at once: x is (N, C), scale and offset are (C,), and channel c uses scale[c] and
-offset[c]. The functions named `..._plain` are the definitions, those without are checked and fast.
+offset[c]. The plain forms are those of `gsvc_ref.spec`; `gradients_plain` fixes the order of the sums, too.
 """
 
 from typing import Final, NamedTuple
@@ -31,13 +31,13 @@ MAX_BITS: Final = 16
 
 
 class LsqGradients(NamedTuple):
-    """Gradients of a loss through `quantize` and `dequantize`, all f4."""
+    """Gradients of a loss through `lsq_quantize` and `lsq_dequantize`, all f4."""
 
-    x: F4
+    grad_x: F4
     """(N, C)"""
-    scale: F4
+    grad_scale: F4
     """(C,)"""
-    offset: F4
+    grad_offset: F4
     """(C,)"""
 
 
@@ -48,7 +48,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
-def quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
+def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
 
     Parameters
@@ -81,7 +81,7 @@ def quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Co
     return codes
 
 
-def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
+def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
 
     Parameters
@@ -113,7 +113,7 @@ def dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     return values
 
 
-def gradients(
+def lsq_gradients(
     x: ArrayLike,
     scale: ArrayLike,
     offset: ArrayLike,
@@ -133,7 +133,7 @@ def gradients(
     Parameters
     ----------
     x, scale, offset, bits
-        As for `quantize`.
+        As for `lsq_quantize`.
     grad_output
         (N, C) f4, dL/dxq.
     gradient_scale
@@ -147,7 +147,7 @@ def gradients(
     Raises
     ------
     UsageError
-        As for `quantize`, or the shape of grad_output differs.
+        As for `lsq_quantize`, or the shape of grad_output differs.
     """
     p = largest_code(bits)
     values, grad = _checked_values(x), _checked_values(grad_output)
@@ -165,16 +165,9 @@ def gradients(
     return LsqGradients(grad_x, sums[0].astype(np.float32), sums[1].astype(np.float32))
 
 
-def quantize_plain(x: F4, s: F4, beta: F4, p: int) -> Codes:
-    """The definition of the codes; x (N, C), s and beta (C,), p the largest code."""
-    with np.errstate(over="ignore"):  # an infinite t clamps to the end on its side
-        t = (x - beta) / s  # (10-15)
-    return np.asarray(np.rint(np.clip(t, np.float32(0), np.float32(p))).astype(np.uint16))  # (10-16)
-
-
 @kernel()
 def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
-    """Twin of `quantize_plain`; False where a value is not finite."""
+    """Twin of `spec.lsq_quantize`; False where a value is not finite."""
     finite = True
     for n in range(x.shape[0]):
         for c in range(x.shape[1]):
@@ -184,15 +177,9 @@ def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
     return finite
 
 
-def dequantize_plain(codes: Codes, s: F4, beta: F4) -> F4:
-    """The definition of the values; codes (N, C), s and beta (C,)."""
-    product = codes.astype(np.float32) * s  # a code is exact in binary32
-    return np.asarray(product + beta)  # (10-17)
-
-
 @kernel()
 def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
-    """Twin of `dequantize_plain`; False where a value is not finite."""
+    """Twin of `spec.lsq_dequantize`; False where a value is not finite."""
     finite = True
     for n in range(codes.shape[0]):
         for c in range(codes.shape[1]):

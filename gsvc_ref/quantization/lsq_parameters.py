@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.lsq import LsqGradients, largest_code, quantize
+from gsvc_ref.quantization.lsq import LsqGradients, largest_code, lsq_quantize
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -62,7 +62,7 @@ def bounded_scale(scale: ArrayLike) -> F4:
 def zero_codes(parameters: LsqParameters, bits: int) -> NDArray[np.uint16]:
     """The code nearest to zero in each channel, (C,) u2."""
     zeros = np.zeros((1, len(parameters.scale)), np.float32)
-    return quantize(zeros, parameters.scale, parameters.offset, bits).ravel()
+    return lsq_quantize(zeros, parameters.scale, parameters.offset, bits).ravel()
 
 
 def with_exact_zero(parameters: LsqParameters, bits: int) -> LsqParameters:
@@ -78,7 +78,7 @@ def with_exact_zero(parameters: LsqParameters, bits: int) -> LsqParameters:
 
 def exact_zero_scale_gradient(grad: LsqGradients, codes: ArrayLike) -> F4:
     """dL/ds where the offset is tied to the scale by beta = -k s: dL/ds - k dL/dbeta, (C,) f4; codes are the k."""
-    return np.asarray(grad.scale - np.asarray(codes, np.float32) * grad.offset, dtype=np.float32)
+    return np.asarray(grad.grad_scale - np.asarray(codes, np.float32) * grad.grad_offset, dtype=np.float32)
 
 
 def from_range(x: ArrayLike, bits: int) -> LsqParameters:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import log2
-from gsvc_ref.quantization.half import from_half_bits, to_half_bits
+from gsvc_ref.quantization.half import from_half, to_half
 
 F4 = NDArray[np.float32]
 Indices = NDArray[np.uint16]
@@ -31,7 +31,7 @@ class Commitment(NamedTuple):
     """The commitment loss and its gradient with respect to x."""
 
     loss: float
-    x: F4
+    grad_x: F4
     """(N, 3) f4."""
 
 
@@ -165,7 +165,7 @@ def commitment(x: ArrayLike, indices: ArrayLike, codebooks: Codebooks) -> Commit
     Returns
     -------
     Commitment
-        loss, accumulated in binary64, and x (N, 3) f4.
+        loss, accumulated in binary64, and grad_x (N, 3) f4.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def codeword_bits(indices: ArrayLike, codebooks: Codebooks) -> list[F4]:
 
 def round_codebooks(codebooks: Sequence[NDArray[np.floating]]) -> tuple[F4, ...]:
     """The nearest codebooks of binary16 entries, which is what a stream carries; UsageError beyond 65504 or NaN."""
-    return tuple(from_half_bits(to_half_bits(book)) for book in codebooks)
+    return tuple(from_half(to_half(book)) for book in codebooks)
 
 
 def assign_plain(x: F4, codebooks: Codebooks, penalties: Sequence[F4], weights: F4) -> Indices:

@@ -10,7 +10,6 @@ with decay a and Laplace smoothing e. The weights w have the mean 1, so that n_b
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
+from gsvc_ref.quantization.codebook_update import totals, updated
 from gsvc_ref.quantization.rvq import (
     MAX_CODEWORDS,
     Indices,
@@ -30,9 +30,6 @@ from gsvc_ref.quantization.rvq import (
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
-
-REVIVED_COUNT: Final = 1.0
-"""Moving count given to a codeword that replaces a dead one: as if one splat had always used it."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +124,7 @@ def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: Arr
     for codewords in settings.codewords:
         codebook = _kmeans(residual, w, codewords, settings, rng)
         indices = assign(residual, [codebook])
-        counts, sums = _totals(residual, w, indices, *joined([codebook]))
+        counts, sums = totals(residual, w, indices, *joined([codebook]))
         residual = residuals(residual, indices, [codebook])[1]
         stages.append((codebook, counts, sums))
     return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
@@ -176,45 +173,15 @@ def update(
 def moved(state: RvqState, x: F4, indices: Indices, settings: RvqSettings, rng: Generator, w: F8) -> RvqState:
     """`update` without checks; w is (N,) f8, 0 for vectors that are to be left out and of mean 1 over the others."""
     flat, ends = joined(state.codebooks)
-    starts, sizes = np.append(0, ends[:-1]), np.diff(ends, prepend=0)
-    batch_counts, batch_sums = _totals(x, w, indices, flat, ends)
-    counts = settings.decay * np.concatenate(state.counts) + (1 - settings.decay) * batch_counts  # (sum of B,) f8
-    sums = settings.decay * np.concatenate(state.sums) + (1 - settings.decay) * batch_sums  # (10-22), (sum of B, 3) f8
-    total = np.repeat(np.add.reduceat(counts, starts), sizes)
-    smoothed = (counts + settings.smoothing) / (total + np.repeat(sizes, sizes) * settings.smoothing) * total
-    codebook = np.where(smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], flat)  # (10-23)
-    dead = counts < settings.dead_count
-    if settings.zero_codeword:
-        dead[starts] = False
-    stages = [slice(first, end) for first, end in zip(starts.tolist(), ends.tolist(), strict=True)]
-    if dead.any():
-        r = residuals(x, indices, state.codebooks)  # (M + 1, N, 3) f4
-        for k, stage in enumerate(stages):
-            if dead[stage].any():
-                errors = w * np.square(r[k + 1], dtype=np.float64).sum(axis=1)
-                _revive(dead[stage], codebook[stage], counts[stage], sums[stage], r[k], errors, rng)
-    if settings.zero_codeword:
-        codebook[starts] = sums[starts] = 0
-    rounded = round_codebooks([codebook])[0]
+    new = updated(
+        x, indices, ends, flat, np.concatenate(state.counts), np.concatenate(state.sums), rng.random, settings.decay,
+        settings.smoothing, settings.dead_count, w, settings.zero_codeword,
+    )  # fmt: skip
     return RvqState(
-        codebooks=tuple(rounded[stage] for stage in stages),
-        counts=tuple(counts[stage] for stage in stages),
-        sums=tuple(sums[stage] for stage in stages),
+        codebooks=tuple(np.split(new.codebooks, ends[:-1])),
+        counts=tuple(np.split(new.counts, ends[:-1])),
+        sums=tuple(np.split(new.sums, ends[:-1])),
     )
-
-
-def _revive(
-    dead: NDArray[np.bool_], codebook: F8, counts: F8, sums: F8, residual: F4, errors: F8, rng: Generator
-) -> None:
-    """Put residuals, drawn in proportion to their errors (N,), in the place of dead codewords."""
-    reach = errors.cumsum()
-    if reach[-1] == 0:  # every vector is met exactly: nothing to gain
-        return
-    drawn = np.searchsorted(reach, rng.random(np.count_nonzero(dead)) * reach[-1], side="right")
-    drawn = np.minimum(drawn, len(errors) - 1)  # a product that rounds up to the total would pass the last
-    codebook[dead] = residual[drawn]
-    counts[dead] = REVIVED_COUNT
-    sums[dead] = REVIVED_COUNT * codebook[dead]  # (10-24)
 
 
 def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator) -> F4:
@@ -223,7 +190,7 @@ def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator)
         return centers
     _seed(x, w, rng.random(codewords), settings.zero_codeword, centers)
     for _ in range(settings.kmeans_iterations):
-        counts, sums = _totals(x, w, assign(x, [centers]), *joined([centers]))
+        counts, sums = totals(x, w, assign(x, [centers]), *joined([centers]))
         moved = counts > 0
         moved[0] &= not settings.zero_codeword
         centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
@@ -263,25 +230,6 @@ def _draw(masses: F8, uniform: float) -> int:
             if reached > uniform * total:
                 break
     return last
-
-
-@kernel()
-def _totals(x: F4, w: F8, indices: Indices, books: F4, ends: NDArray[np.int64]) -> tuple[F8, F8]:
-    """Weighted counts (sum of B,) and sums (sum of B, 3) of what reaches each codeword of each stage, in binary64."""
-    counts, sums = np.zeros(books.shape[0]), np.zeros((books.shape[0], 3))
-    r = np.empty(3, np.float32)
-    for n in range(x.shape[0]):
-        for c in range(3):
-            r[c] = x[n, c]
-        first = 0
-        for k in range(ends.size):
-            place = first + np.int64(indices[n, k])
-            counts[place] += w[n]
-            for c in range(3):
-                sums[place, c] += w[n] * np.float64(r[c])
-                r[c] -= books[place, c]
-            first = ends[k]
-    return counts, sums
 
 
 def _unit_mean(weights: ArrayLike | None, count: int) -> F8:

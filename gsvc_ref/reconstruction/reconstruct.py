@@ -7,11 +7,11 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.quantization import from_half_bits, lsq, rvq
+from gsvc_ref.quantization import from_half, lsq, rvq
 from gsvc_ref.reconstruction.codes import F4, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import Splats
 
-VALUES_OF_HALVES: Final[F4] = from_half_bits(np.arange(1 << 16, dtype=np.uint16))
+VALUES_OF_HALVES: Final[F4] = from_half(np.arange(1 << 16, dtype=np.uint16))
 """The exact value of each binary16 pattern, (65536,) f4."""
 
 
@@ -158,7 +158,7 @@ def _scaled_halves(bits: U2, addend: np.float32, state: State) -> F4:
 
 def scaled_halves_plain(bits: U2, addend: np.float32, half_size: F4) -> F4:
     """fl(fl(h + addend) * half_size) with h the exact values of binary16 patterns (count, 2): (count, 2) f4."""
-    return (from_half_bits(bits) + addend) * half_size
+    return (from_half(bits) + addend) * half_size
 
 
 @kernel()

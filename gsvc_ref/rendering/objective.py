@@ -1,11 +1,10 @@
 """The loss that training descends, and its gradient, in one pass over the strips."""
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering.losses import total_loss
 from gsvc_ref.rendering.precision import Precision, check_precision
 from gsvc_ref.rendering.strip_pictures import read_strip
 from gsvc_ref.rendering.strips import BLACK, F4, ROW, SLOT, aligned, strip_count
@@ -170,7 +169,7 @@ class Objective:
         work.over_strips(
             objective_task, objective_tasks, slots, self._target, self._base, self.width, self._losses, with_gradient
         )  # fmt: skip
-        return float(math.fsum(self._losses) / self._pixels)  # (10-1)
+        return total_loss(self._losses, self._pixels)
 
 
 def _checked(parameters: ArrayLike) -> F4:

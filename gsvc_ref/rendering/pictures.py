@@ -1,11 +1,13 @@
-"""Float pictures to integer frames."""
+"""Sums and pictures of floats to frames of integers."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering.strip_pictures import rounded
 
 SMALLEST_BIT_DEPTH = 8
 LARGEST_BIT_DEPTH = 16
@@ -24,14 +26,14 @@ def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
     return np.uint8 if bit_depth == SMALLEST_BIT_DEPTH else np.uint16
 
 
-def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
-    """Quantise a picture: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even (R-9.1-1).
+def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
+    """The frame of a sum: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even (R-9.1-1).
 
-    The product is rounded to the type of the picture first, binary32 or binary64.
+    The product is rounded to the type of the sum first, binary32 or binary64.
 
     Parameters
     ----------
-    picture
+    sum
         (H, W, 3) f4 or f8, R'G'B' with 1.0 = full scale.
     bit_depth
         8 to 16.
@@ -46,9 +48,8 @@ def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
         The shape or the bit depth is outside these limits, or a value is NaN.
     """
     integer = frame_type(bit_depth)
-    values = np.asarray(picture)
-    if values.ndim != 3 or values.shape[2] != 3:
-        raise UsageError(f"the picture has shape {values.shape}; it must be (H, W, 3)")
+    values = np.asarray(sum)
+    _check_shape(values)
     if values.dtype not in (np.float32, np.float64):
         raise UsageError(f"the picture is {values.dtype}; it must be float32 or float64 with 1.0 = full scale")
     if np.isnan(values).any():
@@ -56,3 +57,41 @@ def to_frame(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
     peak = values.dtype.type(2**bit_depth - 1)
     frame: NDArray[Any] = np.rint(np.clip(values, 0, 1) * peak).astype(integer)
     return frame
+
+
+def to_frame_deterministic(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
+    """The frame of a sum by (9-7), operation by operation, as decoders make it: what is not a number is black.
+
+    Parameters
+    ----------
+    sum
+        (H, W, 3) f4, R'G'B' with 1.0 = full scale.
+    bit_depth
+        8 to 16.
+
+    Returns
+    -------
+    (H, W, 3) u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    UsageError
+        The shape or the bit depth is outside these limits.
+    """
+    values = np.ascontiguousarray(sum, np.float32)
+    _check_shape(values)
+    frame: NDArray[Any] = np.empty(values.shape, frame_type(bit_depth))
+    _round(values.ravel(), np.float32(2**bit_depth - 1), frame.reshape(-1))
+    return frame
+
+
+@kernel()
+def _round(values: NDArray[np.float32], peak: np.float32, frame: Any) -> None:
+    """`rounded` of each value."""
+    for k in range(values.size):
+        frame[k] = rounded(values[k], peak)
+
+
+def _check_shape(values: NDArray[Any]) -> None:
+    if values.ndim != 3 or values.shape[2] != 3:
+        raise UsageError(f"the picture has shape {values.shape}; it must be (H, W, 3)")

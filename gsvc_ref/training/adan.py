@@ -31,6 +31,8 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import log2
 
 F4 = NDArray[np.float32]
+I8 = NDArray[np.int64]
+State = tuple[F4, F4, F4, F4, I8]
 
 ROWS_AT_ONCE: Final = 16
 """Rows that the compiled step takes together: their values lie side by side, enough to fill vector lanes."""
@@ -145,23 +147,22 @@ class Adan:
         if not self.n.max(initial=0) < np.inf:
             raise UsageError("a gradient is NaN or too large to be squared; training has diverged, lower the rates")
 
-    def take(self, indices: NDArray[np.integer] | NDArray[np.bool_]) -> "Adan":
-        """The state of the rows that an index or boolean array selects: survivors keep their averages and counts."""
-        rows = np.arange(len(self.steps))[indices]
-        taken = self._like(len(rows))
-        taken.steps = self.steps[rows]
-        taken.m, taken.v, taken.n, taken.previous = (a[rows] for a in (self.m, self.v, self.n, self.previous))
-        return taken
+    @property
+    def state(self) -> State:
+        """What is known of each row: m, v, n, previous and steps."""
+        return self.m, self.v, self.n, self.previous, self.steps
+
+    def with_state(self, m: F4, v: F4, n: F4, previous: F4, steps: I8) -> "Adan":
+        """The same optimiser with the state of other rows."""
+        other = self._like(0)
+        other.m, other.v, other.n, other.previous, other.steps = m, v, n, previous, steps
+        return other
 
     def append(self, count: int) -> "Adan":
         """The state with `count` rows at its end that have not taken a step."""
-        new, joined = self._like(count), self._like(0)
-        joined.steps = np.concatenate([self.steps, new.steps])
-        joined.m, joined.v, joined.n, joined.previous = (
-            np.concatenate(pair)
-            for pair in ((self.m, new.m), (self.v, new.v), (self.n, new.n), (self.previous, new.previous))
-        )
-        return joined
+        new = np.zeros((count, self.m.shape[1]), np.float32)
+        m, v, n, previous = (np.append(rows, new, axis=0) for rows in (self.m, self.v, self.n, self.previous))
+        return self.with_state(m, v, n, previous, np.append(self.steps, np.zeros(count, np.int64)))
 
     def _like(self, rows: int) -> "Adan":
         """Fresh rows, in a state that has corrections for as many steps."""

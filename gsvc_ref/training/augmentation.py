@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 
@@ -35,33 +35,73 @@ COLOR_SHARE: Final = 0.5
 """Fraction of the residual that a splat of `residual_splats` takes as its colour."""
 
 
-def random_splats(count: int, width: int, height: int, rng: Generator) -> Splats:
-    """Splats uniformly at random over the frame: the start of an I-frame, or GSA's additions (R-10.8-1).
+def augment(values: F4, uniforms: F4, width: int, height: int) -> F4:
+    """New splats of small weight after the old ones, uniformly over the frame (R-10.8-1).
 
     Parameters
     ----------
-    count
-        Number of splats, at least 0.
+    values
+        (N, 9) f4, the splats in training.
+    uniforms
+        (n, 8) f4 in [0, 1), eight numbers for each new splat, such as `uniform_numbers` draws.
     width, height
         The frame's size in pixels.
-    rng
-        Draws positions, Cholesky factors and colours, in this order.
 
     Returns
     -------
-    Splats
-        Colours are uniform in [0, 1); their weight is for the caller to choose (`NEW_WEIGHT`).
+    F4
+        (N + n, 9).
 
     Raises
     ------
     UsageError
-        The count is negative, or the frame has no pixels.
+        As for `random_splats`.
     """
-    if count < 0 or width < 1 or height < 1:
-        raise UsageError(f"cannot place {count} splats on {width}x{height} pixels; give at least 0 and 1x1")
-    positions = rng.random((count, 2), np.float32) * np.array([width, height], np.float32)
-    cholesky = rng.random((count, 3), np.float32) + RANDOM_CHOLESKY_OFFSET  # (10-26)
-    return Splats(positions, cholesky, rng.random((count, 3), np.float32))  # (10-27)
+    new = random_splats(uniforms, width, height).to_array()
+    weights = np.full((len(new), 1), NEW_WEIGHT, np.float32)
+    return np.concatenate([values, np.concatenate([new, weights], axis=1)])
+
+
+def uniform_numbers(count: int, rng: Generator) -> F4:
+    """Uniform numbers for `augment` or `random_splats`, (count, 8) f4: first all positions are drawn, then all factors.
+
+    Raises
+    ------
+    UsageError
+        The count is negative.
+    """
+    if count < 0:
+        raise UsageError(f"cannot place {count} splats; give at least 0")
+    return np.concatenate([rng.random((count, columns), np.float32) for columns in (2, 3, 3)], axis=1)
+
+
+def random_splats(uniforms: F4, width: int, height: int) -> Splats:
+    """Splats uniformly over the frame, from uniform numbers: the start of an I-frame, and what GSA adds (10-26).
+
+    Parameters
+    ----------
+    uniforms
+        (n, 8) f4 in [0, 1), in the columns of `Splats.to_array`.
+    width, height
+        The frame's size in pixels.
+
+    Returns
+    -------
+    Splats
+        Colours are the numbers themselves; their weight is for the caller to choose (`NEW_WEIGHT`).
+
+    Raises
+    ------
+    UsageError
+        The numbers have another shape, or the frame has no pixels.
+    """
+    if uniforms.ndim != 2 or uniforms.shape[1] != PARAMETERS_PER_SPLAT:
+        raise UsageError(f"the uniform numbers have shape {uniforms.shape}; give (n, {PARAMETERS_PER_SPLAT})")
+    if width < 1 or height < 1:
+        raise UsageError(f"cannot place splats on {width}x{height} pixels; give at least 1x1")
+    positions = uniforms[:, :2] * np.array([width, height], np.float32)
+    cholesky = uniforms[:, 2:5] + RANDOM_CHOLESKY_OFFSET  # (10-26)
+    return Splats(positions, cholesky, uniforms[:, 5:])  # (10-27)
 
 
 def draw_from_density(density: NDArray[np.floating], count: int, rng: Generator) -> F4:

@@ -14,11 +14,11 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.augmentation import residual_splats
+from gsvc_ref.training.augmentation import augment, residual_splats
 from gsvc_ref.training.convergence import Convergence
-from gsvc_ref.training.pruning import PruningSchedule, compact, select_survivors
+from gsvc_ref.training.pruning import PruningSchedule, compact, prune
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Schedule
-from gsvc_ref.training.weighting import grad_rendered, rendered
+from gsvc_ref.training.weighting import weighted_gradients, weighted_parameters
 
 LEAST_FACTOR: Final = np.float32(0.25)
 """Least l11 and l22 in pixels: a smaller splat can lie between all pixel centres and then gets no gradient."""
@@ -171,7 +171,7 @@ class Population:
 
     def parameters(self) -> F4:
         """What is rendered, (N, 8) f4: colours are w c' (paper, the equation of the weighted rendering)."""
-        return rendered(self.values)
+        return weighted_parameters(self.values)
 
     def splats(self) -> Splats:
         """The splats with w c' as their colours: what is coded, and what the next frame starts from."""
@@ -189,14 +189,24 @@ class Population:
     def append(self, splats: Splats, weight: float) -> None:
         """Add new splats at the end, with fresh optimiser state."""
         weights = np.full((len(splats), 1), weight, np.float32)
-        self.values = np.concatenate([self.values, np.concatenate([splats.to_array(), weights], axis=1)])
-        self.origins = np.concatenate([self.origins, np.full(len(splats), NEW, np.int64)])
-        self.frozen = np.concatenate([self.frozen, np.zeros(len(splats), np.bool_)])
-        self.optimizer = self.optimizer.append(len(splats))
+        self._grow(np.concatenate([self.values, np.concatenate([splats.to_array(), weights], axis=1)]))
+
+    def augment(self, uniforms: F4, width: int, height: int) -> None:
+        """Add random splats of small weight at the end, with fresh optimiser state; see `augmentation.augment`."""
+        self._grow(augment(self.values, uniforms, width, height))
+
+    def _grow(self, values: F4) -> None:
+        """Take values that new rows follow."""
+        new = len(values) - len(self)
+        self.values = values
+        self.origins = np.concatenate([self.origins, np.full(new, NEW, np.int64)])
+        self.frozen = np.concatenate([self.frozen, np.zeros(new, np.bool_)])
+        self.optimizer = self.optimizer.append(new)
 
     def take(self, indices: NDArray[np.int64]) -> None:
         """Keep the splats of these indices, in this order, with their optimiser state."""
-        self.values, self.optimizer = compact(self.values, self.optimizer, indices)
+        kept = compact(indices, self.values, *self.optimizer.state)
+        self.values, self.optimizer = kept.values, self.optimizer.with_state(*kept[1:])
         self.origins, self.frozen = self.origins[indices], self.frozen[indices]
 
 
@@ -241,12 +251,12 @@ def fit(
     objective.freeze(population.parameters(), population.frozen)
     done = 0
     for i in range(settings.iterations):
-        loss, gradient = weighted_gradients(population, objective)
+        loss, gradient = loss_and_gradients(population, objective)
         missing = grown.get(i, 0) - sum(count for at, count in removed.items() if at <= i) - len(population)
         if missing > 0:
             population.append(new_splats(objective, missing, len(population) + missing, rng), 1.0)
             objective.freeze(population.parameters(), population.frozen)
-            loss, gradient = weighted_gradients(population, objective)
+            loss, gradient = loss_and_gradients(population, objective)
         factor = step_factors(population.values) if settings.relative_steps else None
         learned = rates if settings.pruning else np.append(rates[:-1], np.float32(0))
         population.optimizer.step(
@@ -256,7 +266,7 @@ def fit(
         keep_factors(population.values)
         done = i + 1
         if done in removed:
-            population.take(select_survivors(population.weights, removed[done]))
+            population.take(prune(population.weights, removed[done]))
             objective.freeze(population.parameters(), population.frozen)
         if on_iteration:
             on_iteration(done, settings.iterations, loss)
@@ -274,10 +284,10 @@ def learned_unit(learn_pixels: bool, width: int, height: int) -> F4:
     return unit
 
 
-def weighted_gradients(population: Population, objective: Objective) -> tuple[float, F4]:
+def loss_and_gradients(population: Population, objective: Objective) -> tuple[float, F4]:
     """The loss, and its gradient by all nine columns, (N, 9) f4, by the chain rule through w c'."""
     loss, gradient = objective.evaluate(population.parameters())
-    return loss, grad_rendered(population.values, gradient)
+    return loss, weighted_gradients(population.values, gradient)
 
 
 def step_factors(values: F4) -> F4:

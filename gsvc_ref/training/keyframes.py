@@ -134,14 +134,14 @@ class KeyFrameSelector:
 def select_key_frames(
     losses_i: Sequence[float],
     losses_p: Sequence[float],
-    *,
     window: int = WINDOW,
     threshold: float = THRESHOLD,
-    rule: Rule = "paper",
-    causal: bool = False,
     guard_ratio: float = GUARD_RATIO,
+    robust: bool = False,
+    *,
+    causal: bool = False,
 ) -> list[int]:
-    """Numbers of the key frames of a whole sequence, from 0, in order.
+    """Numbers of the key frames of a whole sequence, from 0, in order (R-10.9-1).
 
     Parameters
     ----------
@@ -149,8 +149,10 @@ def select_key_frames(
         Loss I of each of T frames.
     losses_p
         Loss P of each frame but the first, T - 1.
-    window, threshold, rule, causal, guard_ratio
+    window, threshold, guard_ratio, causal
         As for `KeyFrameSelector`.
+    robust
+        Whether its rule is ``robust``, not ``paper``.
 
     Raises
     ------
@@ -159,6 +161,7 @@ def select_key_frames(
     """
     if len(losses_i) and len(losses_p) != len(losses_i) - 1:
         raise UsageError(f"{len(losses_i)} losses I and {len(losses_p)} losses P; the first frame alone has no loss P")
+    rule: Rule = "robust" if robust else "paper"
     selector = KeyFrameSelector(window=window, threshold=threshold, rule=rule, causal=causal, guard_ratio=guard_ratio)
     decisions: list[bool] = []
     for loss_i, loss_p in zip(losses_i, [None, *losses_p], strict=False):

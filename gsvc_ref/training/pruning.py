@@ -1,7 +1,7 @@
 """Gaussian Splat Pruning (GSP): when and which splats are removed (paper section 3.4)."""
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
-from gsvc_ref.training.adan import Adan
 
 SETTLING: Final = 0.8
 """Part of the iterations up to the last removal, at most; the survivors settle in the others. Ours."""
@@ -82,28 +81,56 @@ class PruningSchedule:
             Iteration, counted from 1 and at most `iterations`, to the number of splats; without zeros, in order. The
             numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
         """
-        total = round(self.fraction * splats)
-        if iterations < 1:
-            return {}
-        times = [*range(self.first, self.last, self.interval), self.last]
-        share = total // len(times)
-        removed: dict[int, int] = {}
-        for time in times:
-            count = share if time != self.last else total - share * (len(times) - 1)
-            scale = min(1.0, SETTLING * iterations / self.last)
-            iteration = max(1, int(time * scale))  # (10-25)
-            if count:
-                removed[iteration] = removed.get(iteration, 0) + count
-        return removed
+        plan = pruning_plan(splats, iterations, self.fraction, self.first, self.last, self.interval)
+        return dict(zip(plan.iterations.tolist(), plan.counts.tolist(), strict=True))
 
 
-def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
+class PruningPlan(NamedTuple):
+    """How many splats are removed after which iteration."""
+
+    iterations: NDArray[np.int64]
+    """(K,), counted from 1, rising."""
+    counts: NDArray[np.int64]
+    """(K,), at least 1 each."""
+
+
+def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last: int, interval: int) -> PruningPlan:
+    """How many splats are removed after which iteration, by (10-25); R-10.7-1.
+
+    Parameters
+    ----------
+    splats
+        Number of splats at the start.
+    iterations
+        Number of iterations that training may take.
+    fraction, first, last, interval
+        As in `PruningSchedule`, which checks them.
+
+    Returns
+    -------
+    PruningPlan
+        Empty without iterations.
+    """
+    total = round(fraction * splats)
+    times = [*range(first, last, interval), last] if iterations > 0 else []
+    share = total // max(len(times), 1)
+    scale = min(1.0, SETTLING * iterations / last)
+    removed: dict[int, int] = {}
+    for time in times:
+        count = share if time != last else total - share * (len(times) - 1)
+        iteration = max(1, int(time * scale))  # (10-25)
+        if count:
+            removed[iteration] = removed.get(iteration, 0) + count
+    return PruningPlan(np.array(list(removed), np.int64), np.array(list(removed.values()), np.int64))
+
+
+def prune(weights: ArrayLike, removed: int) -> NDArray[np.int64]:
     """Indices of the splats that stay when those with the least |w| are removed (R-10.7-2).
 
     Parameters
     ----------
-    w
-        (N,) weights of the splats.
+    weights
+        (N,), w of each splat.
     removed
         How many go, 0..N. Of equal |w|, the higher index goes.
 
@@ -117,7 +144,7 @@ def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
     UsageError
         A weight is NaN, or there are not that many splats.
     """
-    magnitude = np.abs(np.asarray(w))
+    magnitude = np.abs(np.asarray(weights))
     if magnitude.ndim != 1 or not 0 <= removed <= len(magnitude):
         raise UsageError(f"cannot remove {removed} splats by weights of shape {magnitude.shape}; give 0..N and (N,)")
     if np.isnan(magnitude).any():
@@ -126,23 +153,37 @@ def select_survivors(w: ArrayLike, removed: int) -> NDArray[np.int64]:
     return np.sort(largest_first[: len(magnitude) - removed])
 
 
-def compact(values: F4, state: Adan, survivors: NDArray[np.int64]) -> tuple[F4, Adan]:
-    """What is left after a removal: every survivor keeps its values and all that Adan knows of it (R-10.7-3).
+class Compacted(NamedTuple):
+    """The rows of the splats that stay: their values, and all that Adan knows of them."""
+
+    values: F4
+    m: F4
+    v: F4
+    n: F4
+    previous: F4
+    steps: NDArray[np.int64]
+
+
+def compact(
+    survivors: NDArray[np.int64], values: F4, m: F4, v: F4, n: F4, previous: F4, steps: NDArray[np.int64]
+) -> Compacted:
+    """What is left after a removal: every survivor keeps its values and its state of the optimiser (R-10.7-3).
 
     Parameters
     ----------
+    survivors
+        (n,) indices of those that stay, as `prune` returns them.
     values
         (N, 9) f4, the splats in training.
-    state
-        That of their N rows.
-    survivors
-        (n,) indices of those that stay, as `select_survivors` returns them.
+    m, v, n, previous, steps
+        (N, 9) f4 each and (N,) i8, the state of their rows, see `Adan`.
 
     Returns
     -------
-    The values (n, 9) f4 and the state of n rows, both in the order of `survivors`.
+    Compacted
+        n rows each, in the order of `survivors`.
     """
-    return values[survivors], state.take(survivors)
+    return Compacted(values[survivors], m[survivors], v[survivors], n[survivors], previous[survivors], steps[survivors])
 
 
 def fold_weights(colors: ArrayLike, w: ArrayLike) -> F4:

@@ -1,14 +1,12 @@
 """The weights w of splats in training (paper section 3.4): rendered are w c', and gradients come back through that.
 
-A splat in training is a row of nine values: the columns of `Splats.to_array`, then w. The functions named `..._plain`
-are the definitions (R-10.3-2), the kernels their twins, bit for bit.
+A splat in training is a row of nine values: the columns of `Splats.to_array`, then w.
 """
 
 import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
-from gsvc_ref.training.pruning import fold_weights
 
 COLOR = slice(5, 8)
 """The columns of c'."""
@@ -17,37 +15,54 @@ WEIGHT = PARAMETERS_PER_SPLAT
 """The column of w."""
 
 
-def rendered_plain(values: F4) -> F4:
-    """What is rendered, (N, 8) f4, of the values (N, 9) f4: colours are w c'."""
-    parameters = values[:, :PARAMETERS_PER_SPLAT].copy()
-    parameters[:, COLOR] = fold_weights(values[:, COLOR], values[:, WEIGHT])  # (10-10)
+def weighted_parameters(values: F4) -> F4:
+    """What is rendered of splats with weights: colours are w c' (10-10); R-10.3-2.
+
+    Parameters
+    ----------
+    values
+        (N, 9) f4, the splats in training.
+
+    Returns
+    -------
+    F4
+        (N, 8).
+    """
+    parameters = np.empty((len(values), PARAMETERS_PER_SPLAT), np.float32)
+    _weighted_parameters(values, parameters)
     return parameters
 
 
-def grad_rendered_plain(values: F4, grad_parameters: F4) -> F4:
-    """dL/dvalues (N, 9) f4 from dL/dparameters (N, 8) f4: with G = dL/d(w c'),  dL/dc' = w G,  dL/dw = G . c'."""
-    G, c, w = grad_parameters[:, COLOR], values[:, COLOR], values[:, WEIGHT]
+def weighted_gradients(values: F4, gradients: F4) -> F4:
+    """The gradients of colours and weights from those of their products (10-11); R-10.3-2.
+
+    Parameters
+    ----------
+    values
+        (N, 9) f4, the splats in training.
+    gradients
+        (N, 8) f4, dL/dparameters of `weighted_parameters`.
+
+    Returns
+    -------
+    F4
+        (N, 9), dL/dvalues.
+    """
+    result = np.empty_like(values)
+    _weighted_gradients(values, gradients, result)
+    return result
+
+
+def weighted_gradients_plain(values: F4, gradients: F4) -> F4:
+    """The definition of `weighted_gradients`, in the order in which it rounds to binary32."""
+    G, c, w = gradients[:, COLOR], values[:, COLOR], values[:, WEIGHT]
     products = G * c
     by_weight = (products[:, 0] + products[:, 1]) + products[:, 2]
-    return np.concatenate([grad_parameters[:, :5], w[:, None] * G, by_weight[:, None]], axis=1)  # (10-11)
-
-
-def rendered(values: F4) -> F4:
-    """`rendered_plain`, fast."""
-    parameters = np.empty((len(values), PARAMETERS_PER_SPLAT), np.float32)
-    _rendered(values, parameters)
-    return parameters
-
-
-def grad_rendered(values: F4, grad_parameters: F4) -> F4:
-    """`grad_rendered_plain`, fast."""
-    gradient = np.empty_like(values)
-    _grad_rendered(values, grad_parameters, gradient)
-    return gradient
+    return np.concatenate([gradients[:, :5], w[:, None] * G, by_weight[:, None]], axis=1)  # (10-11)
 
 
 @kernel()
-def _rendered(values: F4, parameters: F4) -> None:
+def _weighted_parameters(values: F4, parameters: F4) -> None:
     for n in range(values.shape[0]):
         for k in range(5):
             parameters[n, k] = values[n, k]
@@ -56,11 +71,12 @@ def _rendered(values: F4, parameters: F4) -> None:
 
 
 @kernel()
-def _grad_rendered(values: F4, grad_parameters: F4, gradient: F4) -> None:
+def _weighted_gradients(values: F4, gradients: F4, result: F4) -> None:
+    """Twin of `weighted_gradients_plain`."""
     for n in range(values.shape[0]):
         for k in range(5):
-            gradient[n, k] = grad_parameters[n, k]
+            result[n, k] = gradients[n, k]
         for k in range(5, 8):
-            gradient[n, k] = values[n, 8] * grad_parameters[n, k]  # (10-11)
-        by_weight = grad_parameters[n, 5] * values[n, 5] + grad_parameters[n, 6] * values[n, 6]
-        gradient[n, 8] = by_weight + grad_parameters[n, 7] * values[n, 7]
+            result[n, k] = values[n, 8] * gradients[n, k]  # (10-11)
+        by_weight = gradients[n, 5] * values[n, 5] + gradients[n, 6] * values[n, 6]
+        result[n, 8] = by_weight + gradients[n, 7] * values[n, 7]

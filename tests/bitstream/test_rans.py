@@ -12,7 +12,7 @@ from gsvc_ref.bitstream.frequencies import (
     normalized_frequencies,
     savings,
 )
-from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel, decode_plain, encode, encode_plain
+from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel, decode_plain, encode_plain, encode_plane
 from gsvc_ref.testing import Plane, planes
 
 PLANES = planes(max_count=120, alphabets=st.sampled_from((2, 3, 16, 64, 300)))
@@ -31,7 +31,7 @@ def table_of(plane: Plane, precision: int) -> tuple[int, np.ndarray]:
 def test_round_trip_and_twins(plane: Plane, precision: int, lanes: int) -> None:
     first, frequencies = table_of(plane, precision)
     count = len(plane.symbols)
-    states, words = encode(plane.symbols, frequencies, first, precision, lanes)
+    states, words = encode_plane(plane.symbols, frequencies, precision, lanes, first)
     plain = encode_plain(plane.symbols.tolist(), frequencies.tolist(), first, precision, lanes)
     assert (states.tolist(), words.tolist()) == plain
     assert (states >= LOWEST_STATE).all()
@@ -83,7 +83,7 @@ def test_extreme_frequencies_and_states(precision: int, state: int) -> None:
 def test_worked_example() -> None:
     """Symbols 0 1 0 with f = (3, 1)/4 scaled to 2^12, by hand: only the last step of each state is below 2^16."""
     frequencies = np.array([3072, 1024])
-    states, words = encode(np.array([0, 1, 0], np.uint16), frequencies, 0, 12, 1)
+    states, words = encode_plane(np.array([0, 1, 0], np.uint16), frequencies, 12, 1)
     # Backwards from 65536: 0 -> (65536 div 3072) * 4096 + 65536 mod 3072 = 21 * 4096 + 1024 = 87040;
     # 1 -> 85 * 4096 + 0 + 3072 = 351232; 0 -> 114 * 4096 + 1024 = 467968.
     assert states.tolist() == [467968]

@@ -8,7 +8,7 @@ from gsvc_ref.codec import Settings
 from gsvc_ref.codec.frame_encoder import FrameEncoder
 from gsvc_ref.codec.prediction import Past, Prediction, block_errors
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training.augmentation import random_splats
+from gsvc_ref.training.augmentation import random_splats, uniform_numbers
 
 
 @pytest.mark.parametrize(("effects", "visible"), [("all,gsp=off", True), ("all,gsp=auto", True), ("all", False)])
@@ -23,7 +23,7 @@ def test_new_splats_are_faint_but_not_held_back_where_nothing_is_pruned():
     picture = waves(frames=1)[0].astype(np.float32) / np.float32(255)
     objective = Objective(picture, 1)
     rng = np.random.default_rng(0)
-    reference = random_splats(50, 32, 24, rng)
+    reference = random_splats(uniform_numbers(50, rng), 32, 24)
     objective.loss(reference.to_array())
     past = Past(picture, block_errors(objective.residual()))
     population = Prediction(settings, objective, picture, reference, past, 60, 70, rng).population

@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from conformance import reference
 from conformance.case import of_stage
 from conformance.cases import CAPACITY
 from conformance.cases.gradients import ALL_GROUPS, noise, slope
 from conformance.cases.splat_sets import FEWEST_GUARDS, population, splat, splats
 from conformance.stage import stages
-from conformance.stages.rendering import FEWEST_SPLATS, edge_margins, render_gradients
+from conformance.stages.rendering import FEWEST_SPLATS, edge_margins
 from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL
 
 
@@ -233,7 +234,7 @@ def test_a_factor_that_single_bounds_allow_is_found_together():
     parameters[:, [3, 5, 6, 7]] = abs(parameters[:, [3, 5, 6, 7]])
     residual = slope(33, 29)
     expected = oracle("render_gradients", parameters=parameters, residual=residual)["gradients"]
-    right = render_gradients(parameters, residual)["gradients"]
+    right = reference.render_gradients(parameters=parameters, residual=residual)["gradients"]
     wrong = right * np.float32(1 + 3e-6)
     assert expected.groups == ALL_GROUPS
     assert expected.judge(right).passed

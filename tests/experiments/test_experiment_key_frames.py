@@ -59,7 +59,7 @@ def test_verdicts(numbers, literal, fast, fall, holds):
 def test_the_lines_drawn_are_what_the_rules_ask():
     losses_i = [1.0, 1.0, 1.1, 0.9, 1.0, 1.0, 1.2, 1.0, 1.0, 1.1, 1.0, 1.0, 0.9, 1.0, 1.0, 1.0]
     losses_p = [0.9, 0.8, 0.9, 0.9, 3.5, 0.9, 1.0, 0.9, 0.8, 0.9, 0.9, 2.4, 0.9, 0.9, 0.9]
-    found = {rule: select_key_frames(losses_i, losses_p, rule=rule) for rule in ("paper", "robust")}
+    found = {rule: select_key_frames(losses_i, losses_p, robust=rule == "robust") for rule in ("paper", "robust")}
     lines = thresholds(losses_i, losses_p, found["robust"], 2.0)
     for keys, line in zip(found.values(), lines, strict=True):
         above = [t for t, least in enumerate(line, 1) if losses_p[t - 1] - losses_i[t] > least]

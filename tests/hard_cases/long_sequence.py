@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import SequenceHeader, StreamReader, StreamWriter
-from gsvc_ref.quantization import LsqParameters, lsq, rvq, to_half_bits
+from gsvc_ref.quantization import LsqParameters, lsq_quantize, rvq, to_half
 from gsvc_ref.quantization.lsq_parameters import with_exact_zero
 from gsvc_ref.reconstruction import Codebooks, FrameCodes, Quantizer, SplatBlock, State, reconstruct
 
@@ -60,8 +60,8 @@ def source() -> F4:
 
 def first_frame() -> FrameCodes:
     """The I-frame, which need not be good."""
-    places = to_half_bits(source()[0, :, :2] / np.array([WIDTH / 2, HEIGHT / 2]) - 1)
-    shapes = lsq.quantize(source()[0, :, 2:5], INTRA.scale, INTRA.offset, BITS)
+    places = to_half(source()[0, :, :2] / np.array([WIDTH / 2, HEIGHT / 2]) - 1)
+    shapes = lsq_quantize(source()[0, :, 2:5], INTRA.scale, INTRA.offset, BITS)
     books = ((np.arange(24).reshape(8, 3) / 24).astype(np.float16),)
     colors = rvq.assign(source()[0, :, 5:], [books[0].astype(np.float32)])
     return FrameCodes.intra_frame(SplatBlock(places, shapes, colors, INTRA, books))
@@ -83,9 +83,9 @@ def difference(wanted: F4, number: int) -> FrameCodes:
         return FrameCodes.repeated_frame()
     positions = cholesky = colors = None
     if attribute(number) == POSITIONS:
-        positions = to_half_bits(wanted[:, :2] / np.array([WIDTH / 2, HEIGHT / 2], np.float32))
+        positions = to_half(wanted[:, :2] / np.array([WIDTH / 2, HEIGHT / 2], np.float32))
     elif attribute(number) == CHOLESKY:
-        cholesky = lsq.quantize(wanted[:, 2:5], INTER.scale, INTER.offset, BITS)
+        cholesky = lsq_quantize(wanted[:, 2:5], INTER.scale, INTER.offset, BITS)
     else:
         colors = rvq.assign(wanted[:, 5:], [book.astype(np.float32) for book in BOOKS])
     own_quantizer, own_books = number == 2 * CHOLESKY + 1, number == 2 * COLORS + 1

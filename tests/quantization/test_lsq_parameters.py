@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import lsq
+from gsvc_ref.quantization import lsq, lsq_dequantize, lsq_quantize
 from gsvc_ref.quantization.lsq_parameters import (
     SCALE_FLOOR,
     LsqParameters,
@@ -23,16 +23,16 @@ columns = hnp.arrays(np.float32, st.tuples(st.integers(1, 40), st.just(2)), elem
 
 
 def squared_error(x: np.ndarray, parameters: LsqParameters, bits: int, weights: np.ndarray | float = 1.0) -> np.ndarray:
-    codes = lsq.quantize(x, parameters.scale, parameters.offset, bits)
-    restored = lsq.dequantize(codes, parameters.scale, parameters.offset)
+    codes = lsq_quantize(x, parameters.scale, parameters.offset, bits)
+    restored = lsq_dequantize(codes, parameters.scale, parameters.offset)
     return (weights * (restored - x.astype(np.float64)) ** 2).sum(axis=0)
 
 
 @given(columns, st.integers(1, 12))
 def test_a_start_by_range_reaches_every_value_within_half_a_step(x: np.ndarray, bits: int) -> None:
     parameters = from_range(x, bits)
-    restored = lsq.dequantize(
-        lsq.quantize(x, parameters.scale, parameters.offset, bits), parameters.scale, parameters.offset
+    restored = lsq_dequantize(
+        lsq_quantize(x, parameters.scale, parameters.offset, bits), parameters.scale, parameters.offset
     )
     assert (np.abs(restored - x.astype(np.float64)) <= parameters.scale / 2 + 2.0**-21 * 100).all()
     assert np.array_equal(parameters.offset, x.min(axis=0))
@@ -77,9 +77,9 @@ def test_two_levels_are_found_exactly() -> None:
 def test_one_code_stands_for_exactly_zero(scale: float, offset: float, bits: int) -> None:
     start = LsqParameters(np.float32([scale]), np.float32([offset]))
     exact = with_exact_zero(start, bits)
-    zeros = lsq.quantize(np.zeros((1, 1)), exact.scale, exact.offset, bits)
+    zeros = lsq_quantize(np.zeros((1, 1)), exact.scale, exact.offset, bits)
     assert zeros[0, 0] == zero_codes(exact, bits)[0] == zero_codes(start, bits)[0]
-    assert lsq.dequantize(zeros, exact.scale, exact.offset).tobytes() == np.float32(0).tobytes()
+    assert lsq_dequantize(zeros, exact.scale, exact.offset).tobytes() == np.float32(0).tobytes()
     if 0 <= -offset <= lsq.largest_code(bits) * scale:
         assert abs(float(exact.offset[0]) - offset) <= scale * (0.5 + 2.0**-7)
 

@@ -90,7 +90,7 @@ def test_commitment_by_hand() -> None:
     loss = rvq.commitment(x, np.zeros((2, 2), np.uint8), books)
     # Residuals (1,3,0), (0,1,0) after stage one; (1,2,0), (0,0,0) after stage two; 6 components.
     assert loss.loss == (10 + 1 + 5) / 6
-    assert loss.x == pytest.approx(np.array([[2, 5, 0], [0, 1, 0]]) * 2 / 6, rel=1e-6)
+    assert loss.grad_x == pytest.approx(np.array([[2, 5, 0], [0, 1, 0]]) * 2 / 6, rel=1e-6)
 
 
 @given(vectors, codebook_lists)
@@ -105,7 +105,7 @@ def test_commitment_gradient_equals_autograd(x: np.ndarray, books: list[np.ndarr
     total.backward()
     ours = rvq.commitment(x, indices, books)
     assert ours.loss == pytest.approx(total.item(), rel=1e-5, abs=1e-9)
-    assert np.abs(ours.x - leaf.grad.numpy()).max(initial=0) <= 2.0**-18
+    assert np.abs(ours.grad_x - leaf.grad.numpy()).max(initial=0) <= 2.0**-18
 
 
 def test_prices_trade_distortion_for_rate() -> None:

@@ -8,7 +8,8 @@ from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import rvq
-from gsvc_ref.quantization.rvq_training import REVIVED_COUNT, RvqSettings, RvqState, initialize, update
+from gsvc_ref.quantization.codebook_update import REVIVED_COUNT, rvq_update
+from gsvc_ref.quantization.rvq_training import RvqSettings, RvqState, initialize, update
 
 vectors = hnp.arrays(
     np.float32,
@@ -204,3 +205,35 @@ def test_vectors_beyond_binary16_are_refused() -> None:
 def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
     with pytest.raises(UsageError):
         RvqSettings(**settings)
+
+
+def test_given_uniform_numbers_do_what_drawn_ones_do() -> None:
+    """The numbers that a generator would draw next, given one after the other, replace the same codewords."""
+    x, settings = colors(80), RvqSettings(codewords=(8, 4), dead_count=9.0)
+    state = initialize(x, settings, np.random.default_rng(1))
+    indices = rvq.assign(x, state.codebooks)
+    drawn = update(state, x, indices, settings, np.random.default_rng(2))
+    codebooks, counts, sums = (np.concatenate(part) for part in (state.codebooks, state.counts, state.sums))
+    uniforms = np.random.default_rng(2).random(12)
+    given = rvq_update(
+        x, indices, np.array([8, 4]), codebooks, counts, sums, uniforms, settings.decay, settings.smoothing,
+        settings.dead_count,
+    )  # fmt: skip
+    for name in ("counts", "sums", "codebooks"):
+        assert getattr(given, name).tobytes() == np.concatenate(getattr(drawn, name)).tobytes()
+    assert (np.concatenate(drawn.counts) == REVIVED_COUNT).any()
+
+
+def test_too_few_uniform_numbers_are_refused() -> None:
+    x = np.array([[0, 0, 0], [7, 7, 7]], np.float32)
+    book, indices = np.array([[0, 0, 0], [9, 9, 9]], np.float32), np.zeros((2, 1), np.uint16)
+    with pytest.raises(UsageError, match="0 uniform numbers"):
+        rvq_update(x, indices, [2], book, np.array([2.0, 0.0]), np.zeros((2, 3)), np.zeros(0), 0.8, 1e-5, 0.5)
+
+
+def test_without_vectors_an_update_gives_back_what_it_got() -> None:
+    book, counts, sums = np.full((2, 3), 1 / 3, np.float32), np.ones(2), np.ones((2, 3))
+    x, indices = np.zeros((0, 3), np.float32), np.zeros((0, 1), np.uint16)
+    after = rvq_update(x, indices, [2], book, counts, sums, np.zeros(0), 0.8, 1e-5, 0.5)
+    assert after.codebooks.tobytes() == book.tobytes()
+    assert after.counts.tolist() == [1, 1]

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import to_frame
+from gsvc_ref.rendering import Renderer, to_frame, to_frame_deterministic
+from gsvc_ref.splats import Splats
 
 
 def gray(*values, dtype=np.float64):
@@ -53,3 +54,25 @@ def test_what_is_no_picture_is_refused(picture, message):
 def test_a_wrong_bit_depth_is_refused(bit_depth):
     with pytest.raises(UsageError, match="must be 8 to 16"):
         to_frame(np.zeros((1, 1, 3)), bit_depth)
+
+
+def test_the_deterministic_frame_rounds_in_binary32_and_takes_no_number_for_black():
+    sums = gray(-1.0, np.nan, 0.5 / 255, 1.5 / 255, 1.0, np.inf, -np.inf, dtype=np.float32)
+    frame = to_frame_deterministic(sums, 8)
+    assert frame.dtype == np.uint8
+    assert frame[0, :, 0].tolist() == [0, 0, *np.rint(sums[0, 2:4, 0] * np.float32(255)), 255, 255, 0]
+    with pytest.raises(UsageError, match="must be 8 to 16"):
+        to_frame_deterministic(sums, 7)
+    with pytest.raises(UsageError, match="must be \\(H, W, 3\\)"):
+        to_frame_deterministic(sums[0], 8)
+
+
+@pytest.mark.parametrize("bit_depth", [8, 10, 16])
+def test_the_deterministic_frame_is_what_the_renderer_writes(bit_depth):
+    rng = np.random.default_rng(bit_depth)
+    splats = Splats.from_array(
+        np.concatenate([rng.uniform(0, 37, (20, 2)), rng.uniform(1, 9, (20, 3)), rng.uniform(-1, 2, (20, 3))], axis=1)
+    )
+    renderer = Renderer(37, 21, precision="deterministic", threads=1)
+    sums = renderer.picture(splats, clamp=False)
+    assert to_frame_deterministic(sums, bit_depth).tobytes() == renderer.frame(splats, bit_depth).tobytes()

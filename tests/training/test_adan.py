@@ -11,6 +11,7 @@ from hypothesis.extra import numpy as hnp
 from gsvc_ref.errors import UsageError
 from gsvc_ref.training import adan
 from gsvc_ref.training.adan import Adan, AdanSettings, adan_step_plain
+from gsvc_ref.training.pruning import compact
 
 
 @dataclass
@@ -167,7 +168,8 @@ def test_every_row_lives_as_if_it_were_alone(actions: list[str], seed: int) -> N
             alone += [(Adan(1, 2), np.zeros((1, 2), np.float32)) for _ in range(3)]
         elif action == "take":
             kept = np.flatnonzero(rng.random(len(alone)) < 0.7)
-            state, parameters = state.take(kept), parameters[kept]
+            parameters, *left = compact(kept, parameters, *state.state)
+            state = state.with_state(*left)
             alone = [alone[i] for i in kept]
         else:
             gradients = rng.normal(size=parameters.shape).astype(np.float32)
@@ -181,12 +183,14 @@ def test_every_row_lives_as_if_it_were_alone(actions: list[str], seed: int) -> N
         assert state.n[row].tobytes() == own.n.tobytes()
 
 
-def test_boolean_selections_keep_the_selected_rows() -> None:
+def test_survivors_keep_their_state_and_settings() -> None:
     state, parameters = Adan(3, 2), np.zeros((3, 2), np.float32)
     state.step(parameters, np.arange(6, dtype=np.float32).reshape(3, 2), [1, 1])
-    taken = state.take(np.array([True, False, True]))
-    assert taken.previous.tolist() == [[0, 1], [4, 5]]
-    assert taken.settings is state.settings
+    left = compact(np.array([0, 2]), parameters, *state.state)
+    assert left.previous.tolist() == [[0, 1], [4, 5]]
+    assert left.values.tolist() == parameters[[0, 2]].tolist()
+    other = state.with_state(*left[1:])
+    assert (other.settings, other.steps.tolist()) == (state.settings, [1, 1])
 
 
 @given(hnp.arrays(np.float32, (3, 2), elements=st.floats(-(2.0**50), 2.0**50, width=32)))

@@ -11,7 +11,7 @@ from gsvc_ref.codec import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import image_start, random_splats
+from gsvc_ref.training.augmentation import image_start, random_splats, uniform_numbers
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.fit import (
     LEAST_FACTOR,
@@ -23,11 +23,11 @@ from gsvc_ref.training.fit import (
     fit,
     keep_factors,
     learned_unit,
+    loss_and_gradients,
     new_splats,
     step_factors,
-    weighted_gradients,
 )
-from gsvc_ref.training.pruning import PruningSchedule, select_survivors
+from gsvc_ref.training.pruning import PruningSchedule, prune
 from gsvc_ref.training.schedule import Constant, StepDecay
 
 WIDTH, HEIGHT = 24, 16
@@ -70,7 +70,7 @@ def test_gradients_by_weight_and_colour_equal_central_differences():
     made.values[:, 5:8] = np.abs(made.values[:, 5:8])
     made.values[:, 8] = np.abs(made.values[:, 8])
     values = made.values.astype(np.float64)
-    loss, gradient = weighted_gradients(made, Objective(PICTURE, 1))
+    loss, gradient = loss_and_gradients(made, Objective(PICTURE, 1))
     assert gradient.shape == (12, 9)
     assert gradient.dtype == np.float32
     assert loss == pytest.approx(unclamped_loss(values), rel=1e-5)
@@ -85,7 +85,7 @@ def test_gradients_by_weight_and_colour_equal_central_differences():
 
 def test_gradients_of_geometry_are_those_of_the_rendered_splats():
     made = population(weight=0.5)
-    loss, gradient = weighted_gradients(made, Objective(PICTURE, 1))
+    loss, gradient = loss_and_gradients(made, Objective(PICTURE, 1))
     plain_loss, plain = Objective(PICTURE, 1).evaluate(made.parameters())
     assert loss == plain_loss
     assert np.array_equal(gradient[:, :5], plain[:, :5])
@@ -208,7 +208,7 @@ def test_survivors_keep_their_optimiser_state():
     other = population(10, settings=pruned)
     all_stay = replace(pruned, pruning=PruningSchedule(0.0))  # the weights are learned all the same
     fit(other, objective, replace(all_stay, iterations=4), rng())
-    other.take(select_survivors(other.weights, 3))
+    other.take(prune(other.weights, 3))
     fit(other, objective, replace(all_stay, iterations=1), rng())
     assert len(one) == 7
     assert np.array_equal(one.origins, other.origins)
@@ -322,7 +322,7 @@ def test_factors_never_get_too_small():
 
 def test_a_population_grows_shrinks_and_is_copied_row_by_row():
     made = population(5)
-    made.append(random_splats(3, WIDTH, HEIGHT, rng()), 0.01)
+    made.append(random_splats(uniform_numbers(3, rng()), WIDTH, HEIGHT), 0.01)
     assert list(made.origins) == [0, 1, 2, 3, 4, NEW, NEW, NEW]
     np.testing.assert_array_equal(made.weights, np.float32([1] * 5 + [0.01] * 3))
     saved, values = made.copy(), made.values.copy()

@@ -45,15 +45,19 @@ def test_the_papers_rule_is_the_papers_equation(differences: list[float], window
 @pytest.mark.parametrize("causal", [False, True])
 def test_equal_losses_give_the_first_frame_only(frames: int, rule: str, causal: bool) -> None:
     for value in (FLAT, 0.1, 0.0):  # sums of 0.1 are not exact in binary64
-        assert select_key_frames([value] * frames, [value] * (frames - 1), rule=rule, causal=causal) == [0]
-        assert select_key_frames([value] * frames, [1.1 * value] * (frames - 1), rule=rule, causal=causal) == [0]
+        assert select_key_frames([value] * frames, [value] * (frames - 1), robust=rule == "robust", causal=causal) == [
+            0
+        ]
+        assert select_key_frames(
+            [value] * frames, [1.1 * value] * (frames - 1), robust=rule == "robust", causal=causal
+        ) == [0]
 
 
 @pytest.mark.parametrize("cut", [1, 2, 7, 15, 29])
 @pytest.mark.parametrize("rule", ["paper", "robust"])
 @pytest.mark.parametrize("causal", [False, True])
 def test_a_single_cut_is_found_anywhere(cut: int, rule: str, causal: bool) -> None:
-    assert select_key_frames(*sequence(30, {cut: 0.5}), rule=rule, causal=causal) == [0, cut]
+    assert select_key_frames(*sequence(30, {cut: 0.5}), robust=rule == "robust", causal=causal) == [0, cut]
 
 
 @pytest.mark.parametrize("frames", [2, 3, 6, 11])
@@ -86,7 +90,7 @@ def test_two_equal_cuts_in_a_window_of_twenty_hide_each_other_from_the_paper() -
     assert not any(scene_transitions(differences))
     cuts = {10: 0.5, 11: 0.5}
     assert select_key_frames(*sequence(21, cuts)) == [0]
-    assert select_key_frames(*sequence(21, cuts), rule="robust") == [0, 10, 11]
+    assert select_key_frames(*sequence(21, cuts), robust=True) == [0, 10, 11]
     assert select_key_frames(*sequence(21, cuts), causal=True) == [0, 10, 11]
 
 
@@ -94,7 +98,7 @@ def test_a_cut_stays_in_the_papers_statistics_and_leaves_the_robust_ones() -> No
     cuts = {6: 1.0, 12: 0.5}
     assert select_key_frames(*sequence(40, cuts)) == [0, 6]
     assert select_key_frames(*sequence(40, cuts), causal=True) == [0, 6, 12]
-    assert select_key_frames(*sequence(40, cuts), rule="robust", causal=True) == [0, 6, 12]
+    assert select_key_frames(*sequence(40, cuts), robust=True, causal=True) == [0, 6, 12]
 
 
 def test_a_window_that_holds_nothing_but_cuts_leaves_the_guard() -> None:
@@ -119,7 +123,7 @@ def test_streaming_equals_the_whole_sequence(
         decided += selector.push(loss_i, losses_p[frame - 1] if frame else None)
         assert len(decided) == (frame + 1 if causal else max(1, frame + 1 - window))
     decided += selector.flush()
-    expected = select_key_frames(losses_i, losses_p, window=window, rule=rule, causal=causal)
+    expected = select_key_frames(losses_i, losses_p, window=window, robust=rule == "robust", causal=causal)
     assert [frame for frame, is_key in enumerate(decided) if is_key] == expected
     assert len(decided) == len(losses_i)
     assert selector.flush() == []
@@ -140,7 +144,7 @@ def test_long_windows_of_the_selector_are_the_papers(case: tuple[list[float], li
 @given(sequences(), st.integers(0, 12))
 def test_robust_decisions_follow_their_definition(case: tuple[list[float], list[float]], window: int) -> None:
     losses_i, losses_p = case
-    keys = select_key_frames(losses_i, losses_p, window=window, rule="robust")
+    keys = select_key_frames(losses_i, losses_p, window=window, robust=True)
     exact = [p - i for i, p in zip(losses_i[1:], losses_p, strict=True)]
     for t, difference in enumerate(exact):
         others = [

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.pruning import SETTLING, PruningSchedule, fold_weights, select_survivors
+from gsvc_ref.training.pruning import SETTLING, PruningSchedule, fold_weights, prune
 
 
 def test_an_i_frame_loses_a_tenth_between_100_and_4000() -> None:
@@ -67,24 +67,24 @@ weights = hnp.arrays(
 def test_the_largest_magnitudes_survive_in_order(w: np.ndarray, data: st.DataObject) -> None:
     removed = data.draw(st.integers(0, len(w)))
     ranked = sorted(range(len(w)), key=lambda n: (-abs(w[n]), n))
-    assert select_survivors(w, removed).tolist() == sorted(ranked[: len(w) - removed])
+    assert prune(w, removed).tolist() == sorted(ranked[: len(w) - removed])
 
 
 def test_of_equal_weights_the_lower_index_survives() -> None:
-    assert select_survivors(np.array([0.5, -0.5, 2.0, 0.5]), 2).tolist() == [0, 2]
-    assert select_survivors(np.zeros(4), 1).tolist() == [0, 1, 2]
-    assert select_survivors(np.array([0.0, -0.0]), 1).tolist() == [0]
+    assert prune(np.array([0.5, -0.5, 2.0, 0.5]), 2).tolist() == [0, 2]
+    assert prune(np.zeros(4), 1).tolist() == [0, 1, 2]
+    assert prune(np.array([0.0, -0.0]), 1).tolist() == [0]
 
 
 @pytest.mark.parametrize("removed", [-1, 3])
 def test_impossible_numbers_are_refused(removed: int) -> None:
     with pytest.raises(UsageError, match="cannot remove"):
-        select_survivors(np.ones(2), removed)
+        prune(np.ones(2), removed)
 
 
 def test_weights_of_nan_are_refused() -> None:
     with pytest.raises(UsageError, match="NaN"):
-        select_survivors(np.array([1.0, np.nan]), 1)
+        prune(np.array([1.0, np.nan]), 1)
 
 
 def test_folding_multiplies_each_colour_by_its_weight() -> None:

@@ -1,0 +1,85 @@
+"""Every operation of spec.md and what gsvc_ref has for it: the same name and arguments, and the same answers."""
+
+import inspect
+from collections import Counter
+from functools import cache
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+
+from conformance.expectations import Exact
+from conformance.mutants import judge
+from conformance.pairs import PAIRS, OfSplats, Other, Twin, twin
+from conformance.stage import input_size, stages
+from conformance.vectors import VECTORS, read
+from gsvc_ref import spec
+
+VECTORS_EACH = 5
+
+TWINS = [name for name, pair in PAIRS.items() if isinstance(pair, Twin)]
+OTHERS = [name for name, pair in PAIRS.items() if isinstance(pair, Other)]
+
+
+@cache
+def core_vectors(name):
+    """The smallest and the largest vectors of an operation's core level, or of the uncommon one if it has no core."""
+    homes = next(filter(None, (sorted((VECTORS / level / name).iterdir()) for level in ("core", "uncommon"))))
+    by_size = sorted((read(home) for home in homes), key=lambda vector: input_size(vector.inputs))
+    return list({vector.id: vector for vector in [*by_size[: VECTORS_EACH - 1], by_size[-1]]}.values())
+
+
+def answers(function, vector):
+    with np.errstate(all="ignore"):
+        return function(**{name: np.copy(v) if isinstance(v, np.ndarray) else v for name, v in vector.inputs.items()})
+
+
+def parameters_of(function):
+    return list(inspect.signature(function).parameters.values())
+
+
+def names_of_inputs(name):
+    return [port.name for port in stages()[name].inputs]
+
+
+def test_every_operation_is_paired_or_listed_with_a_reason():
+    assert list(PAIRS) == list(stages())
+    assert all(hasattr(spec, name) for name in PAIRS)
+    assert Counter(type(pair) for pair in PAIRS.values()) == {Twin: 17, OfSplats: 5, Other: 17}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_the_plain_form_has_the_arguments_of_the_operation(name):
+    assert [parameter.name for parameter in parameters_of(getattr(spec, name))] == names_of_inputs(name)
+
+
+@pytest.mark.parametrize("name", TWINS)
+def test_a_twin_has_the_name_and_arguments_of_its_plain_form(name):
+    wanted = names_of_inputs(name)
+    if isinstance(PAIRS[name], OfSplats):
+        wanted[wanted.index("parameters")] = "splats"
+    function = twin(name)
+    parameters = parameters_of(function)
+    assert function.__name__ == name
+    assert [parameter.name for parameter in parameters[: len(wanted)]] == wanted
+    assert all(parameter.default is not inspect.Parameter.empty for parameter in parameters[len(wanted) :])
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_stands_in_the_place_of_a_twin_exists_and_has_a_reason(name):
+    assert callable(resolve_name(PAIRS[name].name))
+    assert len(PAIRS[name].reason.split()) > 3
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_both_sides_give_the_same_answers(name):
+    """To the bit where an output is exact; else both are within the bound, which the kit judges."""
+    for vector in core_vectors(name):
+        ours, plain = answers(stages()[name].reference, vector), answers(getattr(spec, name), vector)
+        assert list(ours) == list(plain) == list(vector.expected)
+        for output, expected in vector.expected.items():
+            if isinstance(expected, Exact):
+                pair = np.asarray(ours[output]), np.asarray(plain[output])
+                assert len({(part.dtype, part.shape, part.tobytes()) for part in pair}) == 1, (vector.id, output)
+        for side in (ours, plain):
+            assert all(judgement.passed for judgement in judge(vector.expected, side)), vector.id
