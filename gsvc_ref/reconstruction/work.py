@@ -45,4 +45,5 @@ def rendering_work(splats: Splats, width: int, height: int) -> int:
     It is the work that spec.md section 5 defines; no renderer finds a pixel covered outside of these boxes, so that it
     bounds the time that a frame takes. A splat with an infinite position or factor has no box.
     """
-    return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))
+    with np.errstate(invalid="ignore"):  # infinity minus infinity, of which a kernel that is not compiled would warn
+        return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))
