@@ -12,7 +12,7 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.codec import Settings
 from gsvc_ref.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_ref.video.images import ImageReader
@@ -78,7 +78,7 @@ def _check_encoding(symbols: np.ndarray[Any, Any], precision: int, lanes: int, a
         return
     frequencies = (counts << precision) // counts.sum()
     frequencies[-1] += (1 << precision) - frequencies.sum()
-    states, words = encode(symbols, frequencies, 0, precision, lanes)
+    states, words = encode_plane(symbols, frequencies, precision, lanes)
     theirs = namespace()["encode_plane"](symbols, frequencies, precision, lanes)
     assert states.tobytes() == theirs["lane_states"].tobytes()
     assert words.tobytes() == theirs["words"].tobytes()

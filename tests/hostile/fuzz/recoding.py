@@ -10,7 +10,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import U2, Element
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.plane_coding import CODED
-from gsvc_ref.bitstream.rans import encode
+from gsvc_ref.bitstream.rans import encode_plane
 
 from .layout import elements, with_part_of_payload
 
@@ -45,7 +45,8 @@ def coded(plane: Element, rng: Random, precision: int, lanes: int) -> bytes:
     fewest = int(np.count_nonzero(counts) - 1).bit_length()
     table_bits = rng.randrange(max(1, fewest), precision + 1)
     frequencies = normalized_frequencies(counts.astype(np.int64), table_bits)
-    states, words = encode(symbols, frequencies << (precision - table_bits), int(symbols.min()), precision, lanes)
+    of_precision = frequencies << (precision - table_bits)
+    states, words = encode_plane(symbols, of_precision, precision, lanes, first_symbol=int(symbols.min()))
     writer = Writer()
     writer.u("plane_mode", 2, CODED)
     writer.u("table_bits", 5, table_bits)
