@@ -47,14 +47,14 @@ format: .venv/.ready-lint            ## put the code into the house style
 	$(BIN)/ruff check --fix
 
 figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 15 minutes)
-	$(BIN)/python -m benchmarks.clips
-	$(BIN)/python -m benchmarks.clips --preset paper --frames 2
+	$(BIN)/python -m gsvc_lab.benchmarks.clips
+	$(BIN)/python -m gsvc_lab.benchmarks.clips --preset paper --frames 2
 
 bench: .venv/.ready-peers,all,clips            ## measure speed, memory and cold start (about 8 minutes; LIMIT=FOLDER: the C++ limit too)
-	$(BIN)/python -m benchmarks $(if $(LIMIT),--limit $(LIMIT))
+	$(BIN)/python -m gsvc_lab.benchmarks $(if $(LIMIT),--limit $(LIMIT))
 
 experiments: .venv/.ready-experiments            ## the paper's experiments, small versions (FULL=1: large; UVG=FOLDER: on UVG instead)
-	$(BIN)/python -m experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
+	$(BIN)/python -m gsvc_lab.experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
 
 adapters: .venv/.ready-test,adapters,peers            ## judge and measure the adapters that run here; writes docs/reports/
 	-$(BIN)/python -m conformance run --reference $(call report,gsvc_ref)
@@ -66,12 +66,12 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 	-$(BIN)/python -m conformance run --module conformance.adapters.gsplat_cuda $(call report,gsplat_cuda) \
 		--waivers conformance/adapters/gsplat_cuda/expected_failures.json
 	-PYTHONPATH=tests/adapters $(BIN)/python -m conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
-	$(BIN)/python -m benchmarks.adapters --json docs/reports/speeds.json
+	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
 	$(BIN)/python -m conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
 		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
 
 report = --quiet --show 3 --json docs/reports/$(1).json --html docs/reports/$(1).html
 
 clean:            ## remove what the other commands made
-	rm -rf .venv .venv-lowest demo benchmarks/cache experiments/results .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	rm -rf .venv .venv-lowest demo gsvc_lab/benchmarks/cache experiments .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -6,12 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.bitstream import SequenceHeader, StreamReader
+from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Element
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.stream import StreamReader
 
 Number = int | float
 Values = dict[str, tuple[int, set[Number]]]

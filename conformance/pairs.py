@@ -83,7 +83,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "prune": Twin("gsvc_ref.training.pruning"),
     "compact": Twin("gsvc_ref.training.pruning"),
     "augment": Twin("gsvc_ref.training.augmentation"),
-    "select_key_frames": Twin("gsvc_ref.training.keyframes"),
+    "select_key_frames": Twin("gsvc_ref.encoder.key_frames"),
     "converged": Other("gsvc_ref.training.convergence:Convergence", "losses come one at a time, as training goes on"),
     "lsq_quantize": Twin("gsvc_ref.quantization"),
     "lsq_dequantize": Twin("gsvc_ref.quantization"),

@@ -11,40 +11,40 @@
     for frame in gsvc_ref.decode("damaged.gsvc", on_gap=print): # all that is left, and what is missing
         ...
 
-spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `reconstruction`, `rendering` and
-`quantization` do what it says; `training` has the paper's algorithms, `codec` the drivers, and `testing` Hypothesis
-strategies for those who test an implementation of their own.
+spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `reconstruction`, `rendering` and
+`quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
+`testing` has Hypothesis strategies for those who test an implementation of their own.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from gsvc_ref.bitstream import Gap as Gap
-    from gsvc_ref.codec import IncompleteEncodeError as IncompleteEncodeError
-    from gsvc_ref.codec import Settings as Settings
-    from gsvc_ref.codec import Stream as open  # noqa: N813
-    from gsvc_ref.codec import decode as decode
-    from gsvc_ref.codec import encode as encode
+    from gsvc_ref.encoder import IncompleteEncodeError as IncompleteEncodeError
+    from gsvc_ref.encoder import Settings as Settings
+    from gsvc_ref.encoder import encode as encode
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
     from gsvc_ref.rendering import render as render
     from gsvc_ref.rendering import render_exact_with_bound as render_exact_with_bound
     from gsvc_ref.rendering import render_gradients as render_gradients
     from gsvc_ref.splats import Splats as Splats
+    from gsvc_ref.stream import Gap as Gap
+    from gsvc_ref.stream import Stream as open  # noqa: N813
+    from gsvc_ref.stream import decode as decode
 
 __version__ = "0.1.0"
 
 _HOMES: Final = {
-    "Gap": ("gsvc_ref.bitstream", "Gap"),
+    "Gap": ("gsvc_ref.stream", "Gap"),
     "GsvcError": ("gsvc_ref.errors", "GsvcError"),
-    "IncompleteEncodeError": ("gsvc_ref.codec", "IncompleteEncodeError"),
-    "Settings": ("gsvc_ref.codec", "Settings"),
+    "IncompleteEncodeError": ("gsvc_ref.encoder", "IncompleteEncodeError"),
+    "Settings": ("gsvc_ref.encoder", "Settings"),
     "Splats": ("gsvc_ref.splats", "Splats"),
     "UsageError": ("gsvc_ref.errors", "UsageError"),
-    "decode": ("gsvc_ref.codec", "decode"),
-    "encode": ("gsvc_ref.codec", "encode"),
-    "open": ("gsvc_ref.codec", "Stream"),
+    "decode": ("gsvc_ref.stream", "decode"),
+    "encode": ("gsvc_ref.encoder", "encode"),
+    "open": ("gsvc_ref.stream", "Stream"),
     "render": ("gsvc_ref.rendering", "render"),
     "render_exact_with_bound": ("gsvc_ref.rendering", "render_exact_with_bound"),
     "render_gradients": ("gsvc_ref.rendering", "render_gradients"),

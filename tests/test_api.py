@@ -19,7 +19,7 @@ SETTINGS = {"iterations": 2, "cholesky_bits": 8, "splats": 6}
 LAZY = """
 import sys
 import gsvc_ref
-assert not {"numba", "scipy", "skimage", "numpy", "gsvc_ref.codec"} & set(sys.modules), "loaded too early"
+assert not {"numba", "scipy", "skimage", "numpy", "gsvc_ref.encoder"} & set(sys.modules), "loaded too early"
 assert set(gsvc_ref.__all__) <= set(dir(gsvc_ref))
 gsvc_ref.GsvcError, gsvc_ref.UsageError
 assert "numba" not in sys.modules
@@ -54,8 +54,9 @@ def test_nothing_is_loaded_before_it_is_used():
 
 
 def test_the_names_belong_together():
-    from gsvc_ref.codec import Settings, Stream
+    from gsvc_ref.encoder import Settings
     from gsvc_ref.rendering import render
+    from gsvc_ref.stream import Stream
 
     assert gsvc_ref.open is Stream
     assert gsvc_ref.Settings is Settings

@@ -80,7 +80,7 @@ def test_text_around_the_code_stands_in_comments():
 
 
 def test_it_is_loaded_on_demand():
-    ask = "import sys, gsvc_ref, gsvc_ref.codec; sys.exit('gsvc_ref.spec' in sys.modules)"
+    ask = "import sys, gsvc_ref, gsvc_ref.encoder; sys.exit('gsvc_ref.spec' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", ask], cwd=ROOT, check=False).returncode == 0
 
 

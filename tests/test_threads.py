@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from gsvc_ref.bitstream import DecodedFrame
+from gsvc_lab.scenes import demo_clip
 from gsvc_ref.metrics import compare_frames
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.scenes import demo_clip
+from gsvc_ref.stream import DecodedFrame
 from gsvc_ref.testing import random_stream
 from gsvc_ref.video import ColorDescription, VideoFormat
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from conformance.cases.building import HEADER, Chunks, intra_block, operated, predicted, quantizer_of
-from gsvc_ref.bitstream import StreamReader
 from gsvc_ref.bitstream.coder import Element, encode_uv
 from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
 
 CRC_SIZE: Final = 4

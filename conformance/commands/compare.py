@@ -24,7 +24,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "another, in all. Links lead to the files, and to RESULT.html if that stands beside RESULT.json."
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULT.json", help="what `run --json` wrote")
-    parser.add_argument("--speeds", type=Path, metavar="FILE", help="what `python -m benchmarks.adapters` wrote")
+    parser.add_argument(
+        "--speeds", type=Path, metavar="FILE", help="what `python -m gsvc_lab.benchmarks.adapters` wrote"
+    )
     parser.add_argument(
         "--markdown",
         type=Path,

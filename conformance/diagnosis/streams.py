@@ -45,8 +45,8 @@ def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
 @lru_cache(maxsize=256)
 def element_at(stream: bytes, bit: int) -> str:
     """The syntax element of a stream that a bit belongs to, without its plane's number; '' if it is not reached."""
-    from gsvc_ref.bitstream import StreamReader
     from gsvc_ref.errors import GsvcError
+    from gsvc_ref.stream import StreamReader
 
     names: list[tuple[int, int, str]] = []
 

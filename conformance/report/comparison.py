@@ -12,7 +12,7 @@ from conformance.stage import Group, stages
 from gsvc_ref.errors import UsageError
 
 SPEEDS: Final = "speeds/1"
-"""The form of the file that ``python -m benchmarks.adapters`` writes."""
+"""The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
 ALIKE: Final = ("vectors", "spec.md", "kit")
 """What all reports that are compared should have in common."""
 NOTHING: Final = "–"
@@ -54,7 +54,7 @@ def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None
 
 
 def read_speeds(path: Path) -> dict[str, Any]:
-    """The file of ``python -m benchmarks.adapters``.
+    """The file of ``python -m gsvc_lab.benchmarks.adapters``.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_speeds(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path}: {error}") from None
     parts = {"date", "machine", "works", "implementations"}
     if not isinstance(value, dict) or value.get("form") != SPEEDS or not parts <= value.keys():
-        raise UsageError(f"{path} has not the form {SPEEDS} that `python -m benchmarks.adapters` writes")
+        raise UsageError(f"{path} has not the form {SPEEDS} that `python -m gsvc_lab.benchmarks.adapters` writes")
     return value
 
 

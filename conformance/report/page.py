@@ -9,8 +9,8 @@ from conformance.report.console import cause_lines, conclusion, folded, ratio_te
 from conformance.report.pictures import KEY, Picture
 from conformance.results import OUTCOMES, Report, Result, Summary, Table
 from conformance.side_by_side import RIGHT
-from gsvc_ref.report.data import Figure
-from gsvc_ref.report.page import cards_section, document, notes_section
+from gsvc_lab.pages.data import Figure
+from gsvc_lab.pages.page import cards_section, document, notes_section
 
 MOST_FAULTS: Final = 200
 """How many wrong vectors are described; all of them stand in the table of vectors."""

@@ -11,7 +11,7 @@ from conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
 from conformance.results import Result
 from conformance.stage import Values
 from conformance.vectors import Vector
-from gsvc_ref.report.pictures import png_uri
+from gsvc_lab.pages.pictures import png_uri
 
 U1 = NDArray[np.uint8]
 F8 = NDArray[np.float64]

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 import gsvc_ref
 from conformance.expectations import Expectation, Interval, Refusal
 from conformance.stage import Values, exactly, operation, stage, stages
-from gsvc_ref.bitstream import SequenceHeader, StreamReader
+from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.stream import StreamReader
 
 Array = NDArray[Any]
 

@@ -23,9 +23,9 @@ from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, show
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
-    from gsvc_ref.codec import Stream
     from gsvc_ref.metrics import Comparison, FrameComparison
     from gsvc_ref.rendering import Precision
+    from gsvc_ref.stream import Stream
     from gsvc_ref.video import VideoFormat
 
 COMMAND: Final = "gsvc compare"

@@ -9,8 +9,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gsvc_ref.bitstream import Gap
-    from gsvc_ref.codec import Stream
+    from gsvc_ref.stream import Gap, Stream
 
 OTHER_STREAM_RULE: Final = "R-6.1-3"
 TRAILING_RULE: Final = "R-6.1-4"
@@ -39,7 +38,7 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
 
 def _more_frames(stream: "Stream", next_number: int) -> bool:
     """Whether salvaging finds a frame with this number or a greater one."""
-    from gsvc_ref.bitstream import Gap
+    from gsvc_ref.stream import Gap
 
     try:
         return any(not isinstance(part, Gap) for part in stream.salvage(next_number))

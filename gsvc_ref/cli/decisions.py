@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from gsvc_ref.cli.text import plural, table
 
 if TYPE_CHECKING:
-    from gsvc_ref.bitstream import StreamSummary
-    from gsvc_ref.codec.decisions import Decision
+    from gsvc_ref.encoder.decisions import Decision
+    from gsvc_ref.stream import StreamSummary
 
     Decisions = Sequence[Sequence[Decision]]
 
@@ -52,7 +52,7 @@ def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
 
 def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]":
     """The decisions that a stream tells, and a note where it does not tell them."""
-    from gsvc_ref.codec.decision_chunk import unpack
+    from gsvc_ref.encoder.decision_chunk import unpack
     from gsvc_ref.errors import UsageError
 
     again = "encode it again with gsvc encode, without --no-decisions"
@@ -106,7 +106,7 @@ def _reason(same: "Sequence[Decision]") -> str:
     low, high = ordered[0], ordered[-1]
     if low.value == high.value:
         return low.reason
-    from gsvc_ref.codec.decisions import CAUSES
+    from gsvc_ref.encoder.decisions import CAUSES
 
     return CAUSES[low.cause].text.format(n=f"{low.number} to {high.number}")
 

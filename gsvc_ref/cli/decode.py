@@ -24,7 +24,7 @@ from gsvc_ref.cli.text import per_second, plural, show
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
-    from gsvc_ref.codec import Stream
+    from gsvc_ref.stream import Stream
     from gsvc_ref.video import Frame, VideoFormat, VideoWriter
 
 COMMAND: Final = "gsvc decode"
@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     check_output(arguments.output, arguments.input, folder_allowed=True)
     try:
-        from gsvc_ref.codec.interrupts import Interrupts
+        from gsvc_ref.encoder.interrupts import Interrupts
 
         with Interrupts(patient=False, once=True):  # a terminal that is closed may send SIGHUP twice
             return _decode(arguments)

@@ -17,7 +17,7 @@ from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
-    from gsvc_ref.codec import EncodeReport, Progress
+    from gsvc_ref.encoder import EncodeReport, Progress
     from gsvc_ref.video import VideoFormat, VideoReader
 
 COMMAND: Final = "gsvc encode"

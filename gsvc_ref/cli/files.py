@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.scenes.names import is_scene_name
+from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gsvc_ref.codec import Stream
+    from gsvc_ref.stream import Stream
     from gsvc_ref.video import Frame
 
 STDIO: Final = "-"
@@ -42,7 +42,7 @@ def check_input(name: str, *, folder_allowed: bool = False) -> None:
         if sys.stdin.isatty():
             raise UsageError("- reads from standard input, which is a terminal: pipe something in, or give a file")
         return
-    if folder_allowed and is_scene_name(name):
+    if folder_allowed and source_by_prefix(name) is not None:
         return
     path = Path(name)
     if not name or not path.exists():

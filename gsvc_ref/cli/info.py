@@ -12,8 +12,8 @@ from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, s
 from gsvc_ref.errors import GsvcError
 
 if TYPE_CHECKING:
-    from gsvc_ref.bitstream import FrameSummary, Gap, SequenceHeader, StreamSummary
-    from gsvc_ref.codec import Stream
+    from gsvc_ref.bitstream import SequenceHeader
+    from gsvc_ref.stream import FrameSummary, Gap, Stream, StreamSummary
     from gsvc_ref.video import VideoFormat
 
 COMMAND: Final = "gsvc info"

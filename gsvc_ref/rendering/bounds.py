@@ -47,7 +47,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.rendering.definition import Footprint, added, check_residual, footprint
-from gsvc_ref.rendering.exponential import exp_minus
+from gsvc_ref.rendering.fast.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]

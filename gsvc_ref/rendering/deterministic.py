@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
-from gsvc_ref.rendering.exponential import K1, K2, K3, K4, K5
-from gsvc_ref.rendering.strip_sums import E_BLUE, E_GREEN, E_RED, U1, U1U1, U1U2, U2, U2U2
-from gsvc_ref.rendering.strips import SLOT, STRIP_WIDTH
+from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
+from gsvc_ref.rendering.fast.strip_sums import E_BLUE, E_GREEN, E_RED, U1, U1U1, U1U2, U2, U2U2
+from gsvc_ref.rendering.fast.strips import SLOT, STRIP_WIDTH
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F4 = NDArray[np.float32]

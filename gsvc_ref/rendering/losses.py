@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.strip_pictures import read_strip, subtract_target, write_picture
-from gsvc_ref.rendering.strips import F4, F8, ROW, STRIP_WIDTH, aligned, strip_count
+from gsvc_ref.rendering.fast.strip_pictures import read_strip, subtract_target, write_picture
+from gsvc_ref.rendering.fast.strips import F4, F8, ROW, STRIP_WIDTH, aligned, strip_count
 
 
 class Loss(NamedTuple):

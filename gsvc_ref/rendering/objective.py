@@ -4,11 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.losses import total_loss
-from gsvc_ref.rendering.precision import Precision, check_precision
-from gsvc_ref.rendering.strip_pictures import read_strip
-from gsvc_ref.rendering.strips import BLACK, F4, ROW, SLOT, aligned, strip_count
-from gsvc_ref.rendering.tasks import (
+from gsvc_ref.rendering.fast.strip_pictures import read_strip
+from gsvc_ref.rendering.fast.strips import BLACK, F4, ROW, SLOT, aligned, strip_count
+from gsvc_ref.rendering.fast.tasks import (
     base_task,
     base_tasks,
     objective_task,
@@ -18,8 +16,10 @@ from gsvc_ref.rendering.tasks import (
     splat_task,
     splat_tasks,
 )
-from gsvc_ref.rendering.tiles import Tiles
-from gsvc_ref.rendering.workspace import Workspace
+from gsvc_ref.rendering.fast.tiles import Tiles
+from gsvc_ref.rendering.fast.workspace import Workspace
+from gsvc_ref.rendering.losses import total_loss
+from gsvc_ref.rendering.precision import Precision, check_precision
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 _NO_SLOTS = aligned((0, SLOT))

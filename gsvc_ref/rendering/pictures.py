@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.strip_pictures import rounded
+from gsvc_ref.rendering.fast.strip_pictures import rounded
 
 SMALLEST_BIT_DEPTH = 8
 LARGEST_BIT_DEPTH = 16

@@ -7,10 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import definition
-from gsvc_ref.rendering.pictures import frame_type, to_frame
-from gsvc_ref.rendering.precision import Precision, check_precision
-from gsvc_ref.rendering.strips import BLACK, I8, strip_count
-from gsvc_ref.rendering.tasks import (
+from gsvc_ref.rendering.fast.strips import BLACK, I8, strip_count
+from gsvc_ref.rendering.fast.tasks import (
     count_task,
     count_tasks,
     frame_task,
@@ -22,8 +20,10 @@ from gsvc_ref.rendering.tasks import (
     splat_task,
     splat_tasks,
 )
-from gsvc_ref.rendering.tiles import Prepared, Tiles, leave_out_fresh, mark_changed
-from gsvc_ref.rendering.workspace import Workspace
+from gsvc_ref.rendering.fast.tiles import Prepared, Tiles, leave_out_fresh, mark_changed
+from gsvc_ref.rendering.fast.workspace import Workspace
+from gsvc_ref.rendering.pictures import frame_type, to_frame
+from gsvc_ref.rendering.precision import Precision, check_precision
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 LARGEST_SIDE: Final = 65536

@@ -6,7 +6,7 @@ from typing import BinaryIO, Final, Protocol
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import PartialFile
-from gsvc_ref.scenes.names import SCENE_SUFFIX, is_scene_name
+from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import images, libav, libav_writer, y4m
 from gsvc_ref.video.color import frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
@@ -35,20 +35,20 @@ STREAM_SUFFIX: Final = ".gsvc"
 
 
 class VideoSource(Protocol):
-    """What can be opened as a video though it is no file, such as `gsvc_ref.scenes.Scene`."""
+    """What can be opened as a video though it is no file, such as a scene of gsvc_lab."""
 
     def open_video(self) -> VideoReader:
         """A new reader of its frames."""
 
 
 def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
-    """Open a source of frames; what it holds decides how it is read, and its name only for scenes.
+    """Open a source of frames; what it holds decides how it is read, and its name only where a plugin knows it.
 
     Parameters
     ----------
     source
-        ``-`` for y4m on standard input; ``scene:NAME`` for a built-in scene of `gsvc_ref.scenes`; a folder of PNG or
-        JPEG files; a file, where ``.toml`` describes a scene; a Scene; or a binary file at its start (one that cannot
+        ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME`` for a
+        built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that cannot
         seek must hold y4m), which stays open.
 
     Raises
@@ -62,19 +62,13 @@ def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
     """
     if source == "-":
         return y4m.Y4mReader(sys.stdin.buffer, "standard input")
-    if isinstance(source, str) and is_scene_name(source):
-        return _open_scene(source)
+    if isinstance(source, str) and (named := source_by_prefix(source)) is not None:
+        return named.open(source)
     if isinstance(source, str | Path):
         return _open_path(Path(source))
     if hasattr(source, "open_video"):
         return source.open_video()
     return _open_file(source)
-
-
-def _open_scene(name: str) -> VideoReader:
-    from gsvc_ref.scenes import Scene
-
-    return Scene.find(name).open_video()
 
 
 def _open_path(path: Path) -> VideoReader:
@@ -92,8 +86,8 @@ def _open_path(path: Path) -> VideoReader:
     if not magic:
         raise GsvcError("malformed", f"{path} is empty; give a video file")
     suffix = path.suffix.lower()
-    if suffix == SCENE_SUFFIX:
-        return _open_scene(name)
+    if (named := source_by_suffix(name)) is not None:
+        return named.open(name)
     if magic == SIGNATURE or suffix == ".y4m":
         return y4m.Y4mReader(path, name)
     if magic.startswith(images.PNG_SIGNATURE) or suffix in images.SUFFIXES:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gsvc_lab.scenes import demo_clip
 from gsvc_ref.cli import main
-from gsvc_ref.scenes import demo_clip
 from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
 QUICK = ["--iterations", "2", "--splats", "12", "--key-frames", "2", "--quiet"]

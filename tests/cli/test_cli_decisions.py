@@ -10,8 +10,8 @@ from conftest import QUICK, video_format
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
 from gsvc_ref.cli.decisions import MOST_RUNS, decision_lines, effects_line
-from gsvc_ref.codec.decisions import Decision
-from gsvc_ref.codec.effects import EFFECT_NAMES
+from gsvc_ref.encoder.decisions import Decision
+from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_writer
 

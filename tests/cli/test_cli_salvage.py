@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from gsvc_ref.bitstream import DecodedFrame, Gap, StreamReader
 from gsvc_ref.cli import main
 from gsvc_ref.cli.damage import MOST_GAPS, Gaps
+from gsvc_ref.stream import DecodedFrame, Gap, StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
     RICH_HEADER,

@@ -10,7 +10,7 @@ from conformance.cases.building import operated
 from conformance.cases.faults import colored, flat, overview, rich, three
 from conformance.cases.faulty import faults
 from conformance.spec import SPEC
-from gsvc_ref.bitstream import StreamReader
+from gsvc_ref.stream import StreamReader
 
 OTHERS: Final = {
     "an I-frame that keeps the inter quantiser": ("invalid R-6.5-4 1762", 3, """

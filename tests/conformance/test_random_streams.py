@@ -10,7 +10,7 @@ import gsvc_ref
 from conformance.element_values import IGNORED, values
 from conformance.elements import ELEMENTS
 from conformance.streams import stream_of, write_streams
-from gsvc_ref.bitstream import StreamReader
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import split_chunks
 
 

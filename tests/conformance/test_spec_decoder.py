@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 from conformance import reference
 from conformance.cases.faulty import faults
 from conformance.spec import namespace
-from gsvc_ref.bitstream import LEVELS, StreamReader
+from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import render_exact_with_bound
 from gsvc_ref.rendering.deterministic import sum_plain
 from gsvc_ref.splats import Splats
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
     RICH_HEADER,

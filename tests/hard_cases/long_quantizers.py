@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.codec.quantizer import BlockQuantizer, BlockSettings, Learned
 from gsvc_ref.quantization import LsqParameters, RvqSettings, RvqState, rvq_training
 from gsvc_ref.reconstruction import Kept
 from gsvc_ref.training.adan import Adan
+from gsvc_ref.training.quantizer import BlockQuantizer, BlockSettings, Learned
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

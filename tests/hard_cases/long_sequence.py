@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream import SequenceHeader, StreamReader, StreamWriter
+from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.quantization import LsqParameters, lsq_quantize, rvq, to_half
 from gsvc_ref.quantization.lsq_parameters import with_exact_zero
 from gsvc_ref.reconstruction import Codebooks, FrameCodes, Quantizer, SplatBlock, State, reconstruct
+from gsvc_ref.stream import StreamReader, StreamWriter
 
 F4 = NDArray[np.float32]
 

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from conformance.spec import namespace
-from gsvc_ref.bitstream import LEVELS, StreamReader
-from gsvc_ref.bitstream.chunk_decoder import ChunkDecoder, Place
-from gsvc_ref.bitstream.source import Source
+from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError
+from gsvc_ref.stream import StreamReader
+from gsvc_ref.stream.chunk_decoder import ChunkDecoder, Place
+from gsvc_ref.stream.source import Source
 
 CORE: Final = Path(__file__).parents[2] / "vectors" / "core"
 MAGIC_SIZE: Final = 8

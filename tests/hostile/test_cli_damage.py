@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from gsvc_ref.bitstream import StreamReader
 from gsvc_ref.cli import main
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.video import open_video
 from tests.hostile.damage import CORE, flipped
 

@@ -11,7 +11,7 @@ import pytest
 
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
-from gsvc_ref.rendering.workspace import BUFFERS_SIZE, LISTED, SELECTION_SIZE, Workspace, windows_of
+from gsvc_ref.rendering.fast.workspace import BUFFERS_SIZE, LISTED, SELECTION_SIZE, Workspace, windows_of
 from gsvc_ref.splats import Splats
 from tests.hostile.__main__ import main
 from tests.hostile.memory import SUPPORTED, measure_level
@@ -86,7 +86,7 @@ def crowd(count: int, width: int, height: int) -> Splats:
 @pytest.fixture
 def short_lists(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows of few strips, such as hostile streams lead to."""
-    monkeypatch.setattr("gsvc_ref.rendering.workspace.LISTED", 1)
+    monkeypatch.setattr("gsvc_ref.rendering.fast.workspace.LISTED", 1)
 
 
 def renderings(splats: Splats, width: int, height: int, threads: int) -> list[bytes]:

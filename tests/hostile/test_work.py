@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.bitstream import StreamReader
 from gsvc_ref.reconstruction import rendering_work
-from gsvc_ref.rendering.lists import row_range
-from gsvc_ref.rendering.strips import ROWS, STRIP_WIDTH
-from gsvc_ref.rendering.workspace import Workspace, windows_of
+from gsvc_ref.rendering.fast.lists import row_range
+from gsvc_ref.rendering.fast.strips import ROWS, STRIP_WIDTH
+from gsvc_ref.rendering.fast.workspace import Workspace, windows_of
 from gsvc_ref.splats import Splats
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import splat_sets
 from tests.hostile.hostile_streams import chunk, encode_uv, end, header, intra, opening, repeated
 

@@ -61,7 +61,7 @@ def some_vectors() -> str:
 
 def scenes() -> str:
     """Two small frames of every built-in scene, and what is known of the second."""
-    from gsvc_ref.scenes import Scene, frames, scene_names, truth
+    from gsvc_lab.scenes import Scene, frames, scene_names, truth
 
     def parts() -> Iterator[bytes]:
         for name in scene_names():
@@ -82,7 +82,7 @@ def random_streams() -> str:
 
 def decoding(precision: str) -> str:
     """The frames of small streams."""
-    from gsvc_ref.codec import decode
+    from gsvc_ref.stream import decode
     from gsvc_ref.testing import random_stream
 
     streams = (random_stream(seed, max_frames=3, max_count=40, max_pixels=600).data for seed in range(40, 52))
@@ -91,8 +91,9 @@ def decoding(precision: str) -> str:
 
 def encoding(size: tuple[int, int], **settings: Any) -> str:
     """An encode of a moving picture in the precision deterministic, and its frames."""
-    from gsvc_ref.codec import Settings, decode, encode
-    from gsvc_ref.scenes import Scene, frames
+    from gsvc_lab.scenes import Scene, frames
+    from gsvc_ref.encoder import Settings, encode
+    from gsvc_ref.stream import decode
     from gsvc_ref.video import ColorDescription, VideoFormat
 
     color = ColorDescription(primaries=1, transfer=13, matrix=0, full_range=True, chroma_location=0)

@@ -28,7 +28,7 @@ from gsvc_ref.rendering import (
     to_frame,
 )  # fmt: skip
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, weight, whitened
-from gsvc_ref.rendering.exponential import K1, K2, K3, K4, K5, exp_minus_half, exp_minus_half_strict
+from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5, exp_minus_half, exp_minus_half_strict
 from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]

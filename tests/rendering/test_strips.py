@@ -13,12 +13,12 @@ from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary,
 from gsvc_ref.constants import SUPPORT_SQUARED
 from gsvc_ref.rendering.bounds import EPS
 from gsvc_ref.rendering.definition import footprint
-from gsvc_ref.rendering.exponential import exp_minus_half
-from gsvc_ref.rendering.lists import row_range, select_strip
-from gsvc_ref.rendering.strip_sums import add_tile, grad_add_strip
-from gsvc_ref.rendering.strips import BLACK, STRIP_WIDTH, strip_count
-from gsvc_ref.rendering.tasks import objective_task, room_for_selection, run_of_strips
-from gsvc_ref.rendering.workspace import Workspace
+from gsvc_ref.rendering.fast.exponential import exp_minus_half
+from gsvc_ref.rendering.fast.lists import row_range, select_strip
+from gsvc_ref.rendering.fast.strip_sums import add_tile, grad_add_strip
+from gsvc_ref.rendering.fast.strips import BLACK, STRIP_WIDTH, strip_count
+from gsvc_ref.rendering.fast.tasks import objective_task, room_for_selection, run_of_strips
+from gsvc_ref.rendering.fast.workspace import Workspace
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.codec import Settings
+from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats

@@ -6,10 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.bitstream import DecodedFrame, SequenceHeader, StreamReader, StreamSummary
+from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.errors import ERROR_KINDS, GsvcError
+from gsvc_ref.stream import DecodedFrame, StreamReader, StreamSummary
 
 RULE: Final = re.compile(r"R-[3-8](\.\d+)?-\d+")
 DIGITS_OF_UV: Final = range(0, 35, 7)

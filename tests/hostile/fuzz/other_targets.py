@@ -13,7 +13,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.codec import Settings
+from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_ref.video.images import ImageReader
 from gsvc_ref.video.png import SIGNATURE

@@ -1,7 +1,0 @@
-"""``python -m experiments``: the paper's experiments, by name or all."""
-
-from experiments.command import main
-from gsvc_ref.cli.errors import guarded
-
-if __name__ == "__main__":
-    raise SystemExit(guarded("python -m experiments", main))

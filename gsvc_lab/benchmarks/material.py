@@ -1,0 +1,163 @@
+"""What the benchmarks work on: trained populations and encoded streams, made once and kept in its cache.
+
+`python -m gsvc_lab.benchmarks.material` makes all of it (some minutes); the benchmarks make what is missing. Nothing is
+drawn again when the training changes: remove the folder for that.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gsvc_ref
+from gsvc_lab.benchmarks.pictures import mosaic
+from gsvc_ref import Settings, Splats
+from gsvc_ref.rendering import Objective, covered_pixels
+from gsvc_ref.splats import F4
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
+from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.video import ColorDescription, VideoFormat
+
+CACHE: Final = Path(__file__).parent / "cache"
+
+SIZES: Final = {(1920, 1080): (10_000, 20_000, 50_000), (352, 288): (1000, 2000, 3000, 4000, 5000)}
+"""N of the populations of each frame size."""
+
+SEED: Final = 0
+
+STREAM_SPLATS: Final = (10_000, 50_000)
+STREAM_FRAMES: Final = 4
+"""An I-frame and three P-frames."""
+
+PAN: Final = (2, 1)
+"""Motion of the streams' picture in pixels per frame."""
+
+LIMIT_TRAINED: Final = ((1920, 1080, 10_000), (1920, 1080, 50_000), (352, 288, 2000))
+"""Populations that come with the C++ limit."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A trained population.
+
+    Attributes
+    ----------
+    origin
+        Who trained it.
+    width, height, splats, target
+        The frame size, the splats, and the picture (H, W, 3) f4 that they were trained on, or random numbers.
+    """
+
+    origin: str
+    width: int
+    height: int
+    splats: Splats
+    target: F4
+
+    @property
+    def name(self) -> str:
+        """Such as ``1920x1080, N = 10,000, ours``."""
+        return f"{self.width}x{self.height}, N = {len(self.splats):,}, {self.origin}"
+
+    def covering(self) -> float:
+        """The mean number of splats that cover a pixel."""
+        return float(covered_pixels(self.splats, self.width, self.height).sum()) / (self.width * self.height)
+
+
+def picture(width: int, height: int, x: int = 0, y: int = 0) -> F4:
+    """A part of a mosaic of photographs at native resolution, (H, W, 3) f4; at most 24 pixels from its corner."""
+    return np.ascontiguousarray(mosaic(np.random.default_rng(SEED))[y : y + height, x : x + width])
+
+
+def trained(width: int, height: int, count: int) -> Case:
+    """A population trained with the I-frame fit of the preset `quick`."""
+    target = picture(width, height)
+    path = trained_path(width, height, count)
+    if not path.exists():
+        _say(f"training {count:,} splats on {width}x{height} pixels, once")
+        _save(path, _train(target, count))
+    return Case("ours", width, height, Splats.from_array(np.load(path)), target)
+
+
+def trained_path(width: int, height: int, count: int) -> Path:
+    """Where a population is kept, as (N, 8) f4 in the columns of `Splats.to_array`."""
+    return CACHE / f"trained_{width}x{height}_{count}.npy"
+
+
+def cases(width: int, height: int) -> Iterator[Case]:
+    """All populations of a frame size."""
+    for count in SIZES[width, height]:
+        yield trained(width, height, count)
+
+
+def limit_cases(limit: Any) -> Iterator[Case]:
+    """The populations that come with the C++ limit, whose pixels have their centres at integers."""
+    for width, height, count in LIMIT_TRAINED:
+        parameters = limit.trained(width, height, count)
+        parameters[:, :2] += np.float32(0.5)
+        yield Case("limit's", width, height, Splats.from_array(parameters), picture(width, height))
+
+
+def changed(splats: Splats) -> Splats:
+    """The same population with every colour a little different, so that no renderer may reuse what it has."""
+    return replace(splats, colors=splats.colors * np.float32(0.999))
+
+
+def stream(count: int) -> Path:
+    """A stream of 1920x1080 pixels as `gsvc encode` writes it with the preset `quick`: I P P P."""
+    width, height = 1920, 1080
+    path = CACHE / f"stream_{count}.gsvc"
+    if not path.exists():
+        _say(f"encoding {STREAM_FRAMES} frames of {width}x{height} with {count:,} splats, once")
+        CACHE.mkdir(exist_ok=True)
+        color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
+        video = VideoFormat(width, height, Fraction(25), 8, "rgb", color, frame_count=STREAM_FRAMES)
+        settings = Settings.quick(splats=count, key_frames=(0,), seed=SEED)
+        part = path.with_suffix(".part")
+        gsvc_ref.encode((_frames(width, height), video), part, settings)
+        part.replace(path)
+    return path
+
+
+def _frames(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
+    for number in range(STREAM_FRAMES):
+        yield np.rint(picture(width, height, PAN[0] * number, PAN[1] * number) * 255).astype(np.uint8)
+
+
+def _train(target: F4, count: int) -> F4:
+    settings = Settings.quick().intra.fit
+    assert settings.growth is not None
+    rng = np.random.default_rng(SEED)
+    splats = image_start(target, settings.growth.start(count), rng)
+    population = Population(splats, KEPT_WEIGHT, np.full(len(splats), NEW, np.int64), settings)
+    fit(population, Objective(target), settings, rng, total=count)
+    return population.splats().to_array()
+
+
+def _save(path: Path, array: F4) -> None:
+    CACHE.mkdir(exist_ok=True)
+    part = path.with_suffix(".part.npy")
+    np.save(part, array)
+    part.replace(path)
+
+
+def _say(what: str) -> None:
+    print(f"{what} ...", file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    """Make everything that is missing."""
+    for width, height in SIZES:
+        for case in cases(width, height):
+            print(f"{case.name}: {case.covering():.1f} splats cover a pixel")
+    for count in STREAM_SPLATS:
+        print(f"stream with N = {count:,}: {stream(count).stat().st_size:,} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The commands of ``gsvc`` that gsvc_lab adds: ``accuracy``, ``scene`` and ``demo``."""

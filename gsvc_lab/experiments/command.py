@@ -1,0 +1,154 @@
+"""The command: run experiments, keep their results, and show them."""
+
+import argparse
+import sys
+import textwrap
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from gsvc_lab.experiments.experiment import Experiment, Run
+from gsvc_lab.experiments.figures import check_figures
+from gsvc_lab.experiments.markdown import write_document
+from gsvc_lab.experiments.page import page
+from gsvc_lab.experiments.results import read_all, record, write
+from gsvc_ref.cli.signals import termination_as_ctrl_c
+from gsvc_ref.cli.text import duration
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import write_text
+
+NAMES: Final = (
+    "splats",
+    "iterations",
+    "pruning",
+    "augmentation",
+    "key_frames",
+    "ablation",
+    "rate_distortion",
+    "rate_control",
+    "time",
+)
+"""The experiments in the order of the paper; each is the module of that name."""
+
+FOLDER: Final = Path("experiments/results")
+
+
+def load(name: str) -> Experiment:
+    """The experiment of a name."""
+    experiment: Experiment = import_module(f"experiments.{name}").EXPERIMENT
+    return experiment
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(prog="python -m experiments", description=__doc__, allow_abbrev=False)
+    made.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}; default: all")
+    made.add_argument("--list", action="store_true", help="list the experiments with the paper's claims")
+    made.add_argument("--full", action="store_true", help="larger, nearer to the paper's counts: hours to days")
+    made.add_argument(
+        "--clip", type=Path, action="append", default=[], metavar="FILE", help="measure on this file; may be repeated"
+    )
+    made.add_argument("--uvg", type=Path, metavar="DIR", help="measure on the UVG sequences (raw .yuv) in this folder")
+    made.add_argument("--output", type=Path, default=FOLDER, metavar="DIR", help=f"for results (default: {FOLDER})")
+    made.add_argument("--threads", type=int, metavar="T", help="threads to compute with (default: all)")
+    made.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="write the results there as a document, with figures beside it; "
+        "without NAME nothing is run"
+    )  # fmt: skip
+    return made
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run, show and keep; 0, 1 if an experiment could not be made, 2 for wrong use, 130 for Ctrl-C."""
+    arguments = parser().parse_args(words)
+    if unknown := [name for name in arguments.names if name not in NAMES]:
+        print(f"there is no experiment {unknown[0]}; there are {', '.join(NAMES)}", file=sys.stderr)
+        return 2
+    if arguments.list:
+        print("\n".join(describe(load(name)) for name in arguments.names or NAMES))
+        return 0
+    names = arguments.names or ((), NAMES)[arguments.markdown is None]
+    try:
+        with termination_as_ctrl_c():
+            if names:
+                check_figures()
+                arguments.output.mkdir(parents=True, exist_ok=True)
+            failed = [name for name in names if not make(name, arguments)]
+            if len(failed) < len(names) or not names:
+                show(arguments)
+    except BrokenPipeError:  # the reader has enough
+        raise
+    except (UsageError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"\ninterrupted; what was done before is kept in {arguments.output}", file=sys.stderr)
+        with suppress(UsageError, OSError):  # there may be nothing yet
+            write_index(arguments.output)
+        return 130
+    if failed:
+        print(f"not made: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def show(arguments: argparse.Namespace) -> None:
+    """Write the page over all results that there are, and the document if asked for.
+
+    Raises
+    ------
+    UsageError
+        There are none, or one is damaged.
+    OSError
+        A file cannot be written.
+    """
+    records = write_index(arguments.output)
+    print(f"{arguments.output / 'index.html'}: {len(records)} of {len(NAMES)} experiments to look at in a browser")
+    if arguments.markdown is not None:
+        write_document(records, arguments.output, arguments.markdown, print)
+        print(f"{arguments.markdown}: the same as a document")
+
+
+def write_index(folder: Path) -> list[dict[str, Any]]:
+    """Write the page over all results that a folder has; returns their records.
+
+    Raises
+    ------
+    UsageError
+        There are none, or one is damaged.
+    """
+    records = read_all(folder, NAMES)
+    if not records:
+        raise UsageError(f"{folder} holds no results; run some experiments first")
+    write_text(page(records), folder / "index.html")
+    return records
+
+
+def make(name: str, arguments: argparse.Namespace) -> bool:
+    """Run one experiment and keep its result; False, with a message, where it cannot be made."""
+    begin = time.perf_counter()
+
+    def say(sentence: str) -> None:
+        print(f"  {duration(time.perf_counter() - begin):>9}  {sentence}", flush=True)
+
+    try:
+        experiment = load(name)
+        print(f"{experiment.title} ({name})", flush=True)
+        threads = experiment.threads(arguments.threads, full=arguments.full)
+        run = Run(arguments.full, arguments.output, say, tuple(arguments.clip), arguments.uvg, threads)
+        result = experiment.run(run)
+        path = write(record(experiment, result, run, time.perf_counter() - begin), run.folder)
+    except (UsageError, GsvcError, OSError) as error:
+        print(f"  {name} cannot be made: {error}", file=sys.stderr)
+        return False
+    verdict = textwrap.fill(f"Does it hold? {result.verdict.holds}. {result.verdict.sentence}", 110)
+    print(textwrap.indent(verdict, "  "))
+    print(f"  {path}, {', '.join(f'{figure}.svg' for figure in result.figures)}\n", flush=True)
+    return True
+
+
+def describe(experiment: Experiment) -> str:
+    """An experiment in lines."""
+    return f"{experiment.name}: {experiment.title}\n" + textwrap.indent(textwrap.fill(experiment.claim, 110), "    ")

@@ -1,0 +1,120 @@
+"""What an experiment is, and what it leaves: a figure, a JSON with its numbers, the paper's claim and a verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+Holds = Literal["yes", "partly", "no", "cannot be compared"]
+
+
+@dataclass(frozen=True)
+class Run:
+    """How experiments are to run.
+
+    Attributes
+    ----------
+    full
+        The large version: more frames, larger ones, counts nearer to the paper's; hours to days instead of minutes.
+    clips
+        Files that the user gives in place of the built-in clips.
+    uvg
+        The folder of the UVG sequences, or None.
+    folder
+        Where results go.
+    threads
+        Threads to compute with; None: all.
+    say
+        Called with a sentence of progress.
+    """
+
+    full: bool
+    folder: Path
+    say: Callable[[str], None]
+    clips: tuple[Path, ...] = ()
+    uvg: Path | None = None
+    threads: int | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a result: a heading, column names with units, and rows of text."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the paper's claim holds here.
+
+    Attributes
+    ----------
+    holds
+        In a word.
+    sentence
+        Why, with the numbers it rests on and the distance where it falls short.
+    """
+
+    holds: Holds
+    sentence: str
+
+    def about(self, run: Run, measured: str, large: str) -> "Verdict":
+        """The same, with what it is about and, of a small version, what the large one would settle."""
+        further = "" if run.full else f"; {large}"
+        return replace(self, sentence=f"{self.sentence} This is about {measured}{further}.")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an experiment found.
+
+    Attributes
+    ----------
+    setting
+        What was measured on what, as sentences: clips, frames, sizes, splats, iterations, seeds.
+    numbers
+        Everything measured, for the JSON.
+    tables
+        For people.
+    figures
+        Names of the figures drawn into `Run.folder`, without suffix, with a caption each.
+    verdict
+        On the paper's claim.
+    """
+
+    setting: str
+    numbers: Any
+    tables: tuple[Table, ...]
+    figures: dict[str, str] = field(default_factory=dict)
+    verdict: Verdict = Verdict("cannot be compared", "")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One of the paper's experiments.
+
+    Attributes
+    ----------
+    name
+        By which it is called: ``python -m gsvc_lab.experiments NAME``.
+    title
+        A heading.
+    claim
+        What the paper says, in our words, with its numbers and where they stand (figure, section).
+    run
+        Makes it.
+    small_threads
+        Threads of the small version unless the user says otherwise; None: all. Tiny frames gain nothing from more.
+    """
+
+    name: str
+    title: str
+    claim: str
+    run: Callable[[Run], Result]
+    small_threads: int | None = None
+
+    def threads(self, given: int | None, *, full: bool) -> int | None:
+        """Threads to compute with, given what the user asks for."""
+        return given if given is not None or full else self.small_threads

@@ -1,0 +1,81 @@
+"""All results as one page, ``index.html``, beside their figures."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any, Final
+
+from gsvc_lab.experiments.results import text_columns
+from gsvc_lab.pages.page import document
+from gsvc_ref.cli.text import duration, plural
+
+TITLE: Final = "The paper's experiments"
+
+LONG: Final = 24
+"""Characters of a cell of text from which its column keeps room on narrow pages."""
+
+INTRODUCTION: Final = (
+    "Each experiment of the paper, made again with gsvc_ref: what the paper says in our words, what was measured here, "
+    "and whether it holds. Small versions, which take minutes, are told from the large ones (--full), which come "
+    "nearer to the paper's counts; each verdict says what it is about. PSNR is of 8-bit R′G′B′; of several frames it "
+    "is the mean of their dB."
+)
+
+
+def page(records: Sequence[dict[str, Any]]) -> str:
+    """The page of these records."""
+    return document(TITLE, [f"<h1>{TITLE}</h1><p>{INTRODUCTION}</p>", _overview(records), *map(_section, records)])
+
+
+def _overview(records: Sequence[dict[str, Any]]) -> str:
+    rows = [
+        f'<tr><td class="text"><a href="#{made["name"]}">{escape(made["title"])}</a></td>'
+        f'<td class="text">{made["verdict"]["holds"]}</td><td>{duration(made["seconds"])}</td></tr>'
+        for made in records
+    ]
+    head = '<tr><th class="text">experiment</th><th class="text">does the claim hold?</th><th>took</th></tr>'
+    return f'<div class="scroll"><table><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
+
+
+def _section(made: dict[str, Any]) -> str:
+    machine = made["environment"]
+    version = "the large version" if made["full"] else "the small version"
+    took = f"{version}, {duration(made['seconds'])} on {machine['cpu']}, {plural(machine['threads'], 'thread')}"
+    return "\n".join(
+        [
+            f'<h2 id="{made["name"]}">{escape(made["title"])}</h2>',
+            f"<p><strong>The paper:</strong> {escape(made['claim'])}</p>",
+            f"<p><strong>Here: {made['verdict']['holds']}.</strong> {escape(made['verdict']['sentence'])}</p>",
+            f'<p class="caption">{escape(made["setting"])}</p>',
+            *(_figure(name, caption) for name, caption in made["figures"].items()),
+            *(_table(table) for table in made["tables"]),
+            f"<pre>{escape(made['command'])}</pre>",
+            f'<p class="caption">{escape(took)}; <a href="{made["name"]}.json">all numbers</a></p>',
+        ]
+    )
+
+
+def _figure(name: str, caption: str) -> str:
+    return (
+        f'<figure><div class="scroll"><img src="{name}.svg" alt="{escape(caption)}" '
+        f'style="width:auto;max-width:100%;min-width:34rem;background:#fff"></div>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _table(table: dict[str, Any]) -> str:
+    columns = zip(table["columns"], *table["rows"], strict=True)
+    long = [any(len(cell) > LONG for cell in cells) for cells in columns]
+    marks = [
+        "" if not text else ' class="text long"' if wide else ' class="text"'
+        for text, wide in zip(text_columns(table), long, strict=True)
+    ]
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "".join(f"<{tag}{mark}>{escape(cell)}</{tag}>" for mark, cell in zip(marks, row, strict=True))
+
+    rows = "".join(f"<tr>{cells('td', row)}</tr>" for row in table["rows"])
+    return (
+        f"<h3>{escape(table['title'])}</h3>"
+        f'<div class="scroll"><table><thead><tr>{cells("th", table["columns"])}</tr></thead><tbody>{rows}</tbody>'
+        "</table></div>"
+    )

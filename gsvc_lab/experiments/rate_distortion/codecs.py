@@ -1,0 +1,254 @@
+"""AVC, HEVC, AV1 and VVC as ffmpeg has them: how they are asked, what is counted, and what they say they did."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gsvc_lab.experiments.rate_distortion import ffmpeg
+from gsvc_lab.experiments.rate_distortion.clips import PlanarClip
+from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
+from gsvc_ref.video.color import Plane
+
+SCAN: Final = 8192
+"""Bytes at the start of a stream in which x264 and x265 state their options."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to ask a codec.
+
+    Attributes
+    ----------
+    name
+        For tables.
+    options
+        Of ffmpeg.
+    evidence
+        A regular expression that the codec's own report matches if they took effect.
+    """
+
+    name: str
+    options: tuple[str, ...]
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Codec:
+    """A codec of ffmpeg.
+
+    Attributes
+    ----------
+    standard, library
+        Its names.
+    container
+        Ffmpeg's name of the bare stream.
+    quality
+        The option that sets the quality, as ffmpeg and as tables call it.
+    values
+        Of that option, from coarse to fine.
+    removed_units
+        Types of units that are taken out before the bytes are counted, since pictures do not need them.
+    bit_depth
+        Of the coded pictures.
+    thread_option
+        How the number of threads is set; ``{}`` stands for it.
+    facts
+        Regular expressions of what is worth quoting from the codec's report: its version, its preset.
+    variants
+        The defaults first.
+    """
+
+    standard: str
+    library: str
+    container: str
+    quality: tuple[str, str]
+    values: tuple[int, ...]
+    removed_units: str | None
+    bit_depth: int
+    thread_option: tuple[str, str]
+    facts: tuple[str, ...]
+    variants: tuple[Variant, ...]
+
+
+CODECS: Final = (
+    Codec(
+        standard="AVC",
+        library="libx264",
+        container="h264",
+        quality=("-crf", "CRF"),
+        values=(40, 35, 30, 25, 20, 15, 10),
+        removed_units="6",  # SEI
+        bit_depth=8,
+        thread_option=("-threads", "{}"),
+        facts=(r"x264 - core \d+",),
+        variants=(
+            Variant("defaults", (), r"psy=1 .*aq=1:1\.00"),
+            Variant("PSNR tuning", ("-tune", "psnr"), r"psy=0 .*aq=\d:0\.00"),
+        ),
+    ),
+    Codec(
+        standard="HEVC",
+        library="libx265",
+        container="hevc",
+        quality=("-crf", "CRF"),
+        values=(40, 35, 30, 25, 20, 15, 10),
+        removed_units="39",  # SEI
+        bit_depth=8,
+        thread_option=("-x265-params", "pools={}"),
+        facts=(r"x265 \(build \d+\) - [^:\s]+",),
+        variants=(
+            Variant("defaults", (), r"psy-rd=2\.00 .*aq-strength=1\.00"),
+            Variant("PSNR tuning", ("-tune", "psnr"), r"psy-rd=0\.00 .*aq-strength=0\.00"),
+        ),
+    ),
+    Codec(
+        standard="AV1",
+        library="libsvtav1",
+        container="obu",
+        quality=("-crf", "CRF"),
+        values=(60, 50, 40, 30, 20, 10),
+        removed_units=None,
+        bit_depth=8,
+        thread_option=("-svtav1-params", "lp={}"),
+        facts=(r"SVT-AV1 Encoder Lib \S+", r"preset / tune / pred struct\s*: .+", r"gop size / mini-gop size.*"),
+        variants=(
+            Variant("defaults", (), r"preset / tune / pred struct"),
+            Variant("PSNR tuning", ("-svtav1-params", "tune=1"), r"preset / tune / pred struct\s*: -?\d+ / PSNR"),
+        ),
+    ),
+    Codec(
+        standard="VVC",
+        library="libvvenc",
+        container="vvc",
+        quality=("-qp", "QP"),
+        values=(43, 38, 33, 28, 23, 18),
+        removed_units="20",  # access unit delimiters
+        bit_depth=10,
+        thread_option=("-threads", "{}"),
+        facts=(r"libvvenc version: \S+", r"Intra period \(keyframe\)\s*: \d+"),
+        variants=(
+            Variant("defaults", (), r"Perceptual optimization\s*: Enabled"),
+            Variant("PSNR tuning", ("-qpa", "0", "-period", "60"), r"Perceptual optimization\s*: Disabled"),
+        ),
+    ),
+)
+"""Defaults are ffmpeg's and the libraries': preset medium (SVT-AV1: its own), hierarchical B-frames, look-ahead.
+
+CRF 30 to 10 and QP 28 to 18 are the paper's. Coarser values are added so that the curves meet GSVC's; AV1's scale ends
+at 63, that of the others at 51. VVC's second variant also has one intra period of a
+minute: by default vvenc sets a key frame each second, the other codecs each 161 to 250 frames.
+"""
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A coded clip.
+
+    Attributes
+    ----------
+    path
+        The stream, without the units that are not counted.
+    bytes
+        Its size.
+    removed_bytes
+        Size of what was taken out.
+    seconds, cpu_seconds
+        Of encoding, from the start of ffmpeg to its end.
+    report
+        What the codec said about its settings.
+    """
+
+    path: Path
+    bytes: int
+    removed_bytes: int
+    seconds: float
+    cpu_seconds: float
+    report: str
+
+    def quoted(self, codec: Codec) -> list[str]:
+        """What is worth quoting from the report, with single spaces."""
+        found = (re.search(fact, self.report) for fact in codec.facts)
+        return [re.sub(r"\s+", " ", match[0]) for match in found if match]
+
+    def shows(self, variant: Variant) -> bool:
+        """Whether the codec's report says that a variant's options are in effect."""
+        return re.search(variant.evidence, self.report) is not None
+
+
+def encode(clip: PlanarClip, codec: Codec, variant: Variant, value: int, folder: Path, threads: int | None) -> Coded:
+    """Encode a clip.
+
+    Raises
+    ------
+    FfmpegError
+        The program lacks the encoder or a filter, or fails.
+    """
+    if codec.library not in ffmpeg.encoders():
+        raise FfmpegError(f"this ffmpeg has no {codec.library}; set IMAGEIO_FFMPEG_EXE to one that has")
+    whole, counted = (folder / f"{name}.{codec.container}" for name in ("whole", "counted"))
+    options = _merged([*variant.options, *_thread_options(codec, threads), codec.quality[0], str(value)])
+    ran = ffmpeg.run(
+        [*clip.as_input(), "-c:v", codec.library, *options, "-f", codec.container, ffmpeg.file_url(whole)],
+        loglevel="verbose",
+    )
+    report = ran.log + whole.read_bytes()[:SCAN].decode("latin-1")
+    size = whole.stat().st_size
+    if codec.removed_units is None:
+        whole.replace(counted)
+    else:
+        taken_out = f"filter_units=remove_types={codec.removed_units}"
+        ffmpeg.run(
+            [
+                "-f", codec.container, "-i", ffmpeg.file_url(whole), "-c", "copy", "-bsf:v", taken_out,
+                "-f", codec.container, ffmpeg.file_url(counted),
+            ]
+        )  # fmt: skip
+    kept = counted.stat().st_size
+    return Coded(counted, kept, size - kept, ran.seconds, ran.cpu_seconds, report)
+
+
+def _thread_options(codec: Codec, threads: int | None) -> list[str]:
+    if threads is None:
+        return []
+    option, value = codec.thread_option
+    return [option, value.format(threads)]
+
+
+def _merged(options: list[str]) -> list[str]:
+    """Options with those that stand twice, as ``-svtav1-params``, joined by a colon."""
+    merged: dict[str, str] = {}
+    for option, value in zip(options[::2], options[1::2], strict=True):
+        merged[option] = f"{merged[option]}:{value}" if option in merged else value
+    return [word for pair in merged.items() for word in pair]
+
+
+def decoding_seconds(coded: Coded, codec: Codec) -> float:
+    """Seconds to decode a clip and throw its pictures away, from the start of ffmpeg to its end."""
+    return ffmpeg.run(["-f", codec.container, "-i", ffmpeg.file_url(coded.path), "-f", "null", "-"]).seconds
+
+
+def decode(coded: Coded, codec: Codec, clip: PlanarClip) -> Iterator[tuple[Plane, Plane, Plane]]:
+    """The decoded planes of each frame, u1; what was coded with more bits is rounded to 8.
+
+    Raises
+    ------
+    FfmpegError
+        It does not decode, or to another number of frames.
+    """
+    wide = codec.bit_depth > 8
+    arguments = ["-f", codec.container, "-i", ffmpeg.file_url(coded.path), "-fps_mode", "passthrough"]
+    arguments += ["-pix_fmt", f"yuv420p{codec.bit_depth}le" if wide else "yuv420p", "-f", "rawvideo"]
+    count = 0
+    for data in ffmpeg.pictures(arguments, clip.frame_bytes * (2 if wide else 1)):
+        samples = np.frombuffer(data, "<u2" if wide else "u1")
+        if wide:
+            shift = codec.bit_depth - 8
+            samples = np.minimum((samples + (1 << (shift - 1))) >> shift, 255).astype(np.uint8)
+        yield clip.split(samples)
+        count += 1
+    if count != clip.frame_count:
+        raise FfmpegError(f"{codec.library} decodes to {count} frames instead of {clip.frame_count}")

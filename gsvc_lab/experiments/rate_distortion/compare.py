@@ -1,0 +1,135 @@
+"""BD-rates between the curves of each clip, their means over clips, and the verdict on the paper's claim."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from gsvc_lab.experiments.experiment import Verdict
+from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate, bd_rate, mean_ratio
+from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
+
+GSVC: Final = "GSVC, quick"
+ALONE: Final = "every frame alone, quick"
+GSVC_PAPER: Final = "GSVC, the paper's settings"
+ALONE_PAPER: Final = "every frame alone, the paper's settings"
+"""The coders that are ours; those of ffmpeg are called by `codec_curves`."""
+
+CLAIMED: Final = ("AVC", "HEVC", "AV1")
+"""With these the paper says GSVC is comparable or better in MS-SSIM and VMAF; VVC it excepts."""
+
+COMPARABLE: Final = 1.1
+"""Up to so many times the bits at equal quality count as comparable."""
+
+WORDS: Final = {"psnr": "PSNR", "psnr_y": "PSNR of Y′", "ms_ssim": "MS-SSIM", "vmaf": "VMAF"}
+
+SAID: Final = ("psnr", "ms_ssim", "vmaf")
+"""The metrics of the paper, which the verdict names."""
+
+Ratios = dict[str, dict[str, float | None]]
+"""Bits of GSVC over those of a coder at equal quality, by coder and metric; None where no clip gives a number."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The test against an anchor on a clip, by metric."""
+
+    clip: str
+    test: str
+    anchor: str
+    rates: dict[str, BdRate]
+
+
+def compared(curves: Sequence[Curve], test: str, anchor: str | None = None) -> list[Comparison]:
+    """The test against every other coder on each clip, or, given an anchor, every other coder against that."""
+    found = []
+    for clip in dict.fromkeys(curve.clip for curve in curves):
+        coders = {curve.coder: curve for curve in curves if curve.clip == clip and curve.points}
+        for other in coders.values():
+            fixed = coders.get(test if anchor is None else anchor)
+            if fixed is None or other is fixed:
+                continue
+            base, tested = (other, fixed) if anchor is None else (fixed, other)
+            rates = {metric: bd_rate(base.pairs(metric), tested.pairs(metric)) for metric in METRICS}
+            found.append(Comparison(clip, tested.coder, base.coder, rates))
+    return found
+
+
+def ratios(comparisons: Sequence[Comparison], *, by_anchor: bool = True) -> Ratios:
+    """The geometric means over clips, by the anchor or by the test."""
+    names = dict.fromkeys(c.anchor if by_anchor else c.test for c in comparisons)
+    return {
+        name: {
+            metric: mean_ratio(
+                [c.rates[metric].ratio for c in comparisons if (c.anchor if by_anchor else c.test) == name]
+            )
+            for metric in METRICS
+        }
+        for name in names
+    }
+
+
+def default_of(standard: str, found: Ratios) -> str | None:
+    """The name of a codec's defaults among the coders."""
+    return next((name for name in found if name.startswith(f"{standard} (") and name.endswith(", defaults")), None)
+
+
+def verdict(found: Ratios, clips: int) -> Verdict:
+    """Whether GSVC is better than every frame alone, and comparable with AVC, HEVC and AV1 in MS-SSIM and VMAF.
+
+    Parameters
+    ----------
+    found
+        Of GSVC against each coder.
+    clips
+        That the means are over.
+    """
+    alone = [ratio for ratio in found.get(ALONE, {}).values() if ratio is not None]
+    better = all(ratio < 1 for ratio in alone) if alone else None
+    near: dict[str, bool] = {}
+    for standard in CLAIMED:
+        name = default_of(standard, found)
+        known = [found[name][metric] for metric in ("ms_ssim", "vmaf")] if name else []
+        if any(ratio is not None for ratio in known):
+            near[standard] = all(ratio <= COMPARABLE for ratio in known if ratio is not None)
+    sentence = " ".join(
+        part for part in (_against_alone(found, better), _against_codecs(found, near), _means(clips)) if part
+    )
+    held = [better] * (better is not None) + [all(near.values())] * bool(near)
+    if not held:
+        return Verdict("cannot be compared", sentence)
+    if all(held) and len(held) == 2:
+        return Verdict("yes", sentence)
+    return Verdict("partly" if any(held) or any(near.values()) else "no", sentence)
+
+
+def _against_alone(found: Ratios, better: bool | None) -> str:
+    if better is None:
+        return "Against every frame on its own there is no number."
+    takes = "takes fewer bits" if better else "does not by all measures take fewer bits"
+    return f"For the same quality GSVC {takes} than every frame on its own: {_times(found[ALONE])}."
+
+
+def _against_codecs(found: Ratios, near: dict[str, bool]) -> str:
+    parts = []
+    for standard in (*CLAIMED, "VVC"):
+        name = default_of(standard, found)
+        parts.append(f"{name}: {_times(found[name])}" if name else f"{standard}: could not be compared")
+    comparable = [standard for standard, close in near.items() if close]
+    which = (" and ".join(comparable) if comparable else "none") + f" of {', '.join(CLAIMED)}"
+    return f"Against {'; '.join(parts)}. Comparable or better in MS-SSIM and VMAF with {which}."
+
+
+def _times(by_metric: dict[str, float | None]) -> str:
+    return ", ".join(
+        f"{WORDS[metric]} {f'{ratio:.2f}' if ratio is not None else 'no common quality'}"
+        for metric, ratio in by_metric.items()
+        if metric in SAID
+    )
+
+
+def _means(clips: int) -> str:
+    over = f"geometric means over those of {clips} clips that have a common quality" if clips > 1 else "of one clip"
+    return (
+        f"The numbers are bits of GSVC over those of the other at equal PSNR, MS-SSIM or VMAF (1 + BD-rate), {over}; "
+        f"comparable means at most {COMPARABLE:g}."
+    )

@@ -1,0 +1,230 @@
+"""One point of a rate-distortion curve: a clip coded in one way, its bits, quality and seconds."""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+import gsvc_ref
+from gsvc_lab.experiments.rate_distortion import codecs
+from gsvc_lab.experiments.rate_distortion.clips import PlanarClip
+from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
+from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
+from gsvc_ref.metrics import compare_frames, psnr_from_mse
+from gsvc_ref.video import Frame, frame_to_planes, planes_to_frame
+from gsvc_ref.video.color import Plane
+
+METRICS: Final = {
+    "psnr": "PSNR of R′G′B′, dB",
+    "psnr_y": "PSNR of Y′, dB",
+    "ms_ssim": "MS-SSIM, −10 log₁₀(1 − MS-SSIM), dB",
+    "vmaf": "VMAF",
+}
+"""What is compared, by the name of the attribute of `Point`."""
+
+PEAK: Final = 255
+
+
+@dataclass(frozen=True)
+class Point:
+    """A clip coded in one way.
+
+    Attributes
+    ----------
+    setting
+        Such as ``CRF 30`` or ``N 500``.
+    bytes
+        Of all frames.
+    bits_per_pixel
+        Over all pixels of all frames.
+    psnr, psnr_y
+        Means over frames in dB; infinite if a frame is equal.
+    ms_ssim
+        Mean over frames, 0..1.
+    vmaf
+        Mean over frames, or None where it cannot be had.
+    encoding_seconds, encoding_cpu_seconds, decoding_seconds
+        A frame.
+    """
+
+    setting: str
+    bytes: int
+    bits_per_pixel: float
+    psnr: float
+    psnr_y: float
+    ms_ssim: float
+    vmaf: float | None
+    encoding_seconds: float
+    encoding_cpu_seconds: float
+    decoding_seconds: float
+
+    def quality(self, metric: str) -> float:
+        """The value of a metric as curves show it: MS-SSIM in dB; NaN where there is none."""
+        value = getattr(self, metric)
+        if value is None:
+            return math.nan
+        if metric == "ms_ssim":
+            return -10 * math.log10(1 - value) if value < 1 else math.inf
+        return float(value)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The points of one coder on one clip.
+
+    Attributes
+    ----------
+    coder
+        Its name with its variant.
+    clip
+        The title of the clip.
+    points
+        From coarse to fine.
+    notes
+        What a reader must know.
+    missing
+        Why there are no points; None where there are.
+    """
+
+    coder: str
+    clip: str
+    points: tuple[Point, ...]
+    notes: tuple[str, ...] = ()
+    missing: str | None = None
+
+    def pairs(self, metric: str) -> list[tuple[float, float]]:
+        """Rate and quality of each point."""
+        return [(point.bits_per_pixel, point.quality(metric)) for point in self.points]
+
+
+@dataclass
+class Scores:
+    """How good the frames are."""
+
+    psnr: float
+    psnr_y: float
+    ms_ssim: float
+    vmaf: float | None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def scores(clip: PlanarClip, decoded: Iterable[tuple[Frame, Plane]]) -> Scores:
+    """Compare decoded frames, R'G'B' with their luma plane, with a clip."""
+    luma: list[float] = []
+
+    def frames() -> Iterator[Frame]:
+        for (frame, plane), source in zip(decoded, clip.planes(), strict=True):
+            difference = plane.astype(np.int64) - source[0]
+            luma.append(psnr_from_mse(float(np.mean(difference * difference)), PEAK))
+            yield frame
+
+    found = compare_frames(clip.frames(), frames(), PEAK, frame_rate=clip.format.frame_rate, with_vmaf=True)
+    vmaf = found.vmaf.mean if found.vmaf is not None else None
+    return Scores(found.mean_psnr, math.fsum(luma) / len(luma), found.mean_ms_ssim, vmaf, found.notes)
+
+
+def point(clip: PlanarClip, setting: str, size: int, found: Scores, *seconds: float) -> Point:
+    """A point from the bytes of a clip, its scores, and its seconds in all in the order of `Point`."""
+    encoding, cpu, decoding = (part / clip.frame_count for part in seconds)
+    quality = found.psnr, found.psnr_y, found.ms_ssim, found.vmaf
+    return Point(setting, size, 8 * size / clip.pixels, *quality, encoding, cpu, decoding)
+
+
+def gsvc_point(clip: PlanarClip, settings: gsvc_ref.Settings, folder: Path) -> tuple[Point, tuple[str, ...]]:
+    """Code a clip by GSVC: the point, and what a reader must know of it."""
+    path = folder / "clip.gsvc"
+    start, cpu = time.perf_counter(), time.process_time()
+    report = gsvc_ref.encode((clip.frames(), clip.format), path, settings)
+    if report.interrupted:  # a file of the frames so far, which is no point
+        raise KeyboardInterrupt
+    encoding, cpu = time.perf_counter() - start, time.process_time() - cpu
+    start = time.perf_counter()
+    for _ in gsvc_ref.decode(path, threads=settings.threads):
+        pass
+    decoding = time.perf_counter() - start
+    video = clip.format
+    decoded = ((frame, frame_to_planes(frame, video)[0]) for frame in gsvc_ref.decode(path, threads=settings.threads))
+    found = scores(clip, decoded)
+    setting = f"N {settings.splat_count(video.width, video.height)}"
+    return point(clip, setting, report.file_bytes, found, encoding, cpu, decoding), found.notes
+
+
+def gsvc_curve(
+    clip: PlanarClip,
+    name: str,
+    make: Callable[..., gsvc_ref.Settings],
+    counts: Iterable[int],
+    folder: Path,
+    say: Callable[[str], None],
+    **overrides: Any,
+) -> Curve:
+    """GSVC's curve over numbers of splats; `say` is told of each point."""
+    points, notes = [], dict[str, None]()
+    for count in counts:
+        made, found = gsvc_point(clip, make(splats=count, **overrides), folder)
+        points.append(made)
+        notes |= dict.fromkeys(found)
+        say(f"{clip.title}: {name}, {made.setting}, {made.bits_per_pixel:.3f} bits/pixel, {made.psnr:.2f} dB")
+    return Curve(name, clip.title, tuple(points), tuple(notes))
+
+
+def codec_point(
+    clip: PlanarClip, codec: Codec, variant: Variant, value: int, folder: Path, threads: int | None
+) -> tuple[Point, codecs.Coded]:
+    """Code a clip by a codec of ffmpeg.
+
+    Raises
+    ------
+    FfmpegError
+        The codec is missing or fails.
+    """
+    coded = codecs.encode(clip, codec, variant, value, folder, threads)
+    decoding = codecs.decoding_seconds(coded, codec)
+    decoded = ((planes_to_frame(planes, clip.format), planes[0]) for planes in codecs.decode(coded, codec, clip))
+    found = scores(clip, decoded)
+    setting = f"{codec.quality[1]} {value}"
+    return point(clip, setting, coded.bytes, found, coded.seconds, coded.cpu_seconds, decoding), coded
+
+
+def codec_curves(
+    clip: PlanarClip, codec: Codec, folder: Path, threads: int | None, values: tuple[int, ...] | None = None
+) -> Iterator[Curve]:
+    """A curve for each variant of a codec; what its defaults already are by its own report becomes a note of theirs."""
+    first, *others = codec.variants
+    for variant in codec.variants:
+        name = f"{codec.standard} ({codec.library}), {variant.name}"
+        points: list[Point] = []
+        notes: list[str] = []
+        done: list[Variant] = []
+        try:
+            for value in values or codec.values:
+                made, coded = codec_point(clip, codec, variant, value, folder, threads)
+                if not points:
+                    notes += _notes(codec, variant, coded)
+                    done = [other for other in others if coded.shows(other)]
+                points.append(made)
+        except FfmpegError as error:
+            yield Curve(name, clip.title, (), missing=str(error))
+            return
+        if variant is not first:
+            yield Curve(name, clip.title, tuple(points), tuple(notes))
+            continue
+        notes += [f"by its own report the defaults of {codec.library} are its {other.name}" for other in done]
+        others = [other for other in others if other not in done]
+        yield Curve(name, clip.title, tuple(points), tuple(notes))
+        if not others:
+            return
+
+
+def _notes(codec: Codec, variant: Variant, coded: codecs.Coded) -> list[str]:
+    """What the first point of a curve tells."""
+    notes = coded.quoted(codec)
+    if not coded.shows(variant):
+        notes.append(f"the report of {codec.library} does not show whether {variant.name} took effect")
+    if coded.removed_bytes:
+        notes.append(f"{coded.removed_bytes} bytes that pictures do not need are not counted")
+    return notes

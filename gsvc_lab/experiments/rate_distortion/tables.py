@@ -1,0 +1,124 @@
+"""The tables of the experiment: BD-rates, seconds, how it was compared, and what the paper publishes."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gsvc_lab.experiments.experiment import Table
+from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate
+from gsvc_lab.experiments.rate_distortion.compare import WORDS, Comparison, Ratios
+from gsvc_lab.experiments.rate_distortion.decisions import DECISIONS
+from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
+
+LITTLE: Final = 0.5
+"""A BD-rate over less of the test's range than this is marked."""
+
+PUBLISHED: Final = (
+    ("GSVC, N = 10,000", "0.20", "33.92", "0.93", "87.95"),
+    ("GSVC, N = 20,000", "0.41", "35.73", "0.95", "93.98"),
+    ("GSVC, N = 30,000", "0.61", "36.72", "0.96", "94.95"),
+    ("GSVC, N = 40,000", "0.81", "37.32", "0.96", "95.67"),
+    ("GSVC, N = 50,000", "1.04", "37.72", "0.97", "96.13"),
+)
+"""UVG's Beauty, HoneyBee and Jockey at 1920x1080, means over the three."""
+
+NOT_DECODABLE: Final = (
+    "by the authors' code not a rate that can be decoded: sums of sizes in memory, P-frames as differences to "
+    "parameters of the frame itself, which a decoder does not have"
+)
+
+NOT_RUN: Final = (
+    ("DCVC-HEM", "needs trained networks, not run; the paper gives a curve without numbers: better than GSVC, and in "
+     "MS-SSIM better than VVC; trained, it says, on UVG"),
+    ("DCVC-DC", "as DCVC-HEM; decodes 2.4 frames/s, the paper says"),
+    ("VGR", "not run, and not compared by the paper: made for editing, its sizes are not comparable"),
+    ("VeGaS", "as VGR"),
+)  # fmt: skip
+
+
+def signed(percent: float) -> str:
+    """A percentage with its sign; from 100 % on without decimals, which say nothing there."""
+    rounded = round(percent, 1) + 0.0  # no minus before a zero
+    return f"{rounded:+.0f} %" if abs(rounded) >= 100 else f"{rounded:+.1f} %"
+
+
+def cell(rate: BdRate) -> str:
+    """A BD-rate in a table."""
+    if rate.percent is None:
+        return "no overlap" if rate.low is None and "overlap" in (rate.reason or "") else "–"
+    return signed(rate.percent) + (" *" if rate.share < LITTLE else "")
+
+
+def bd_table(title: str, comparisons: Sequence[Comparison], means: Ratios) -> Table:
+    """GSVC against each coder on each clip, and means over clips where there are several."""
+    rows = [(c.clip, c.anchor, *(cell(c.rates[metric]) for metric in METRICS)) for c in comparisons]
+    if len({c.clip for c in comparisons}) > 1:
+        rows += [("mean of the clips", name, *mean_cells(by_metric)) for name, by_metric in means.items()]
+    return Table(title, ("clip", "against", *(WORDS[metric] for metric in METRICS)), tuple(rows))
+
+
+def anchor_table(title: str, means: Ratios) -> Table:
+    """Every coder against one anchor, means over clips."""
+    rows = [(name, *mean_cells(by_metric)) for name, by_metric in means.items()]
+    return Table(title, ("coder", *(WORDS[metric] for metric in METRICS)), tuple(rows))
+
+
+def mean_cells(by_metric: dict[str, float | None]) -> list[str]:
+    """Ratios as percentages."""
+    return ["–" if ratio is None else signed(100 * (ratio - 1)) for ratio in by_metric.values()]
+
+
+def points_table(curves: Sequence[Curve]) -> Table:
+    """The ends of each curve, and seconds; what could not be run says why."""
+    rows = []
+    for curve in curves:
+        if not curve.points:
+            rows.append((curve.clip, curve.coder, *["–"] * 6, f"not run: {curve.missing}"))
+            continue
+        first, last = curve.points[0], curve.points[-1]
+        vmaf = [p.vmaf for p in (first, last)]
+        rows.append(
+            (
+                curve.clip,
+                curve.coder,
+                f"{first.bits_per_pixel:.3f}–{last.bits_per_pixel:.3f}",
+                f"{first.psnr:.1f}–{last.psnr:.1f}",
+                f"{first.ms_ssim:.3f}–{last.ms_ssim:.3f}",
+                "–" if None in vmaf else "–".join(f"{score:.1f}" for score in vmaf),
+                "–".join(f"{p.encoding_seconds:.3f}" for p in (first, last)),
+                "–".join(f"{p.decoding_seconds:.4f}" for p in (first, last)),
+                f"{first.setting} to {last.setting}",
+            )
+        )
+    columns = (
+        "clip", "coder", "bits/pixel", "PSNR, dB", "MS-SSIM", "VMAF", "encoding, s/frame", "decoding, s/frame",
+        "from, to",
+    )  # fmt: skip
+    return Table("Ends of the curves, and seconds a frame there", columns, tuple(rows))
+
+
+def published_table() -> Table:
+    """What the paper publishes, to stand beside."""
+    rows = [(*row, NOT_DECODABLE) for row in PUBLISHED]
+    rows += [(name, "–", "–", "–", "–", remark) for name, remark in NOT_RUN]
+    title = "What the paper publishes (1920x1080, means over UVG's Beauty, HoneyBee and Jockey)"
+    return Table(title, ("coder", "bits/pixel", "PSNR, dB", "MS-SSIM", "VMAF", "remark"), tuple(rows))
+
+
+def decisions_table(curves: Sequence[Curve], clips: Sequence[str], software: str, start: float) -> Table:
+    """How the comparison was made, and what the coders reported."""
+    rows = [(topic, text.format(software=software, start=start, clips="; ".join(clips))) for topic, text in DECISIONS]
+    rows += [("reported", note) for note in reported(curves)]
+    return Table("How it was compared", ("about", "what was done"), tuple(rows))
+
+
+def reported(curves: Sequence[Curve]) -> list[str]:
+    """What the coders reported; where it is not the same on all clips, on which."""
+    on: dict[tuple[str, str], list[str]] = {}
+    for curve in curves:
+        for note in curve.notes:
+            on.setdefault((curve.coder, note), []).append(curve.clip)
+    coded = {coder: sum(curve.coder == coder for curve in curves) for coder, _ in on}
+    return [
+        f"{coder}: {note}" + (f" ({'; '.join(clips)})" if len(clips) < coded[coder] else "")
+        for (coder, note), clips in on.items()
+    ]

@@ -1,0 +1,55 @@
+"""When effects begin and end, and how what changes gradually gets from its beginning to its end."""
+
+import math
+from typing import Final
+
+from gsvc_lab.scenes.parameters import ParameterError
+from gsvc_ref.portable import cos
+
+PACES: Final = ("even", "gentle")
+
+
+def frame_at(time: float) -> int:
+    """The frame that a moment belongs to: the nearest one, of two the later."""
+    return math.floor(time + 0.5)
+
+
+def begun(time: float, start: int) -> bool:
+    """Whether a moment belongs to frame `start` or a later one."""
+    return frame_at(time) >= start
+
+
+def gentle(share: float) -> float:
+    """How far something has come that is slow at both ends, by a cosine, from 0 at 0 to 1 at 1."""
+    return float(0.5 - 0.5 * cos(math.pi * share))
+
+
+def progress(time: float, start: int, end: int | None, frames: int, pace: str = "even") -> float:
+    """How much of a change is done: 0 up to frame `start`, 1 from frame `end` on (None: the last of the clip).
+
+    Parameters
+    ----------
+    time
+        In frames.
+    start, end
+        Numbers of frames.
+    frames
+        How many the clip has.
+    pace
+        One of `PACES`.
+    """
+    last = max(frames - 1, start + 1) if end is None else end
+    share = min(max((time - start) / (last - start), 0.0), 1.0)
+    return gentle(share) if pace == "gentle" else share
+
+
+def check_order(start: int, end: int | None) -> None:
+    """Refuse an end that is not after the start.
+
+    Raises
+    ------
+    ParameterError
+        It says both.
+    """
+    if end is not None and end <= start:
+        raise ParameterError("end", f"is {end}; it must be after start, which is {start}")

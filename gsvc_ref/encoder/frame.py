@@ -1,0 +1,251 @@
+"""One frame at a time, as in the paper's algorithm 1: start, fit, fine-tune with quantisation, reconstruct."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.encoder.decisions import Decision, decision
+from gsvc_ref.encoder.prediction import SAME_RATIO, Past, Prediction, errors_left
+from gsvc_ref.encoder.quantizer_choice import with_best_quantizer
+from gsvc_ref.encoder.rate import hold_quality, loss_of_psnr, psnr_of_loss
+from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.metrics import psnr
+from gsvc_ref.portable import power
+from gsvc_ref.reconstruction import FrameCodes, FrameType, State
+from gsvc_ref.rendering import Objective, Renderer
+from gsvc_ref.splats import F4
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
+from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
+
+Frame = NDArray[np.unsignedinteger[Any]]
+
+FIRST_MARGIN: Final = 0.85
+"""Constant quality: the fit aims at this fraction of the loss allowed, so that quantisation has room (0.7 dB)."""
+
+SAFETY: Final = 0.05
+"""Constant quality: dB aimed above the goal after an attempt that missed it."""
+
+QUALITY_ROUNDS: Final = 8
+"""Constant quality: most attempts to hold the quality of the decoded frame."""
+
+FEWER: Final = 1 / 3
+"""The fraction of the iterations that a P-frame gets which is predicted about as well as the frame before was left."""
+
+OnStage = Callable[[str, int, int, float], None]
+"""Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
+
+
+@dataclass(frozen=True)
+class EncodedFrame:
+    """What came of one frame.
+
+    Attributes
+    ----------
+    codes
+        To be written.
+    state
+        The decoder's state after the frame, with the reconstructed splats.
+    psnr
+        Of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+    iterations
+        Of all fits and fine-tuning together.
+    seconds
+        Time by stage: start, fit, choose, rate, quantize, check.
+    decisions
+        What was decided on the way.
+    """
+
+    codes: FrameCodes
+    state: State
+    psnr: float
+    iterations: int
+    seconds: dict[str, float] = field(default_factory=dict)
+    decisions: tuple[Decision, ...] = ()
+
+
+class FrameEncoder:
+    """Encodes frames in order, each against the reconstruction of the one before (closed loop).
+
+    Parameters
+    ----------
+    settings
+        All settings.
+    width, height, bit_depth
+        Of the frames.
+
+    Attributes
+    ----------
+    settings
+        Those given; from the first frame on with the quantisers that were chosen for the stream.
+    state
+        The decoder's state after the frames so far.
+    total, most
+        The splats that a frame is meant to have, and the most that it may get.
+    """
+
+    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+        self.settings, self.bit_depth = settings, bit_depth
+        self.state = State.initial(width, height)
+        self.past: Past | None = None
+        self.is_first = True
+        self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+        self.total = settings.splat_count(width, height)
+        self.most = settings.most_splats(width, height)
+
+    def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
+        work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
+        result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
+        self.past = work.remembered(result)
+        self.state, self.is_first = result.state, False
+        return result
+
+
+class _FrameWork:
+    """The work on one frame: what its steps share, and the time that each takes."""
+
+    def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
+        self.encoder, self.settings = encoder, encoder.settings
+        self.frame, self.rng, self.progress = frame, rng, progress
+        self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
+        self.height, self.width = frame.shape[:2]
+        self.peak = (1 << encoder.bit_depth) - 1
+        self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
+        self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
+        self.seconds: dict[str, float] = {}
+        self.iterations = 0
+        self.decisions: list[Decision] = []
+        self.worse: NDArray[np.bool_] | None = None  # the blocks of a P-frame that were not as good as they were left
+
+    def remembered(self, result: EncodedFrame) -> Past:
+        """What the next frame needs to know of this one."""
+        past = self.encoder.past
+        if result.codes.type == "R" and past is not None:
+            return Past(self.picture, past.left)
+        self.objective.loss(result.state.splats.to_array())
+        left = errors_left(self.objective.residual())
+        if past is not None and self.worse is not None and self.settings.psnr is None:
+            left = np.where(self.worse, left, past.left)  # slow changes add up until they count
+        return Past(self.picture, left)
+
+    def repeat(self) -> EncodedFrame:
+        """An R-frame: nothing changes."""
+        return self._finish(FrameCodes.repeated_frame(), self.before)
+
+    def intra(self) -> EncodedFrame:
+        """An I-frame: fit from scratch, then fine-tune with quantisation."""
+        settings = self.settings.intra
+        fit_settings = self.settings.pruned(settings.fit)
+        with self._timed("start"):
+            count = settings.fit.growth.start(self.total) if settings.fit.growth else self.total
+            if settings.start == "image":
+                splats, weight = image_start(self.picture, count, self.rng), KEPT_WEIGHT
+            else:
+                splats = random_splats(uniform_numbers(count, self.rng), self.width, self.height)
+                weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT  # w is learnt only for pruning
+            population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
+        if fit_settings.pruning is not None:
+            pruned = sum(fit_settings.pruning.counts(self.total, fit_settings.iterations).values())
+            self.decisions.append(decision("gsp", "pruned", pruned, done=True))
+        return self._encode(population, replace(settings, fit=fit_settings), self.before.forget())
+
+    def inter(self) -> EncodedFrame:
+        """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
+        settings, effects, past = self.settings.inter, self.settings.effects, self.encoder.past
+        assert past is not None
+        with self._timed("start"):
+            reference = self.before.splats
+            total = self.total if self.settings.psnr is None else len(reference)
+            prediction = Prediction(
+                self.settings, self.objective, self.picture, reference, past, total, self.encoder.most, self.rng
+            )
+            self.decisions += prediction.decisions
+            self.worse = prediction.worse
+        if effects.frames == "auto" and self.settings.psnr is None:
+            if prediction.is_still:
+                self.decisions.append(decision("frames", "at rest", done=False, saved=_steps(settings)))
+                return self.repeat()
+            if prediction.growth <= SAME_RATIO:
+                less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
+                saved = _steps(settings) - _steps(less)
+                self.decisions.append(decision("frames", "same", prediction.growth, done=True, saved=saved))
+                return self._encode(prediction.population, less, self.before)
+        return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
+
+    def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
+        """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
+        with self._timed("fit"):
+            _, done = fit(
+                population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=self._report("fit")
+            )
+            self.iterations += done
+        if self.encoder.is_first:
+            with self._timed("choose"):
+                self.encoder.settings = self.settings = with_best_quantizer(
+                    population, self.objective, self.settings, before, [self.settings.seed]
+                )
+        if self.settings.psnr is None:
+            return self._finish(*self._quantize(population, settings, before))
+        goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most
+        best: EncodedFrame | None = None
+        fitted, may_prune = len(population), self.settings.effects.gsp != "off"
+        for _ in range(QUALITY_ROUNDS):
+            with self._timed("rate"):
+                self.iterations += hold_quality(
+                    population, self.objective, goal, most, settings.tune, self.rng, self._report("rate"),
+                    may_prune=may_prune,
+                )  # fmt: skip
+            result = self._finish(*self._quantize(population, settings, before))
+            if best is None or result.psnr > best.psnr:
+                best = result
+            if best.psnr >= self.settings.psnr or len(population) >= most:
+                break
+            goal *= power(10.0, (result.psnr - self.settings.psnr - SAFETY) / 10)
+        assert best is not None  # there is at least one round
+        fewer_splats = fitted - len(best.state.splats)
+        if self.settings.effects.gsp == "auto":
+            spared = fewer_splats > 0
+            self.decisions.append(
+                decision("gsp", *(("spare", fewer_splats) if spared else ("nothing to spare",)), done=spared)
+            )
+        return replace(best, iterations=self.iterations, decisions=tuple(self.decisions))
+
+    def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
+        with self._timed("quantize"):
+            quantizer = FrameQuantizer(population, self.objective, self.settings, before, self.rng)
+            codes, state, done = fine_tune(
+                population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
+            )
+            self.iterations += done
+            return codes, state
+
+    def _finish(self, codes: FrameCodes, state: State) -> EncodedFrame:
+        with self._timed("check"):
+            decoded = self.encoder.renderer.frame(state.splats, self.bit_depth)
+            quality = psnr(self.frame, decoded, self.peak)
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, tuple(self.decisions))
+
+    def _report(self, stage: str) -> OnIteration:
+        return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+
+def _steps(settings: FrameSettings) -> int:
+    """The iterations of fit and fine-tuning."""
+    return settings.fit.iterations + settings.tune.iterations
+
+
+def fewer(settings: FitSettings) -> FitSettings:
+    """The settings with a part of their iterations."""
+    return scaled(settings, max(1, round(FEWER * settings.iterations)))

@@ -1,0 +1,152 @@
+"""What an encode tells: progress while it runs, a report when it is done."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.encoder.decisions import Decision
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import ErrorKind, GsvcError
+from gsvc_ref.reconstruction import FrameType
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where an encode is.
+
+    Attributes
+    ----------
+    frame, frame_count
+        Number of the frame in work, and how many there are, or None if the source does not say, or has more than it
+        said.
+    stage
+        ``detect`` (looking for key frames), ``fit``, ``quantize``; with a PSNR to hold also ``rate`` (looking for the
+        number of splats, with a short fit after each change).
+    iteration, iterations
+        Of the stage.
+    psnr
+        Of the picture before it is rounded to bits, in dB; None if there is none yet.
+    elapsed_s
+        Seconds since the encode began.
+    """
+
+    frame: int
+    frame_count: int | None
+    stage: str
+    iteration: int
+    iterations: int
+    psnr: float | None
+    elapsed_s: float
+
+
+OnProgress = Callable[[Progress], None]
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """One encoded frame.
+
+    Attributes
+    ----------
+    number, type, reason
+        Frame number, I, P or R, and why it is of that type.
+    splats, new_splats, pruned_splats
+        Splats of the frame, those that the frame before does not have, and those of the frame before that are gone.
+    iterations
+        Made for this frame, fine-tuning included.
+    psnr
+        Of the decoded frame at its bit depth against the source, in dB; infinite if equal.
+    bits
+        Bits of the frame's chunk by category.
+    seconds
+        Time spent on the frame.
+    decisions
+        What was decided about each effect, in the order of `Effects`.
+    """
+
+    number: int
+    type: FrameType
+    reason: str
+    splats: int
+    new_splats: int
+    pruned_splats: int
+    iterations: int
+    psnr: float
+    bits: dict[str, int]
+    seconds: float
+    decisions: tuple[Decision, ...] = ()
+
+
+@dataclass(frozen=True)
+class EncodeReport:
+    """One encode.
+
+    Attributes
+    ----------
+    header
+        The sequence header as written.
+    settings
+        The settings used.
+    frames
+        A report of each frame written.
+    file_bytes
+        Size of the stream: its bits are the rate.
+    seconds, seconds_by_stage
+        Time in all, and of "read and detect", "write", and the stages of `EncodedFrame.seconds`.
+    interrupted
+        Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
+    fault
+        What ended it early otherwise, or None; then too the stream holds the frames until there.
+    notes
+        What was assumed about the source, and what was not reached.
+    """
+
+    header: SequenceHeader
+    settings: Settings
+    frames: list[FrameReport]
+    file_bytes: int
+    seconds: float
+    seconds_by_stage: dict[str, float] = field(default_factory=dict)
+    interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
+    fault: str | None = None
+
+    @property
+    def bits_per_pixel(self) -> float:
+        """All bits of the stream over all pixels of its frames."""
+        return 8 * self.file_bytes / (self.header.width * self.header.height * len(self.frames))
+
+    @property
+    def mean_psnr(self) -> float:
+        """Mean of the frames' PSNR in dB; infinite if any is."""
+        return float(np.mean([frame.psnr for frame in self.frames]))
+
+    @property
+    def frame_types(self) -> dict[str, int]:
+        """How many frames of each type there are."""
+        return dict(Counter(frame.type for frame in self.frames))
+
+
+class IncompleteEncodeError(GsvcError):
+    """Frames could not be read or written from some point on; those before are a valid stream, which is in place.
+
+    `kind`, `rule` and `bit` are those of the fault, which is the cause of this exception; ``invalid`` if it has none.
+
+    Attributes
+    ----------
+    report
+        Of what was saved.
+    """
+
+    def __init__(
+        self, kind: ErrorKind, message: str, report: EncodeReport, rule: str | None = None, bit: int | None = None
+    ) -> None:
+        super().__init__(kind, message, rule=rule, bit=bit)
+        self.report = report
+
+    def __reduce__(self) -> tuple[type[Self], tuple[ErrorKind, str, EncodeReport, str | None, int | None]]:
+        return type(self), (self.kind, self.message, self.report, self.rule, self.bit)

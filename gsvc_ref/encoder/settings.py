@@ -1,0 +1,336 @@
+"""Everything that can be chosen about an encode, and the two presets: `quick` (ours) and `paper`."""
+
+from dataclasses import dataclass, field, replace
+from numbers import Integral
+from typing import Any, Final, Literal, Self, TypeVar
+
+from gsvc_ref.checks import check_types
+from gsvc_ref.encoder.effects import Effects
+from gsvc_ref.encoder.key_frames import GUARD_RATIO
+from gsvc_ref.errors import UsageError
+from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.rendering import Precision
+from gsvc_ref.rendering.precision import check_precision
+from gsvc_ref.training.adan import AdanSettings
+from gsvc_ref.training.fit import MOST_ITERATIONS, FitSettings, Growth, Rates
+from gsvc_ref.training.pruning import PruningSchedule
+from gsvc_ref.training.quantizer import BlockSettings, with_codewords
+from gsvc_ref.training.schedule import Cosine
+
+KeyFrames = Literal["auto"] | int | tuple[int, ...]
+
+PIXELS_PER_SPLAT: Final = 40
+"""The default number of splats is one for this many pixels."""
+
+FEWEST_PIXELS_PER_SPLAT: Final = 6
+"""Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
+
+
+MOST_FRAMES: Final = 2**32 - 1
+"""Frames that a stream can number."""
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """How the frames of one type are fitted and quantised.
+
+    Attributes
+    ----------
+    fit
+        The fit in binary32, before quantisation.
+    tune
+        Quantisation-aware fine-tuning after it.
+    quantizer
+        The quantisers.
+    candidates
+        I-frames: choices (b, M, B) of which the first frame takes the best by rate and quality for the whole stream;
+        none: those of `quantizer`.
+    start
+        I-frames: ``random`` as in the paper, or ``image``: drawn from the image.
+    new_fraction
+        P-frames: the fraction of N that GSA adds.
+    new_from_residual
+        P-frames: add where the prediction is wrong, and prune as many of the least visible splats before, so that the
+        count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
+    still_threshold
+        P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
+        share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
+    """
+
+    fit: FitSettings
+    tune: FitSettings
+    quantizer: BlockSettings
+    candidates: tuple[tuple[int, int, int], ...] = ()
+    start: Literal["random", "image"] = "random"
+    new_fraction: float = 0.1
+    new_from_residual: bool = False
+    still_threshold: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _check_range("new_fraction", self.new_fraction, 0, 1)
+        _check_range("still_threshold", self.still_threshold, 0, 1e6)
+        for bits, stages, codewords in self.candidates:
+            _check_range("the bits of candidates", bits, 1, 12)
+            _check_range("the stages of candidates", stages, 1, 8)
+            _check_range("the codewords of candidates", codewords, 1, 1024)
+
+
+@dataclass(frozen=True)
+class DetectionSettings:
+    """Dynamic key-frame selection (paper section 3.6).
+
+    Attributes
+    ----------
+    iterations
+        Pre-training iterations of each frame, as I-frame and again as P-frame.
+    splats
+        Most splats in pre-training.
+    longest_side
+        Pre-train on the frame reduced to at most this many pixels on its longer side; None: as it is.
+    window
+        Frames on each side that the statistics are taken over.
+    threshold
+        A key frame exceeds the mean by this many standard deviations.
+    rule
+        ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
+    guard_ratio
+        By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
+    """
+
+    iterations: int = 500
+    splats: int | None = None
+    longest_side: int | None = None
+    window: int = 10
+    threshold: float = 3.0
+    rule: Literal["paper", "robust"] = "paper"
+    guard_ratio: float = GUARD_RATIO
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _check_range("iterations", self.iterations, 1, MOST_ITERATIONS)
+        _check_range("splats", self.splats, 1, 1 << 22)
+        _check_range("longest_side", self.longest_side, 1, 65535)
+        _check_range("window", self.window, 0, 10_000)
+        _check_range("threshold", self.threshold, 0, 1e6)
+        _check_range("guard_ratio", self.guard_ratio, 0, 1e6)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings of an encode; make one with `Settings.quick` or `Settings.paper` and override by name.
+
+    The override `iterations` is that of the fit of an I-frame, and all other fits of frames follow in proportion. How
+    long frames are pre-trained to find key frames is `detection.iterations`, which stays: losses after other numbers of
+    iterations would be other statistics.
+
+    Attributes
+    ----------
+    preset
+        The preset that it came from.
+    intra, inter
+        How I- and P-frames are made.
+    detection
+        How key frames are found when `key_frames` is ``auto``.
+    splats
+        N, splats of a frame; with `psnr` the most that a frame may get. None: one for PIXELS_PER_SPLAT pixels, and with
+        `psnr` up to one for FEWEST_PIXELS_PER_SPLAT.
+    psnr
+        Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
+    key_frames
+        ``auto``, every k frames, or the listed frame numbers (0 always is one).
+    low_latency
+        Decide key frames from the past alone.
+    effects
+        What is done on every frame, and what only where the scene calls for it; a preset takes a text of
+        `Effects.parse` as well.
+    decisions
+        Write what was decided about each frame, and why, as an ancillary chunk, which decoders skip.
+    frames
+        Half-open range of source frames to encode.
+    seed
+        Seed of all randomness.
+    threads
+        Threads of the kernels; None: all. The bytes do not depend on it.
+    precision
+        Of the renderer: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
+    lane_count, entropy_precision, index, checksums
+        Of the stream: rANS lanes, bits of its frequencies, an index for seeking, a checksum of each frame's parameters.
+    """
+
+    preset: str
+    intra: FrameSettings
+    inter: FrameSettings
+    detection: DetectionSettings = field(default_factory=DetectionSettings)
+    splats: int | None = None
+    psnr: float | None = None
+    key_frames: KeyFrames = "auto"
+    low_latency: bool = False
+    effects: Effects = field(default_factory=Effects)
+    decisions: bool = True
+    frames: tuple[int, int | None] = (0, None)
+    seed: int = 0
+    threads: int | None = None
+    precision: Precision = "fast"
+    lane_count: int = 1
+    entropy_precision: int = 14
+    index: bool = True
+    checksums: bool = False
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _check_range("splats", self.splats, 1, 1 << 22)
+        _check_range("psnr", self.psnr, 1, 100)
+        _check_range("threads", self.threads, 1, 1024)
+        check_precision(self.precision, ("fast", "deterministic"))
+        _check_range("seed", self.seed, 0, 2**63 - 1)
+        _check_range("lane_count", self.lane_count, 1, 64)
+        _check_range("entropy_precision", self.entropy_precision, 12, 16)
+        if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
+            raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
+        start, stop = self.frames
+        if not 0 <= start < (MOST_FRAMES if stop is None else min(stop, MOST_FRAMES)):
+            raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MOST_FRAMES}")
+        if isinstance(self.key_frames, int):
+            _check_range("key_frames", self.key_frames, 1, MOST_FRAMES)
+        elif isinstance(self.key_frames, tuple) and any(number < 0 for number in self.key_frames):
+            raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
+
+    @classmethod
+    def paper(cls, **overrides: Any) -> Self:
+        """The paper's settings: random start, Adan at 1e-3 for everything, 50,000 iterations or converged.
+
+        Where the paper is silent the values of its public code are taken; the number of fine-tuning iterations, which
+        neither states, is a tenth of the fit's.
+        """
+        tune = FitSettings(iterations=5_000, pruning=None)
+        intra = FrameSettings(FitSettings(), tune, BlockSettings())
+        inter = FrameSettings(FitSettings(pruning=PruningSchedule.inter()), tune, BlockSettings())
+        return _override(cls("paper", intra, inter, effects=Effects.parse("all")), overrides)
+
+    @classmethod
+    def quick(cls, **overrides: Any) -> Self:
+        """The default: a start drawn from the image, splats added where the residual is, few and well-sized steps."""
+        few = FitSettings(
+            optimizer=AdanSettings(0.9, 0.92, 0.99), learn_pixels=True, relative_steps=True, convergence=None,
+            pruning=None, schedule=Cosine(150, 0.02),
+        )  # fmt: skip
+        intra = FrameSettings(
+            fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), growth=Growth()),
+            tune=replace(few, iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(60, 0.05)),
+            quantizer=BlockSettings(0.05, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
+            candidates=((7, 2, 16), (8, 2, 32), (8, 3, 16), (8, 3, 32), (9, 3, 32), (10, 3, 64)),
+            start="image",
+        )
+        inter = FrameSettings(
+            fit=replace(few, iterations=60, rates=Rates(0.2, 0.08, 0.008, 0.008), schedule=Cosine(60, 0.05)),
+            tune=replace(few, iterations=30, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(30, 0.05)),
+            quantizer=BlockSettings(0.1, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
+            new_fraction=0.03,
+            new_from_residual=True,
+            still_threshold=0.5,
+        )
+        detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
+        return _override(cls("quick", intra, inter, detection), overrides)
+
+    def pruned(self, fit: FitSettings) -> FitSettings:
+        """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
+        pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
+        return replace(fit, pruning=pruning)
+
+    def most_splats(self, width: int, height: int) -> int:
+        """The most splats that a frame of this size may get."""
+        if self.splats is None and self.psnr is not None:
+            return max(1, width * height // FEWEST_PIXELS_PER_SPLAT)
+        return self.splat_count(width, height)
+
+    def splat_count(self, width: int, height: int) -> int:
+        """N for a frame of this size.
+
+        Raises
+        ------
+        UsageError
+            More splats are asked for than the frame has pixels.
+        """
+        if self.splats is None:
+            return max(1, width * height // PIXELS_PER_SPLAT)
+        if self.splats > width * height:
+            raise UsageError(
+                f"{self.splats} splats are more than the {width * height} pixels of a frame of {width}x{height}; "
+                f"give fewer (the default is one for {PIXELS_PER_SPLAT} pixels)"
+            )
+        return self.splats
+
+
+S = TypeVar("S", bound=Settings)
+
+OVERRIDES: Final = (
+    "splats", "psnr", "key_frames", "low_latency", "effects", "decisions", "frames", "seed", "threads", "precision",
+    "lane_count", "entropy_precision", "index", "checksums", "intra", "inter", "detection",
+)  # fmt: skip
+"""Settings that an override replaces as they are."""
+
+REACHING: Final = ("iterations", "cholesky_bits", "color_stages", "color_codewords")
+"""Overrides that reach into `intra` and `inter`."""
+
+
+def _override(settings: S, overrides: dict[str, Any]) -> S:
+    """Apply overrides by name; those that are no fields of Settings reach into both frame types."""
+    nested = {name: overrides.pop(name) for name in ("iterations", "cholesky_bits") if name in overrides}
+    stages, codewords = overrides.pop("color_stages", None), overrides.pop("color_codewords", None)
+    unknown = set(overrides) - set(OVERRIDES)
+    if unknown:
+        known = ", ".join((*OVERRIDES, *REACHING))
+        raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
+    if isinstance(overrides.get("effects"), str):
+        overrides["effects"] = Effects.parse(overrides["effects"])
+    settings = replace(settings, **overrides)
+    stages = _check_whole("color_stages", stages, 1, 8)
+    codewords = _check_whole("color_codewords", codewords, 1, 1024)
+    if nested.get("iterations") is not None:
+        settings = with_iterations(settings, nested["iterations"])
+    if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
+        settings = replace(settings, intra=replace(settings.intra, candidates=()))
+    changed: dict[str, Any] = {}
+    for kind in ("intra", "inter"):
+        frame: FrameSettings = getattr(settings, kind)
+        quantizer = frame.quantizer
+        if nested.get("cholesky_bits") is not None:
+            quantizer = replace(quantizer, cholesky_bits=nested["cholesky_bits"])
+        if stages is not None or codewords is not None:
+            quantizer = with_codewords(quantizer, stages, codewords)
+        changed[kind] = replace(frame, quantizer=quantizer)
+    return replace(settings, **changed)
+
+
+def with_iterations(settings: S, iterations: int) -> S:
+    """The settings with this many iterations for the fit of an I-frame, and all other fits in proportion."""
+    iterations = _check_whole("iterations", iterations, 1, MOST_ITERATIONS)
+    share = iterations / settings.intra.fit.iterations
+
+    def frame(kind: FrameSettings) -> FrameSettings:
+        fit, tune = (scaled(part, max(1, round(part.iterations * share))) for part in (kind.fit, kind.tune))
+        return replace(kind, fit=fit, tune=tune)
+
+    return replace(settings, intra=frame(settings.intra), inter=frame(settings.inter))
+
+
+def scaled(fit: FitSettings, iterations: int) -> FitSettings:
+    """The settings with other iterations, over which a cosine then falls."""
+    schedule = replace(fit.schedule, steps=iterations) if isinstance(fit.schedule, Cosine) else fit.schedule
+    return replace(fit, iterations=iterations, schedule=schedule)
+
+
+def _check_whole(name: str, value: Any, low: int, high: int) -> Any:
+    """The value as a Python integer; None stays None."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise UsageError(f"{name} is {value!r}; it must be a whole number in {low}..{high}")
+    _check_range(name, int(value), low, high)
+    return int(value)
+
+
+def _check_range(name: str, value: float | None, low: float, high: float) -> None:
+    if value is not None and not low <= value <= high:
+        raise UsageError(f"{name} is {value}; it must be in {low}..{high}")

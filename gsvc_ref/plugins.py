@@ -1,0 +1,64 @@
+"""What other packages add to gsvc_ref: names that are videos though no files, and commands of ``gsvc``.
+
+A package names a module in the group of entry points "gsvc_ref.plugins". The module is imported when a command starts,
+or when a video is opened by its name, and calls `add_source` and `add_command`; it should import little.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from gsvc_ref.video.stream import VideoReader
+
+GROUP: Final = "gsvc_ref.plugins"
+
+
+class NamedSource(NamedTuple):
+    """Videos that are opened by a name and drawn rather than read."""
+
+    prefix: str
+    """What the name of a built-in one begins with, such as ``scene:``."""
+    suffix: str
+    """What the name of a file ends with that describes one, such as ``.toml``."""
+    open: Callable[[str], "VideoReader"]
+    """A new reader by such a name."""
+
+
+_sources: Final[list[NamedSource]] = []
+_commands: Final[list[Callable[[Any], None]]] = []
+
+
+def add_source(source: NamedSource) -> None:
+    """Let `gsvc_ref.video.open_video` open what bears such names."""
+    _sources.append(source)
+
+
+def add_command(add: Callable[[Any], None]) -> None:
+    """Give ``gsvc`` a command; `add` takes the subparsers of argparse and adds a parser that sets ``run``."""
+    _commands.append(add)
+
+
+def source_by_prefix(name: str) -> NamedSource | None:
+    """The source whose built-in videos are named so, or None."""
+    _load()
+    return next((source for source in _sources if name.startswith(source.prefix)), None)
+
+
+def source_by_suffix(name: str) -> NamedSource | None:
+    """The source that files of such a name describe, or None."""
+    _load()
+    return next((source for source in _sources if name.lower().endswith(source.suffix)), None)
+
+
+def commands() -> tuple[Callable[[Any], None], ...]:
+    """What was given to `add_command`, in that order."""
+    _load()
+    return tuple(_commands)
+
+
+@cache
+def _load() -> None:
+    for entry in entry_points(group=GROUP):
+        entry.load()

@@ -1,0 +1,202 @@
+"""Decoding one chunk after the other; the checks stand in the order of spec.md section 12."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from gsvc_ref.bitstream import chunks
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.coder import CATEGORIES, Bytes, Element, encode_uv
+from gsvc_ref.bitstream.crc import parameter_checksum
+from gsvc_ref.bitstream.frames import Frame, frame
+from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.rules import broken
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.reconstruction import State, reconstruct, rendering_work
+from gsvc_ref.stream.decoded import DecodedFrame
+from gsvc_ref.stream.source import Source, SourceReader
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a decoder stands between two chunks.
+
+    Attributes
+    ----------
+    offset
+        Of the next chunk, in bytes from the start of the stream.
+    state
+        The state after the frame before.
+    next_number
+        The number that the next frame must have.
+    index_length
+        Bytes of the chunk directly before, if that is an index; else 0.
+    """
+
+    offset: int
+    state: State
+    next_number: int = 0
+    index_length: int = 0
+
+
+@dataclass(frozen=True)
+class DecodedChunk:
+    """A chunk's bits by category, its frame if it has one, whether it is the end chunk, and the place after it.
+
+    `ancillary` is the type and payload of an ancillary chunk that this version does not know.
+    """
+
+    bits: Counter[str]
+    frame: DecodedFrame | None
+    is_end: bool
+    after: Place
+    ancillary: tuple[str, Bytes] | None = None
+
+
+class ChunkDecoder:
+    """The chunks of one source.
+
+    Attributes
+    ----------
+    source
+        Where the bytes come from.
+    header
+        The sequence header.
+    first
+        The place of the first chunk after it.
+    opening_bits
+        How many bits before that place went to each category.
+    """
+
+    def __init__(self, source: Source, trace: Callable[[Element], None] | None = None) -> None:
+        """Read all that precedes the first frame."""
+        self.source = source
+        self._trace = trace
+        m = SourceReader(source, trace, end_rule="R-6.1-1")
+        chunks.magic(m)
+        s = SourceReader(source, trace)
+        version_minor = chunks.version(s)
+        chunk_bit = s.position
+        chunk_type, payload = chunks.chunk(s, lambda _: LONGEST_HEADER)
+        s.element_bit = chunk_bit
+        chunks.check_known(s, chunk_type)
+        if chunk_type != chunks.HEADER_TYPE:
+            s.fail("R-6.1-3", f"the first chunk is of type {chr(chunk_type)}; it must be the sequence header, H")
+        p = payload_reader(s, payload, trace)
+        self.header: SequenceHeader = sequence_header(p)
+        if version_minor == chunks.VERSION_MINOR:
+            _check_filled(p)
+        else:  # R-6.1-6
+            with p.part("header"):
+                p.raw("unknown", p.bytes_left)
+        self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
+        self.first = Place(s.position // 8, State.initial(self.header.width, self.header.height))
+
+    def longest_payload(self, chunk_type: int) -> int:
+        """Most bytes of the payload of a chunk of a type (R-5-3)."""
+        return LONGEST_HEADER if chunk_type == chunks.HEADER_TYPE else self.header.limits.payload
+
+    def decode(self, place: Place) -> DecodedChunk:
+        """Decode the chunk at a place."""
+        with self.source.lock:
+            self.source.seek(place.offset)
+            s = SourceReader(self.source, self._trace)
+            if s.at_end():
+                s.fail("R-6.2-4", "the stream ends without an end chunk: it was cut")
+            chunk_type, payload = chunks.chunk(s, self.longest_payload)
+        s.element_bit = 8 * place.offset
+        chunks.check_known(s, chunk_type)
+        _check_may_stand(s, chunk_type, place)
+        p = payload_reader(s, payload, self._trace)
+        size = s.position // 8 - place.offset
+        after = replace(place, offset=place.offset + size, index_length=0)
+        parsed: Frame | None = None
+        ancillary: tuple[str, Bytes] | None = None
+        if chunk_type in chunks.FRAMES:
+            frame_type = chunks.frame_type_of(chunk_type)
+            parsed = frame(p, self.header, place.state, frame_type, place.next_number)
+            _check_filled(p)
+            state = self._reconstruct(parsed, place, p)
+            after = replace(after, state=state, next_number=place.next_number + 1)
+        elif chunk_type == chunks.INDEX_TYPE:
+            chunks.index(p, place.offset)  # R-6.7-2
+            _check_filled(p)
+            after = replace(after, index_length=size)
+        elif chunk_type == chunks.END_TYPE:
+            self._end(p, place)
+            _check_filled(p)
+        else:  # R-6.2-5
+            with p.part("ancillary"):
+                ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
+        bits = s.bits_by_category() + p.bits_by_category()
+        decoded = None if parsed is None else _decoded_frame(parsed, bits, place, after)
+        return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary)
+
+    def check_nothing_follows(self, place: Place) -> None:
+        """R-6.1-4, at the place after the end chunk."""
+        with self.source.lock:
+            self.source.seek(place.offset)
+            if self.source.read(1):
+                raise broken("R-6.1-4", "something follows the end chunk; cut the file there", 8 * place.offset)
+
+    def chunk_at(self, offset: int) -> tuple[int, Reader]:
+        """The type of the chunk at an offset, and its payload; of use for seeking, so nothing else is checked."""
+        with self.source.lock:
+            self.source.seek(offset)
+            s = SourceReader(self.source)
+            chunk_type, payload = chunks.chunk(s, self.longest_payload)
+        return chunk_type, payload_reader(s, payload)
+
+    def _reconstruct(self, parsed: Frame, place: Place, p: Reader) -> State:
+        """The checks that follow parsing: R-8-1, R-5-4 and R-6.4-3."""
+        try:
+            state = reconstruct(parsed.codes, place.state)
+        except GsvcError as error:
+            raise broken("R-8-1", error.message, 8 * place.offset) from None
+        repeated = state is place.state  # an R-frame's work has been checked already
+        work = 0 if repeated else rendering_work(state.splats, self.header.width, self.header.height)
+        if work > self.header.limits.work:
+            message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
+            raise broken("R-5-4", message, 8 * place.offset)
+        if parsed.parameter_checksum is not None and parsed.parameter_checksum != parameter_checksum(state.splats):
+            checksum_bit = p.first_bit + 8 * len(encode_uv(parsed.frame_number))
+            raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
+        return state
+
+    def _end(self, p: Reader, place: Place) -> None:
+        frame_count, index_length = chunks.end(p)
+        if frame_count != place.next_number:
+            message = f"`frame_count` is {frame_count}; the stream has {place.next_number} frames"
+            p.fail("R-6.8-1", message, bit=p.first_bit)
+        if self.header.frame_count not in (0, frame_count):
+            message = f"`frame_count` is {self.header.frame_count} in the header and {frame_count} at the end"
+            p.fail("R-6.3-2", message, bit=p.first_bit)
+        if index_length != place.index_length:
+            p.fail("R-6.8-2", f"`index_length` is {index_length}; {place.index_length} bytes of index stand before it")
+
+
+def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
+    """The Reader of the payload of the chunk that `s` has just read."""
+    return Reader(payload, first_bit=s.position - chunks.CRC_BITS - 8 * len(payload), trace=trace)
+
+
+def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
+    if chunk_type == chunks.HEADER_TYPE:
+        s.fail("R-6.1-3", "a second sequence header follows; a stream has one")
+    if place.next_number == 0 and chunk_type == chunks.END_TYPE:
+        s.fail("R-6.1-5", "the stream has no frame")
+    if place.next_number == 0 and chunk_type in chunks.FRAMES and chunk_type != ord("I"):
+        s.fail("R-6.4-2", f"the first frame is of type {chr(chunk_type)}; it must be an I-frame")
+
+
+def _check_filled(p: Reader) -> None:
+    if p.bits_left:
+        p.fail("R-6.2-3", f"{p.bytes_left} bytes of a payload are left over after its last element", bit=p.position)
+
+
+def _decoded_frame(parsed: Frame, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
+    spent = {category: bits[category] for category in CATEGORIES if bits[category]}
+    codes, splats = parsed.codes, after.state.splats
+    return DecodedFrame(
+        parsed.frame_number, codes.type, codes, splats, spent, place.offset, after.offset - place.offset
+    )

@@ -1,0 +1,185 @@
+"""Decoding: a `.gsvc` stream in, frames or splats out, one after the other."""
+
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.encoder.decision_chunk import CHUNK_TYPE
+from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering import Precision, SequenceRenderer
+from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamSummary
+from gsvc_ref.stream.formats import format_notes, video_format
+from gsvc_ref.video import VideoFormat
+
+Frame = NDArray[np.unsignedinteger[Any]]
+Source = str | Path | bytes | bytearray | memoryview | BinaryIO
+
+
+class Stream:
+    """An open `.gsvc` stream: ``for frame in gsvc_ref.open("a.gsvc"): frame.splats``.
+
+    Frames are decoded one at a time as they are asked for. A damaged stream yields all complete frames before the
+    damage, then raises GsvcError. Several threads may read one open file, each with an iterator of its own; a pipe
+    takes one.
+
+    Attributes
+    ----------
+    header
+        The sequence header.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._reader = StreamReader(source)
+        self.header: SequenceHeader = self._reader.header
+
+    @property
+    def format(self) -> VideoFormat:
+        """The format of the source that was encoded, with the number of frames if it can be told."""
+        return replace(video_format(self.header), frame_count=self.frame_count)
+
+    @property
+    def notes(self) -> list[str]:
+        """In which ways `format` is not what the header says, since no file can be like that."""
+        return format_notes(self.header)
+
+    @property
+    def frame_count(self) -> int | None:
+        """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
+        return self._reader.frame_count
+
+    def __iter__(self) -> Iterator[DecodedFrame]:
+        return self._reader.frames()
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
+        """Frames `start` to `stop` - 1 with their splats, beginning to decode at the nearest I-frame."""
+        return self._reader.frames(start, stop)
+
+    def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
+        """What is left of frames `start` to `stop` - 1 of a damaged file, and the gaps between, in their order.
+
+        Raises
+        ------
+        UsageError
+            The source is a pipe, which can be read only once.
+        """
+        return self._reader.salvage(start, stop)
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the last bytes of a file are an end chunk, so that it was not cut; False for a pipe."""
+        return self._reader.has_end
+
+    def info(self, *, salvage: bool = False) -> StreamSummary:
+        """All frames and where every bit of the stream went; a fault is in it, not raised.
+
+        With `salvage`, of a damaged file, everything that is left and all gaps. What the encoder wrote about its
+        decisions is in `ancillary`, for `gsvc_ref.encoder.decision_chunk.unpack`.
+        """
+        return self._reader.summary(salvage=salvage, ancillary=CHUNK_TYPE)
+
+    def close(self) -> None:
+        """Close the file, if a path was given."""
+        self._reader.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def decode(
+    source: Source | Stream,
+    *,
+    start: int = 0,
+    stop: int | None = None,
+    scale: float = 1.0,
+    precision: Precision = "fast",
+    threads: int | None = None,
+    on_gap: Callable[[Gap], None] | None = None,
+) -> Iterator[Frame]:
+    """Decode a stream to frames, lazily.
+
+    Parameters
+    ----------
+    source
+        A path, bytes, a binary file (a pipe is decoded as it comes), or an open Stream, which stays open.
+    start, stop
+        Half-open range of frames; decoding begins at the nearest I-frame at or before `start`.
+    scale
+        Render at this many times the coded size (spec.md section 9.4).
+    precision, threads
+        As for `gsvc_ref.render`.
+    on_gap
+        Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
+        end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
+
+    Yields
+    ------
+    Frames (H, W, 3), R'G'B' at full range: u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    GsvcError
+        The stream is damaged; all complete frames before the damage have been yielded. With `on_gap` only if not even
+        the sequence header is sound.
+    UsageError
+        An argument is out of range, or a pipe is to be salvaged.
+    """
+    with nullcontext(source) if isinstance(source, Stream) else Stream(source) as stream:
+        frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
+        yield from _rendered(frames, stream.header, scale, precision, threads)
+
+
+def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
+    for part in parts:
+        if isinstance(part, Gap):
+            on_gap(part)
+        else:
+            yield part
+
+
+def _rendered(
+    frames: Iterator[DecodedFrame],
+    header: SequenceHeader,
+    scale: float,
+    precision: Precision,
+    threads: int | None,
+) -> Iterator[Frame]:
+    width, height = scaled_size(header, scale)
+    renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
+    last: Frame | None = None
+    for decoded in frames:
+        if last is None or decoded.type != "R":
+            origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
+            splats = decoded.splats.scaled(width / header.width, height / header.height)
+            last = renderer.next_frame(splats, header.bit_depth, origins)
+        yield last.copy()  # the renderer changes it, and an R-frame shows it again
+
+
+def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:
+    """Width and height in pixels at a scale, each rounded, at least 1.
+
+    Raises
+    ------
+    UsageError
+        The scale is not a positive number, or a side would exceed 65535.
+    """
+    if not 0 < scale <= 65535:
+        raise UsageError(f"scale is {scale}; it must be a positive number, for instance 2")
+    width, height = max(1, round(header.width * scale)), max(1, round(header.height * scale))
+    if max(width, height) > 65535:
+        raise UsageError(f"scale {scale} gives {width}x{height} pixels; at most 65535 on a side")
+    return width, height

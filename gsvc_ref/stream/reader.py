@@ -1,0 +1,188 @@
+"""Reading streams, frame by frame, in constant memory."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+from gsvc_ref.bitstream.coder import CATEGORIES, Element
+from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
+from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
+from gsvc_ref.stream.salvage import Salvage
+from gsvc_ref.stream.seeking import find_by_index, find_frame, read_end
+from gsvc_ref.stream.source import PIECE, Source
+
+
+class StreamReader:
+    """A `.gsvc` stream, read lazily: ``for frame in StreamReader(path): frame.splats``.
+
+    Frames come one at a time and only one chunk is held, whatever the stream's length. All complete frames before a
+    fault are yielded before the fault is raised. Several iterations of one file may be under way at once, also
+    in several threads.
+
+    Parameters
+    ----------
+    source
+        A path, bytes, or a binary file that stands at the start of the stream; it may be a pipe, which is read once.
+    trace
+        Called with each syntax element read, chunk by chunk (a chunk's type, length and checksum come first).
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md; `kind`, `rule` and `bit` say which one and where.
+    UsageError
+        The source is of no use.
+    """
+
+    def __init__(
+        self,
+        source: str | Path | bytes | bytearray | memoryview | BinaryIO,
+        *,
+        trace: Callable[[Element], None] | None = None,
+    ) -> None:
+        self._source = Source(source)
+        try:
+            self._decoder = ChunkDecoder(self._source, trace)
+        except BaseException:
+            self._source.close()
+            raise
+
+    @property
+    def header(self) -> SequenceHeader:
+        """The sequence header, read on construction."""
+        return self._decoder.header
+
+    @property
+    def frame_count(self) -> int | None:
+        """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
+        if self.header.frame_count:
+            return self.header.frame_count
+        ending = read_end(self._decoder)
+        return ending[0] if ending else None
+
+    @property
+    def has_end(self) -> bool:
+        """Whether the last bytes of a file are an end chunk, so that it was not cut; False for a pipe."""
+        return read_end(self._decoder) is not None
+
+    def __iter__(self) -> Iterator[DecodedFrame]:
+        return self.frames()
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
+        """Frames `start` to `stop` - 1 (to the last, if None); fewer if the stream has fewer.
+
+        Decoding begins at the last I-frame at or before `start`, which the index tells, or else hopping from chunk to
+        chunk; a pipe is decoded from its start.
+        """
+        _check_range(start, stop)
+        return self._frames(start, stop)
+
+    def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
+        """Frames `start` to `stop` - 1 of a damaged file, and the gaps between them, in the order of the stream.
+
+        A damaged frame is skipped, and all frames after it up to the next I-frame (spec.md section 12.5). No fault is
+        raised: which of these frames are missing, and why, is in the gaps. A stream without a fault has none.
+
+        Raises
+        ------
+        UsageError
+            The source is a pipe: salvaging goes back and forth.
+        """
+        _check_range(start, stop)
+        self._check_salvage()
+        return self._salvaged(start, stop)
+
+    def _check_salvage(self) -> None:
+        if not self._source.seekable:
+            raise UsageError("salvaging reads parts of a stream more than once, so it needs a file, not a pipe")
+
+    def _salvaged(self, start: int, stop: int | None) -> Iterator[DecodedFrame | Gap]:
+        if stop == start:
+            return
+        first = find_by_index(self._decoder, start) if start else None
+        for part in Salvage(self._decoder, first or self._decoder.first):
+            if isinstance(part, Gap):
+                if part.reaches(start):
+                    yield part.clipped(start, stop)
+            elif part.frame is not None and part.frame.number >= start:
+                if stop is None or part.frame.number < stop:
+                    yield part.frame
+                if stop is not None and part.frame.number + 1 >= stop:
+                    return
+
+    def _frames(self, start: int, stop: int | None) -> Iterator[DecodedFrame]:
+        if stop == start:
+            return
+        for decoded in self._chunks(find_frame(self._decoder, start)):
+            if decoded.frame is not None and decoded.frame.number >= start:
+                yield decoded.frame
+                if decoded.frame.number + 1 == stop:
+                    return
+
+    def _chunks(self, place: Place) -> Iterator[DecodedChunk]:
+        while True:
+            decoded = self._decoder.decode(place)
+            place = decoded.after
+            yield decoded
+            if decoded.is_end:
+                break
+        self._decoder.check_nothing_follows(place)
+
+    def summary(self, *, salvage: bool = False, ancillary: str | None = None) -> StreamSummary:
+        """Decode everything, keep no splats, and account for every bit; a fault is returned, not raised.
+
+        With `salvage`, which needs a file, as `salvage` does it, and all faults are returned in the gaps. With
+        `ancillary`, the payload of the last chunk of that type is kept.
+        """
+        bits = Counter(self._decoder.opening_bits)
+        frames: list[FrameSummary] = []
+        gaps: list[Gap] = []
+        error, kept = None, None
+        parts: Iterator[DecodedChunk | Gap]
+        if salvage:
+            self._check_salvage()
+            parts = iter(Salvage(self._decoder, self._decoder.first))
+        else:
+            parts = self._chunks(self._decoder.first)
+        try:
+            for part in parts:
+                if isinstance(part, Gap):
+                    gaps.append(part)
+                    continue
+                bits += part.bits
+                if part.ancillary is not None and part.ancillary[0] == ancillary:
+                    kept = bytes(part.ancillary[1])
+                if (f := part.frame) is not None:
+                    frames.append(FrameSummary(f.number, f.type, len(f.splats), f.bits, f.offset, f.size))
+        except GsvcError as fault:
+            error = fault
+        file_bytes = self._source.size
+        if file_bytes is None:
+            while self._source.read(PIECE):
+                pass
+            file_bytes = self._source.offset
+        file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
+        counted = {category: bits[category] for category in CATEGORIES}
+        counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
+        return StreamSummary(self.header, frames, counted, file_bytes, error, gaps, kept)
+
+    def close(self) -> None:
+        """Close the file, if a path was given."""
+        self._source.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _check_range(start: int, stop: int | None) -> None:
+    if start < 0 or (stop is not None and stop < start):
+        raise UsageError(f"frames {start}:{stop} were asked for; it must be 0 <= start <= stop")

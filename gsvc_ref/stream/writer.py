@@ -1,0 +1,225 @@
+"""Writing streams, frame by frame."""
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import BinaryIO, Final
+
+from gsvc_ref.bitstream import chunks
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.coder import CATEGORIES
+from gsvc_ref.bitstream.crc import parameter_checksum
+from gsvc_ref.bitstream.frames import Frame, frame
+from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
+from gsvc_ref.errors import UsageError
+from gsvc_ref.reconstruction import FrameCodes, State, reconstruct, rendering_work
+from gsvc_ref.stream.decoded import DecodedFrame
+
+MOST_INDEX_BYTES_PER_ENTRY: Final = 10
+
+
+@dataclass(frozen=True)
+class _IndexEntry:
+    frame_number: int
+    offset: int
+
+
+def appends(target: BinaryIO) -> bool:
+    """Whether all that is written lands at the end of the file (``>>`` in a shell), so no header can be corrected."""
+    try:
+        import fcntl
+
+        return bool(fcntl.fcntl(target.fileno(), fcntl.F_GETFL) & os.O_APPEND)
+    except (ImportError, AttributeError, OSError):  # no such system, or no file of the system's
+        return "a" in str(getattr(target, "mode", ""))
+
+
+def can_go_back(target: BinaryIO) -> bool:
+    """Whether the header can be corrected: not on a pipe, at the end of a log, on a device, in a compressed file."""
+    if not target.seekable() or appends(target):
+        return False
+    try:
+        target.truncate()  # devices claim to be seekable and then refuse this
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+class StreamWriter:
+    """A `.gsvc` stream in the making; what it accepts, every conforming decoder decodes to the same splats.
+
+    Header and frames are handed to the system at once, so that a reader of the other end can follow. `finish` makes the
+    stream whole and may be called after any frame, also after `write_frame` was interrupted.
+
+    Parameters
+    ----------
+    target
+        A binary file opened for writing, which stays open. If it can go back, `finish` corrects `frame_count` in the
+        header; otherwise, as on a pipe, that is written as 0, unknown.
+    header
+        The sequence header; its `frame_count` may be 0 or a guess.
+    index
+        Whether to write an index, so that readers find I-frames at once.
+    live
+        Never go back: at every moment the file is the beginning of the stream that it will be.
+    make_writer
+        Makes the Writer of each payload and chunk, given the bit at which it begins; for tests of decoders
+        (gsvc_ref.testing).
+
+    Attributes
+    ----------
+    header
+        The sequence header as written.
+    frame_count
+        Frames written so far.
+    state
+        What a decoder holds after the frames so far: predict from `state.splats`.
+    bits
+        How many bits of what has been written went to each of `CATEGORIES`.
+    offset
+        Bytes written.
+    goes_back
+        Whether `finish` corrects what was written.
+    """
+
+    def __init__(
+        self,
+        target: BinaryIO,
+        header: SequenceHeader,
+        *,
+        index: bool = True,
+        live: bool = False,
+        make_writer: Callable[[int], Writer] = Writer,
+    ) -> None:
+        self._target = target
+        self._make_writer = make_writer
+        self.goes_back = not live and can_go_back(target)
+        self._start = target.tell() if self.goes_back else 0
+        self._entries: list[_IndexEntry] | None = [] if index else None
+        self.frame_count = 0
+        self._finished = False
+        self.header = header if self.goes_back else replace(header, frame_count=0)
+        self.state = State.initial(header.width, header.height)
+        self.bits: Counter[str] = Counter()
+        self.offset = 0
+        s = make_writer(0)
+        chunks.magic(s)
+        chunks.version(s)
+        self._append(s, Counter())
+        self._header_offset = self.offset
+        self._write_chunk(chunks.HEADER_TYPE, lambda p: sequence_header(p, self.header))
+
+    def write_frame(self, codes: FrameCodes) -> DecodedFrame:
+        """Write a frame: what a reader will make of it, with the bits that each of `CATEGORIES` took.
+
+        Raises
+        ------
+        UsageError
+            The codes break a rule or a limit; the message names it. Nothing has been written.
+        GsvcError
+            ``invalid``, R-8-1: a reconstructed parameter is not finite. Nothing has been written.
+        """
+        if self.frame_count == 0 and codes.type != "I":
+            raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
+        state = reconstruct(codes, self.state)
+        work = rendering_work(state.splats, self.header.width, self.header.height)
+        if work > self.header.limits.work:
+            limit = f"level {self.header.level} allows {self.header.limits.work}"
+            raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
+        checksum = parameter_checksum(state.splats) if self.header.parameter_checksum_flag else None
+        given = Frame(self.frame_count, checksum, codes)
+        offset = self.offset
+        bits = self._write_chunk(
+            ord(codes.type), lambda p: frame(p, self.header, self.state, codes.type, self.frame_count, given)
+        )
+        if codes.type == "I" and self._entries is not None:
+            self._entries.append(_IndexEntry(self.frame_count, offset))
+        self.frame_count += 1
+        self.state = state
+        spent = {category: bits[category] for category in CATEGORIES if bits[category]}
+        return DecodedFrame(given.frame_number, codes.type, codes, state.splats, spent, offset, self.offset - offset)
+
+    def write_ancillary(self, chunk_type: str, payload: bytes) -> None:
+        """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x."""
+        code = chunks.check_ancillary_type(chunk_type)
+
+        def content(p: Writer) -> None:
+            with p.part("ancillary"):
+                p.raw("payload", len(payload), payload)
+
+        self._write_chunk(code, content)
+
+    def finish(self, ancillary: tuple[str, bytes] | None = None) -> dict[str, int]:
+        """Write index and end chunk and correct the header: how many bits of the stream went to each category.
+
+        `ancillary` is the type and payload of one more chunk for `write_ancillary`, before the index; it is left out if
+        the level has no room for it.
+
+        Raises
+        ------
+        UsageError
+            No frame has been written, and a stream must have one (R-6.1-5).
+        """
+        if self.frame_count == 0:
+            raise UsageError("no frame has been written; a stream must have at least one (R-6.1-5)")
+        if not self._finished:
+            if self.goes_back:  # an interrupted write may have left part of a chunk
+                self._target.seek(self._start + self.offset)
+                self._target.truncate()
+            if ancillary is not None and len(ancillary[1]) <= self.header.limits.payload:
+                self.write_ancillary(*ancillary)
+            index_length = self._write_index()
+            self._write_chunk(chunks.END_TYPE, lambda p: chunks.end(p, self.frame_count, index_length))
+            self._correct_header()
+            self._finished = True
+        return {category: self.bits[category] for category in CATEGORIES}
+
+    def _write_index(self) -> int:
+        """Write the index, if there is one and the level has room for it; the bytes of its chunk."""
+        most = self.header.limits.payload // MOST_INDEX_BYTES_PER_ENTRY - 1
+        if self._entries is None or len(self._entries) > most:
+            return 0
+        entries = [(entry.frame_number, entry.offset) for entry in self._entries]
+        offset = self.offset
+        self._write_chunk(chunks.INDEX_TYPE, lambda p: chunks.index(p, offset, chunks.index_steps(entries)))
+        return self.offset - offset
+
+    def _correct_header(self) -> None:
+        if not self.goes_back or self.header.frame_count == self.frame_count:
+            return
+        self.header = replace(self.header, frame_count=self.frame_count)
+        p, s = self._make_writer(0), self._make_writer(8 * self._header_offset)
+        sequence_header(p, self.header)
+        chunks.chunk(s, self._longest_payload, chunks.HEADER_TYPE, p.getvalue())
+        self._target.seek(self._start + self._header_offset)
+        self._write_all(s.getvalue())
+        self._target.seek(self._start + self.offset)
+
+    def _longest_payload(self, chunk_type: int) -> int:
+        return LONGEST_HEADER if chunk_type == chunks.HEADER_TYPE else self.header.limits.payload
+
+    def _write_chunk(self, chunk_type: int, content: Callable[[Writer], object]) -> Counter[str]:
+        """Write a chunk whose payload `content` writes; its bits by category."""
+        if self._finished:
+            raise UsageError("the stream is finished; make a new StreamWriter for another one")
+        p = self._make_writer(0)
+        content(p)
+        s = self._make_writer(8 * self.offset)
+        chunks.chunk(s, self._longest_payload, chunk_type, p.getvalue())
+        return self._append(s, p.bits_by_category())
+
+    def _append(self, s: Writer, payload_bits: Counter[str]) -> Counter[str]:
+        data = s.getvalue()
+        self._write_all(data)
+        self.offset += len(data)
+        bits = s.bits_by_category() + payload_bits
+        self.bits += bits
+        return bits
+
+    def _write_all(self, data: bytes) -> None:
+        """Write everything, also to a raw file that takes less at a time."""
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._target.write(rest) or 0 :]
+        self._target.flush()  # whoever reads need not wait for a buffer to fill, and a killed process takes none along

@@ -1,0 +1,80 @@
+"""Small clips, a source that counts, and settings that take a blink: what the tests of the codec share."""
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from io import BytesIO
+
+import numpy as np
+
+from gsvc_ref.encoder import EncodeReport, Settings, encode
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.stream import decode
+from gsvc_ref.video import ColorDescription, VideoFormat
+
+
+def video_format(width=32, height=24, bit_depth=8, frame_count=None) -> VideoFormat:
+    color = ColorDescription(primaries=1, transfer=13, matrix=0, full_range=True, chroma_location=0)
+    return VideoFormat(width, height, Fraction(25), bit_depth, "rgb", color, frame_count=frame_count)
+
+
+def waves(width=32, height=24, frames=4, *, bit_depth=8, cut=None, speed=1.3) -> list[np.ndarray]:
+    """Moving coloured waves; from the frame `cut` on, other waves."""
+    y, x = np.mgrid[:height, :width]
+    clip = []
+    for t in range(frames):
+        if cut is None or t < cut:
+            planes = [np.sin((x + speed * t + 3 * c) / 5) * np.cos((y - 0.5 * t) / 4 + c) for c in range(3)]
+        else:
+            planes = [np.cos((x - speed * t) / 8 + 2 * c) * np.sin(y / 6 - c) for c in range(3)]
+        picture = 0.5 + 0.4 * np.stack(planes, axis=2)
+        clip.append(np.rint(picture * (2**bit_depth - 1)).astype(np.uint8 if bit_depth == 8 else np.uint16))
+    return clip
+
+
+def flat(value, width=32, height=24, frames=1, dtype=np.uint8) -> list[np.ndarray]:
+    """The same even picture again and again; `value` is a sample or (R, G, B)."""
+    return [np.full((height, width, 3), value, dtype) for _ in range(frames)]
+
+
+def fast(**overrides) -> Settings:
+    """Quick settings that are over in a blink: few iterations, b given, one key frame."""
+    return Settings.quick(**{"iterations": 4, "cholesky_bits": 8, "key_frames": (), "threads": 1} | overrides)
+
+
+def encoded(frames: Iterable[np.ndarray], settings: Settings, bit_depth=8, **options) -> tuple[EncodeReport, bytes]:
+    """The report and the bytes of an encode of a list of frames."""
+    frames = list(frames)
+    height, width = frames[0].shape[:2]
+    file = BytesIO()
+    report = encode((frames, video_format(width, height, bit_depth)), file, settings, **options)
+    return report, file.getvalue()
+
+
+def complete_frames(data: bytes) -> tuple[list[np.ndarray], str | None]:
+    """What can be decoded of a stream, and the rule that its end breaks."""
+    frames = []
+    try:
+        for frame in decode(data):
+            frames.append(frame)
+    except GsvcError as error:
+        return frames, error.rule
+    return frames, None
+
+
+def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
+    """Whether two clips are equal."""
+    return len(a) == len(b) and all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+class Counting:
+    """An iterable of frames that counts how many were taken, and can end with an exception."""
+
+    def __init__(self, frames: Iterable[np.ndarray], error: BaseException | None = None) -> None:
+        self.frames, self.error, self.taken = frames, error, 0
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        for frame in self.frames:
+            self.taken += 1
+            yield frame
+        if self.error is not None:
+            raise self.error

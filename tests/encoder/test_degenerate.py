@@ -1,0 +1,95 @@
+"""Frames without anything to hold on to: all are encoded and decoded, with finite numbers and without a warning."""
+
+import numpy as np
+import pytest
+from codec_cases import encoded, fast
+
+from gsvc_ref.encoder import Settings
+from gsvc_ref.metrics import psnr
+from gsvc_ref.stream import Stream, decode
+
+SIZES = {(1, 1): 8, (1, 9): 16, (9, 1): 8, (16, 12): 16}
+"""Width and height, and the bit depth that goes with it."""
+
+FRAMES = 3
+
+
+def hot(picture, value, t=0):
+    """The picture with one pixel of another value."""
+    height, width = picture.shape[:2]
+    changed = picture.copy()
+    changed[height // 2, (width // 2 + 3 * t) % width] = value
+    return changed
+
+
+def black(zero, peak, rng):
+    return [zero] * FRAMES
+
+
+def white(zero, peak, rng):
+    return [zero + peak] * FRAMES
+
+
+def grey(zero, peak, rng):
+    return [zero + peak // 2] * FRAMES
+
+
+def one_hot_pixel(zero, peak, rng):
+    return [hot(zero, peak)] * FRAMES
+
+
+def one_dark_pixel(zero, peak, rng):
+    return [hot(zero + peak, 0)] * FRAMES
+
+
+def a_hot_pixel_that_moves(zero, peak, rng):
+    return [hot(zero, peak, t) for t in range(FRAMES)]
+
+
+def noise(zero, peak, rng):
+    return [rng.integers(0, peak, zero.shape, zero.dtype, endpoint=True) for _ in range(FRAMES)]
+
+
+def black_and_white(zero, peak, rng):
+    return [zero + (peak if t % 2 else 0) for t in range(FRAMES)]
+
+
+KINDS = (black, white, grey, one_hot_pixel, one_dark_pixel, a_hot_pixel_that_moves, noise, black_and_white)
+PRESETS = {
+    "quick": lambda: fast(effects="auto,frames=all"),
+    "detected": lambda: Settings.quick(
+        iterations=3, threads=1, effects="auto,frames=all"
+    ),  # with a choice of quantisers
+    "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
+}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_it_makes_the_round_trip(kind, preset):
+    for (width, height), depth in SIZES.items():
+        peak, zero = 2**depth - 1, np.zeros((height, width, 3), np.uint8 if depth == 8 else np.uint16)
+        clip = [frame.astype(zero.dtype) for frame in kind(zero, peak, np.random.default_rng(4))]
+        report, data = encoded(clip, PRESETS[preset](), depth)
+        assert all(np.isfinite(frame.splats.to_array()).all() for frame in Stream(data))
+        decoded = list(decode(data, threads=1))
+        told = [frame.psnr for frame in report.frames]
+        assert told == [psnr(frame, picture, peak) for frame, picture in zip(clip, decoded, strict=True)]
+        assert min(told) >= 0
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_one_frame_alone_makes_the_round_trip(kind):
+    zero = np.zeros((5, 7, 3), np.uint8)
+    clip = kind(zero, 255, np.random.default_rng(4))[:1]
+    report, data = encoded(clip, Settings.quick(iterations=3, threads=1))
+    assert [frame.type for frame in report.frames] == ["I"]
+    assert len(list(decode(data, threads=1))) == 1
+
+
+def test_a_black_first_frame_leaves_the_quantisers_as_they_are():
+    """It has no error with any quantiser, and would take the smallest for whatever follows."""
+    zero = np.zeros((12, 16, 3), np.uint8)
+    settings = Settings.quick(iterations=3, threads=1, key_frames=())
+    report, _ = encoded([zero, zero + 200], settings)
+    assert report.settings.intra.quantizer == settings.intra.quantizer

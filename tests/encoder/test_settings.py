@@ -1,0 +1,195 @@
+"""Settings: presets, overrides by name, and what is refused."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+from codec_cases import encoded, fast, waves
+
+from gsvc_ref.encoder import Effects, Settings
+from gsvc_ref.encoder.settings import scaled, with_iterations
+from gsvc_ref.errors import UsageError
+from gsvc_ref.training.fit import FitSettings, Rates
+from gsvc_ref.training.schedule import Cosine
+
+
+def test_the_papers_settings_are_the_papers():
+    paper = Settings.paper()
+    assert paper.preset == "paper"
+    for kind in (paper.intra, paper.inter):
+        assert kind.fit.iterations == 50_000
+        assert kind.fit.rates == Rates(1e-3, 1e-3, 1e-3, 1e-3)
+        assert kind.fit.convergence.patience == 100
+        assert kind.fit.convergence.tolerance == 1e-7
+        assert kind.fit.pruning.fraction == 0.1
+        assert kind.fit.growth is None
+        assert kind.quantizer.cholesky_bits == 6
+        assert kind.quantizer.colors.codewords == (8, 8)
+        assert kind.start == "random"
+        assert kind.candidates == ()
+    assert paper.inter.new_fraction == 0.1
+    assert str(paper.effects) == "all"
+    assert not paper.inter.new_from_residual
+    assert (paper.detection.iterations, paper.detection.window, paper.detection.threshold) == (500, 10, 3.0)
+    assert (paper.detection.splats, paper.detection.longest_side, paper.detection.rule) == (None, None, "paper")
+
+
+def test_quick_is_the_default_of_an_encode():
+    report, _ = encoded(waves(16, 12, 1), Settings.quick(iterations=1, cholesky_bits=8))
+    assert report.settings.preset == "quick"
+
+
+def test_overrides_of_nothing_change_nothing():
+    names = ("splats", "psnr", "iterations", "threads", "cholesky_bits", "color_stages", "color_codewords")
+    assert Settings.quick(**dict.fromkeys(names)) == Settings.quick()
+    assert Settings.paper(**dict.fromkeys(names)) == Settings.paper()
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        {"splats": 12},
+        {"psnr": 33.5},
+        {"key_frames": 7},
+        {"key_frames": (3, 9)},
+        {"low_latency": True},
+        {"effects": Effects.parse("auto,gsa=off")},
+        {"decisions": False},
+        {"frames": (2, 5)},
+        {"frames": (2, None)},
+        {"seed": 2**63 - 1},
+        {"threads": 3},
+        {"lane_count": 64},
+        {"entropy_precision": 12},
+        {"index": False},
+        {"checksums": True},
+    ],
+)
+def test_an_override_changes_its_field_and_no_other(override):
+    for preset in (Settings.quick, Settings.paper):
+        assert preset(**override) == replace(preset(), **override)
+
+
+def test_settings_are_frozen():
+    with pytest.raises(FrozenInstanceError):
+        Settings.quick().splats = 3
+
+
+@pytest.mark.parametrize("name", ["splat", "iteration", "bits", "preset", "Psnr"])
+def test_unknown_names_are_refused_with_the_known_ones(name):
+    with pytest.raises(UsageError, match=f"unknown settings {name}.*splats.*iterations.*color_codewords"):
+        Settings.quick(**{name: 3})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"splats": 0},
+        {"splats": -1},
+        {"splats": (1 << 22) + 1},
+        {"splats": 2.5},
+        {"splats": True},
+        {"psnr": 0},
+        {"psnr": 101},
+        {"psnr": float("nan")},
+        {"psnr": float("inf")},
+        {"threads": 0},
+        {"threads": 1.5},
+        {"seed": -1},
+        {"seed": 0.5},
+        {"lane_count": 0},
+        {"lane_count": 65},
+        {"entropy_precision": 11},
+        {"entropy_precision": 17},
+        {"iterations": 0},
+        {"iterations": -5},
+        {"iterations": 2.5},
+        {"cholesky_bits": 0},
+        {"cholesky_bits": 13},
+        {"color_stages": 0},
+        {"color_stages": 9},
+        {"color_codewords": 0},
+        {"color_codewords": 1025},
+        {"key_frames": 0},
+        {"key_frames": -3},
+        {"key_frames": (0, -1)},
+        {"key_frames": "all"},
+        {"key_frames": [1, 2]},
+        {"frames": (-1, 3)},
+        {"frames": (3, 3)},
+        {"frames": (3, 2)},
+    ],
+)
+def test_values_out_of_range_are_refused_by_name(wrong):
+    name = next(iter(wrong))
+    for preset in (Settings.quick, Settings.paper):
+        with pytest.raises(UsageError, match=name):
+            preset(**wrong)
+
+
+def test_iterations_are_those_of_an_i_frame_and_scale_all_others():
+    base, changed = Settings.quick(), Settings.quick(iterations=50)  # a third
+    assert changed.intra.fit.iterations == 50
+    for kind in ("intra", "inter"):
+        for part in ("fit", "tune"):
+            before, after = getattr(getattr(base, kind), part), getattr(getattr(changed, kind), part)
+            assert after.iterations == round(before.iterations / 3)
+            assert after.schedule == replace(before.schedule, steps=after.iterations)
+            assert replace(after, iterations=before.iterations, schedule=before.schedule) == before
+
+
+def test_no_fit_is_left_without_iterations():
+    one = Settings.quick(iterations=1)
+    assert [part.iterations for kind in (one.intra, one.inter) for part in (kind.fit, kind.tune)] == [1, 1, 1, 1]
+    assert with_iterations(one, 300).intra.fit.iterations == 300
+
+
+def test_only_a_cosine_stretches_with_the_iterations():
+    assert scaled(FitSettings(), 7) == FitSettings(iterations=7)
+    assert scaled(FitSettings(schedule=Cosine(100, 0.1)), 7).schedule == Cosine(7, 0.1)
+
+
+def test_quantisers_can_be_chosen_for_all_frames():
+    chosen = Settings.quick(cholesky_bits=5, color_stages=3, color_codewords=64)
+    for kind in (chosen.intra, chosen.inter):
+        assert kind.quantizer.cholesky_bits == 5
+        assert kind.quantizer.colors.codewords == (64, 64, 64)
+    assert chosen.inter.quantizer.colors.zero_codeword
+    assert Settings.paper(color_stages=1).intra.quantizer.colors.codewords == (8,)
+    assert Settings.paper(color_codewords=16).inter.quantizer.colors.codewords == (16, 16)
+
+
+@pytest.mark.parametrize("override", [{"cholesky_bits": 8}, {"color_stages": 2}, {"color_codewords": 16}])
+def test_explicit_quantisers_switch_off_the_automatic_choice(override):
+    assert Settings.quick().intra.candidates
+    assert not Settings.quick(**override).intra.candidates
+
+
+def test_one_stream_has_one_b():
+    quick = Settings.quick()
+    other = replace(quick.inter, quantizer=replace(quick.inter.quantizer, cholesky_bits=9))
+    with pytest.raises(UsageError, match="cholesky_bits"):
+        Settings.quick(inter=other)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "count"), [(1, 1, 1), (39, 1, 1), (40, 2, 2), (160, 96, 384), (1920, 1080, 51840)]
+)
+def test_by_default_a_splat_stands_for_forty_pixels(width, height, count):
+    assert Settings.quick().splat_count(width, height) == count
+    assert Settings.quick().most_splats(width, height) == count
+    assert Settings.paper().splat_count(width, height) == count
+
+
+def test_constant_quality_may_take_a_splat_for_six_pixels_or_those_asked_for():
+    assert Settings.quick(psnr=30.0).splat_count(40, 30) == 30
+    assert Settings.quick(psnr=30.0).most_splats(40, 30) == 200
+    assert Settings.quick(psnr=30.0).most_splats(2, 2) == 1
+    assert Settings.quick(psnr=30.0, splats=25).most_splats(40, 30) == 25
+
+
+def test_no_more_splats_than_pixels():
+    assert Settings.quick(splats=12).splat_count(4, 3) == 12
+    with pytest.raises(UsageError, match="13 splats are more than the 12 pixels"):
+        Settings.quick(splats=13).splat_count(4, 3)
+    with pytest.raises(UsageError, match="13 splats are more than the 12 pixels"):
+        encoded(waves(4, 3, 1), fast(splats=13))

@@ -1,0 +1,245 @@
+"""A whole ladder on a small picture: what is in it, and how it is shown."""
+
+import json
+import math
+import re
+
+import numba
+import numpy as np
+import pytest
+from html_pages import parsed
+
+from gsvc_lab.accuracy import GROUPS, Source, ladder_html, ladder_object, markdown, measure_ladder
+from gsvc_lab.accuracy.cells import BEGIN, END, number, time_text, update_markdown
+from gsvc_lab.accuracy.encoding import Curve, encoding_curve, thinned
+from gsvc_lab.accuracy.ladder import central
+from gsvc_lab.accuracy.measure import pareto
+from gsvc_lab.accuracy.pictures import amplified
+from gsvc_lab.accuracy.plots import Axis, Point, Series, plot
+from gsvc_lab.accuracy.sources import clip_source, scene_source
+from gsvc_lab.cli.accuracy import describe
+from gsvc_ref.cli.text import to_json
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import UsageError
+
+JIT = not numba.config.DISABLE_JIT
+ROWS, COLUMNS = (24, 40) if JIT else (10, 16)
+"""Interpreted kernels take seconds for what compiled ones do in a millisecond."""
+
+
+def small_source():
+    frame = scene_source("chelsea").frame[100 : 100 + ROWS, 200 : 200 + COLUMNS]
+    return Source("a <cat> & more", 0, np.ascontiguousarray(frame))
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    return measure_ladder(small_source(), seconds=2, repeats=1)
+
+
+def test_every_group_and_rung_has_finite_numbers(ladder):
+    found = json.loads(json.dumps(to_json(ladder_object(ladder)), allow_nan=False))
+    assert [(group["name"], [rung["name"] for rung in group["rungs"]]) for group in found["groups"]] == [
+        (group.name, [rung.name for rung in group.rungs]) for group in GROUPS
+    ]
+    for group in found["groups"]:
+        for rung in group["rungs"]:
+            for name in ("largest_error", "error_quantile_99999", "rms_error", "ratio"):
+                assert math.isfinite(rung[name])
+            assert rung["largest_error"] >= rung["error_quantile_99999"] >= 0
+            assert rung["largest_error"] >= rung["rms_error"]
+            assert (rung["psnr"] is None) == (rung["rms_error"] == 0)
+            assert rung["seconds"]["low"] <= rung["seconds"]["median"] <= rung["seconds"]["high"]
+            assert rung["seconds"]["runs"] == 1
+            assert (rung["bytes"] is not None) == (group["kind"] == "coding")
+            assert math.isfinite(rung["source_psnr"]["median"])
+        assert [rung["ratio"] for rung in group["rungs"] if rung["base"]] == [1]
+    assert found["splats"] == ROWS * COLUMNS // 40
+    assert [curve["preset"] for curve in found["curves"]] == ["quick", "paper"]
+
+
+def test_the_exact_renderer_is_the_only_one_without_error(ladder):
+    steps = {(result.group.name, step.rung.name): step for result in ladder.groups for step in result.steps}
+    assert [key for key, step in steps.items() if step.errors.psnr == math.inf] == [("precision", "exact")]
+    assert (
+        steps["exp", "degree 2"].errors.rms > steps["exp", "degree 3"].errors.rms > steps["exp", "degree 4"].errors.rms
+    )
+    assert steps["cutoff", "1/255"].errors.rms > steps["cutoff", "none"].errors.rms
+
+
+def test_marks_are_pareto_in_error_and_cost(ladder):
+    for result in ladder.groups:
+        costs = [step.bytes if result.group.cost == "bytes" else step.seconds.median for step in result.steps]
+        rms = [step.errors.rms for step in result.steps]
+        assert [step.best for step in result.steps] == pareto(list(zip(rms, costs, strict=True)))
+
+
+def test_the_table_names_everything(ladder):
+    text = "\n".join(describe(ladder))
+    for group in GROUPS:
+        assert f"{group.title} ({group.name}): errors against {group.against}" in text
+        assert all(rung.name in text for rung in group.rungs)
+    assert "identical" in text
+    assert "preset paper: " in text
+    assert "99.999 %" in text
+
+
+def test_the_markdown_has_a_table_for_each_group(ladder):
+    text = markdown(ladder)
+    assert text.count("|---|---|---:|") == len(GROUPS)
+    tables = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(tables) == sum(2 + len(group.rungs) for group in GROUPS)
+    assert "| \\* |" in text
+
+
+def test_markdown_goes_between_the_markers(ladder, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
+    for _ in range(2):
+        update_markdown(page, ladder)
+        assert page.read_text(encoding="utf-8") == f"before\n{BEGIN}\n\n{markdown(ladder)}\n{END}\nafter\n"
+    for text in ("", f"{END}\n{BEGIN}\n", f"{BEGIN}{END}{END}"):
+        page.write_text(text, encoding="utf-8")
+        with pytest.raises(UsageError, match="markdown"):
+            update_markdown(page, ladder)
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(ladder):
+    page = ladder_html(ladder, "gsvc accuracy 'a b.png' --plot")
+    checker = parsed(page)
+    assert "script" not in checker.tags
+    for name, value in checker.attributes:
+        assert name not in ("srcset", "href")
+        if name == "src":
+            assert value.startswith("data:image/png;base64,")
+    without_pictures = re.sub(r"data:image/[^\"]*", "", page)
+    assert not re.search(r"https?:|//|url\(|@import", without_pictures)
+    assert checker.tags.count("img") == 4
+    assert checker.tags.count("svg") == 4
+    text = " ".join(checker.text)
+    assert "a <cat> & more" in text
+    assert "gsvc accuracy 'a b.png' --plot" in text
+    for result in ladder.groups:
+        assert result.group.title in text
+        for step in result.steps:
+            assert step.rung.name in text
+            assert number(step.errors.largest) in text
+            assert time_text(step.seconds.median) in text
+
+
+def test_a_part_of_the_ladder_makes_a_page(ladder):
+    source = small_source()
+    some = measure_ladder(source, ("tile", "start"), seconds=0.1, repeats=1)
+    assert [result.group.name for result in some.groups] == ["tile", "start"]
+    checker = parsed(ladder_html(some))
+    assert "Coding: PSNR against bytes" not in checker.text
+    curves = measure_ladder(source, ("encoding",), seconds=0.1, repeats=1)
+    assert curves.splats == 0
+    assert parsed(ladder_html(curves)).tags.count("svg") == 1
+    assert "Encoding one I-frame" in "\n".join(describe(curves))
+
+
+def test_large_pictures_are_cut_down_for_training():
+    picture = np.arange(60 * 100 * 3, dtype=np.float32).reshape(60, 100, 3)
+    assert central(picture, 6000) is picture
+    middle = central(picture, 1500)
+    assert middle.shape == (30, 50, 3)
+    np.testing.assert_array_equal(middle, picture[15:45, 25:75])
+
+
+def test_cut_down_pictures_are_said(monkeypatch):
+    monkeypatch.setattr("gsvc_lab.accuracy.ladder.MOST_TRAINING_PIXELS", 40)
+    found = measure_ladder(small_source(), ("start",), seconds=0.1, repeats=1)
+    width, height = (8, 4) if JIT else (8, 5)
+    assert found.notes == (f"the rungs that code and train took the middle {width}x{height} pixels of the picture",)
+
+
+@pytest.mark.parametrize("numbers", [{"seconds": 0}, {"seconds": math.inf}, {"seconds": math.nan}, {"repeats": 0}])
+def test_numbers_out_of_range(numbers):
+    with pytest.raises(UsageError, match="seconds is"):
+        measure_ladder(small_source(), ("exp",), **numbers)
+
+
+def test_a_curve_that_is_complete_and_one_that_is_stopped():
+    source = small_source()
+    complete = encoding_curve(Settings.quick(splats=12, iterations=4), source, math.inf)
+    assert complete.end.startswith("complete: the decoded frame has ")
+    seconds = [second for second, _ in complete.points]
+    assert seconds == sorted(seconds)
+    stopped = encoding_curve(Settings.paper(splats=12), source, 0.05)
+    assert stopped.end.startswith("stopped after 0 s, in iteration ")
+    assert stopped.end.endswith(" of the fit")
+
+
+def test_when_a_curve_reached_something():
+    curve = Curve("quick", ((0.1, 20.0), (0.2, 30.0), (0.3, 29.0), (0.4, 31.0)), 4, "complete")
+    assert [curve.seconds_to(psnr) for psnr in (5, 30, 30.5, 31.5)] == [0.1, 0.2, 0.4, None]
+
+
+def test_thinned_curves_keep_their_ends():
+    points = [(0.01 * (n + 1), float(n)) for n in range(5000)]
+    kept = thinned(points, 50)
+    assert 30 < len(kept) <= 50
+    assert (kept[0], kept[-1]) == (points[0], points[-1])
+    assert set(kept) <= set(points)
+    assert thinned(points[:50], 50) == tuple(points[:50])
+
+
+def test_errors_are_amplified_around_grey():
+    error = np.zeros((40, 50, 3))
+    error[0, 0] = 0.02, -0.01, 0
+    error[1:3, :5] = 0.003
+    picture, gain = amplified(error)
+    assert gain == 20_000
+    assert picture[0, 0].tolist() == [255, 0, 128]
+    assert picture[1, 1].tolist() == [128 + 60] * 3
+    picture, gain = amplified(np.zeros((2, 2, 3)))
+    assert (picture == 128).all()
+    assert gain == 1
+
+
+def circles(chart):
+    return [(float(x), float(y)) for x, y in re.findall(r'<circle class="[^"]*" cx="([\d.]+)" cy="([\d.]+)"', chart)]
+
+
+def test_points_stand_where_their_values_are():
+    points = (Point(1, 0), Point(10, 5), Point(100, 10))
+    chart = plot([Series("a", points, 0)], Axis("x", str, log=True), Axis("y", str), "label")
+    (x0, y0), (x1, y1), (x2, y2) = circles(chart)
+    assert x1 == pytest.approx((x0 + x2) / 2, abs=0.11)
+    assert y1 == pytest.approx((y0 + y2) / 2, abs=0.11)
+    assert x0 < x1 < x2
+    assert y0 > y1 > y2
+
+
+def test_zero_stands_below_everything_on_a_logarithmic_axis():
+    points = (Point(1, 0), Point(2, 1e-9), Point(3, 1))
+    chart = plot([Series("a", points, 0)], Axis("x", str), Axis("y", lambda value: f"{value:g}", log=True), "label")
+    heights = [y for _, y in circles(chart)]
+    assert heights == sorted(heights, reverse=True)
+    assert ">0</text>" in chart
+
+
+def test_labels_do_not_cover_each_other():
+    points = tuple(Point(n % 4, n // 4 / 10, label=f"point number {n}") for n in range(12))
+    chart = plot([Series("a", points, 0, line=False)], Axis("x", str), Axis("y", str), "label")
+    found = re.findall(r'<text class="name" x="([\d.]+)" y="([\d.]+)">([^<]+)</text>', chart)
+    boxes = [(float(x), float(y), float(x) + 6 * len(text)) for x, y, text in found]
+    assert len(boxes) >= 8
+    for n, (left, y, right) in enumerate(boxes):
+        for other_left, other_y, other_right in boxes[n + 1 :]:
+            assert abs(y - other_y) >= 13 or right <= other_left or other_right <= left
+
+
+def test_scenes_and_clips(tmp_path):
+    assert scene_source("demo", 3).frame.shape == (112, 192, 3)
+    assert not np.array_equal(scene_source("demo", 3).frame, scene_source("demo", 0).frame)
+    assert scene_source("coffee").picture.max() <= 1
+    with pytest.raises(UsageError, match="no scene 'dog'; there are demo, astronaut, chelsea, coffee"):
+        scene_source("dog")
+    with pytest.raises(UsageError, match="chelsea has no frame 1"):
+        scene_source("chelsea", 1)
+    with pytest.raises(UsageError, match="the frame is -1"):
+        scene_source("demo", -1)
+    with pytest.raises(FileNotFoundError):
+        clip_source(str(tmp_path / "missing.png"))

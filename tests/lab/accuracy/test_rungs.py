@@ -1,0 +1,142 @@
+"""That a rung changes what it says and nothing else."""
+
+from dataclasses import fields, is_dataclass, replace
+
+import numba
+import numpy as np
+import pytest
+
+from gsvc_lab.accuracy.choices import QUICK_FIT, Coding, Reference, Subject, Training
+from gsvc_lab.accuracy.rungs import ENCODING, GROUP_NAMES, GROUPS, check_names
+from gsvc_lab.accuracy.sources import scene_source
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import UsageError
+from gsvc_ref.rendering import PRECISIONS
+from gsvc_ref.training.augmentation import image_start
+from gsvc_ref.training.fine_tuning import fine_tune
+from gsvc_ref.training.fit import NEW, Population
+
+JIT = not numba.config.DISABLE_JIT
+
+VARIED = {
+    "precision": None,  # different renderers
+    "exp": {"variant.degree"},
+    "cutoff": {"variant.cutoff"},
+    "tile": {"variant.tile"},
+    "position": {"position_bits"},
+    "cholesky": {"cholesky_bits"},
+    "color": {"stages", "codewords"},
+    "splats": {"pixels_per_splat"},
+    "iterations": {"fit.iterations", "fit.schedule.steps"},
+    "start": {"start"},
+    "rates": {"fit.rates.position", "fit.rates.cholesky", "fit.rates.color", "fit.rates.weight", "fit.schedule",
+              "fit.learn_pixels", "fit.relative_steps"},
+}  # fmt: skip
+"""The choice of each group, as the paths of the fields that its rungs may differ in."""
+
+
+def differences(a, b, path=""):
+    """The paths of the fields in which two values differ."""
+    if type(a) is not type(b) or not is_dataclass(a):
+        return set() if a == b else {path}
+    found = set()
+    for field in fields(a):
+        found |= differences(getattr(a, field.name), getattr(b, field.name), f"{path}.{field.name}".lstrip("."))
+    return found
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.name)
+def test_rungs_of_a_group_differ_in_one_choice(group):
+    names = [rung.name for rung in group.rungs]
+    assert len(set(names)) == len(names) >= 2
+    assert sum(rung.base for rung in group.rungs) == 1
+    choices = [rung.choice for rung in group.rungs]
+    assert len(set(choices)) == len(choices)
+    if (varied := VARIED[group.name]) is not None:
+        for choice in choices[1:]:
+            assert differences(choices[0], choice) <= varied
+            assert differences(choices[0], choice)
+
+
+def test_every_precision_is_a_rung():
+    precisions = [rung.choice.precision for rung in GROUPS[0].rungs if isinstance(rung.choice, Reference)]
+    assert precisions == list(PRECISIONS)
+
+
+@pytest.mark.parametrize("group", [group for group in GROUPS if group.kind == "training"], ids=lambda group: group.name)
+def test_the_rung_called_quick_is_the_preset(group):
+    quick = [rung.choice for rung in group.rungs if rung.usual == "quick"]
+    assert quick == [Training()]
+    assert Training().fit == Settings.quick().intra.fit
+
+
+@pytest.mark.parametrize(
+    ("choice", "changed"),
+    [
+        (Coding(), {"intra.quantizer.position_step", "intra.candidates"}),
+        (Coding(position_bits=9), {"intra.quantizer.position_step", "intra.candidates"}),
+        (Coding(cholesky_bits=5), {"intra.quantizer.position_step", "intra.candidates", "intra.quantizer.cholesky_bits",
+                                   "inter.quantizer.cholesky_bits"}),
+        (Coding(stages=2), {"intra.quantizer.position_step", "intra.candidates", "intra.quantizer.colors.codewords"}),
+    ],
+)  # fmt: skip
+def test_coding_is_that_of_the_preset_but_for_the_choice(choice, changed):
+    assert differences(Settings.quick(), choice.settings(40, 30)) == changed
+
+
+@pytest.fixture(scope="module")
+def subject():
+    rows, columns = (64, 80) if JIT else (20, 24)  # interpreted kernels are slow
+    return Subject(scene_source("chelsea").picture[100 : 100 + rows, 200 : 200 + columns])
+
+
+@pytest.mark.parametrize("bits", [6, 9])
+def test_positions_have_the_bits_that_the_rung_says(subject, bits):
+    _, state, size = Coding(position_bits=bits).run(subject, 0)
+    half = np.array([subject.width / 2, subject.height / 2])
+    steps = (state.splats.positions.astype(np.float64) / half - 1) * 2 ** (bits - 1)
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-3)
+    finer = np.rint(steps) % 2
+    assert finer.any()  # and not fewer
+    assert size > 0
+
+
+def test_coarser_choices_cost_fewer_bytes(monkeypatch):
+    def untuned(values, quantizer, objective, settings):
+        return fine_tune(values, quantizer, objective, replace(settings, iterations=0))
+
+    monkeypatch.setattr("gsvc_lab.accuracy.choices.fine_tune", untuned)
+    subject = Subject(scene_source("chelsea").picture[100:164, 200:280])
+    splats = image_start(subject.picture, 300, np.random.default_rng(0))
+    subject.population = Population(splats, 1.0, np.full(300, NEW), QUICK_FIT)
+    usual = Coding().run(subject, 0)[2]
+    for coarser in (Coding(position_bits=7), Coding(cholesky_bits=4), Coding(stages=1)):
+        assert coarser.run(subject, 0)[2] < usual
+
+
+def test_fewer_cholesky_bits_leave_positions_and_colours_to_the_same_quantisers(subject):
+    coarse, fine = (Coding(cholesky_bits=bits).run(subject, 0)[0].intra for bits in (4, 12))
+    assert coarse.cholesky.max() < 16 <= fine.cholesky.max()
+    assert len(coarse.codebooks) == len(fine.codebooks) == 3
+    assert [len(book) for book in coarse.codebooks] == [len(book) for book in fine.codebooks]
+
+
+def test_seeds_give_other_splats_and_the_same_seed_the_same(subject):
+    first, again, other = (Training().run(subject, seed).splats() for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+
+
+def test_a_random_start_begins_dark(subject):
+    start = Training(start="random", fit=Training().fit.__class__(iterations=0, pruning=None)).run(subject, 0)
+    assert abs(start.parameters()[:, 5:8]).max() < 0.01
+    assert len(start) == subject.width * subject.height // 40
+
+
+def test_names():
+    check_names(GROUP_NAMES)
+    assert GROUP_NAMES[-1] == ENCODING
+    with pytest.raises(UsageError, match="'speed'; there are precision, exp"):
+        check_names(("exp", "speed"))
+    with pytest.raises(UsageError, match="no group"):
+        check_names(())
