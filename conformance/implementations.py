@@ -20,7 +20,7 @@ from gsvc_ref.errors import UsageError
 
 EXTRA_OF: Final = {"pyopencl": "adapters", "wgpu": "adapters", "playwright": "adapters", "torch": "peers"}
 """Which extra of pyproject.toml installs what an adapter imports."""
-MOST_NEAR: Final = 4
+MAX_NEAR: Final = 4
 """So many names that are nearly those of stages are told."""
 
 
@@ -137,7 +137,7 @@ def load_module(name: str) -> ModuleImplementation:
     functions = {key: value for key, value in vars(module).items() if callable(value) and not key.startswith("_")}
     if functions.keys().isdisjoint(stages()):
         near = [f"{key} for {meant(key, stages())[0]}" for key in functions if meant(key, stages())]
-        hint = f"; is it {', '.join(near[:MOST_NEAR])}?" if near else "; see python -m conformance list"
+        hint = f"; is it {', '.join(near[:MAX_NEAR])}?" if near else "; see python -m conformance list"
         raise UsageError(f"no function of the module {name} is named as a stage{hint}")
     return ModuleImplementation(name, functions, environment=_environment_of(name, functions.get("environment")))
 

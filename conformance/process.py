@@ -28,13 +28,13 @@ from gsvc_ref.errors import UsageError
 
 EXIT_UNSUPPORTED: Final = 77
 """Exit status of a command that does not know a stage, or does not support what the inputs ask for."""
-MOST_BYTES: Final = 1 << 28
+MAX_BYTES: Final = 1 << 28
 """Of one output file; larger ones are not loaded."""
-MOST_TEXT: Final = 1 << 12
+MAX_TEXT: Final = 1 << 12
 """Bytes of an output text."""
-MOST_OUT: Final = 1 << 30
+MAX_OUT: Final = 1 << 30
 """Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
-LEAST_FILE: Final = 4096
+MIN_FILE: Final = 4096
 """What a file takes at least."""
 PERTURB: Final = "MALLOC_PERTURB_"
 """Variable by which the memory allocator of glibc fills what it gives; see mallopt(3)."""
@@ -130,9 +130,9 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
         It is missing, too large or not what its name says; with a message that begins with the file's name.
     """
     if port.type == "text":
-        return _read_file(folder / f"{port.name}.txt", MOST_TEXT).decode(errors="replace").strip()
+        return _read_file(folder / f"{port.name}.txt", MAX_TEXT).decode(errors="replace").strip()
     name = f"{port.name}.npy"
-    data = _read_file(folder / name, MOST_BYTES)
+    data = _read_file(folder / name, MAX_BYTES)
     file = io.BytesIO(data)
     try:
         header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -176,18 +176,18 @@ def _measure(folder: Path) -> None:
     Raises
     ------
     TooMuchError
-        It holds more than `MOST_OUT` bytes.
+        It holds more than `MAX_OUT` bytes.
     """
     held, folders = 0, [folder]
-    while folders and held <= MOST_OUT:
+    while folders and held <= MAX_OUT:
         with suppress(OSError), os.scandir(folders.pop()) as entries:  # what is there may go at any time
             for entry in entries:
                 status = entry.stat(follow_symlinks=False)
-                held += max(getattr(status, "st_blocks", 0) * 512, LEAST_FILE)
+                held += max(getattr(status, "st_blocks", 0) * 512, MIN_FILE)
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(Path(entry.path))
-    if held > MOST_OUT:
-        raise TooMuchError(f"it wrote more than {MOST_OUT >> 20} MiB to IN_DIR and OUT_DIR")
+    if held > MAX_OUT:
+        raise TooMuchError(f"it wrote more than {MAX_OUT >> 20} MiB to IN_DIR and OUT_DIR")
 
 
 class TooMuchError(Exception):

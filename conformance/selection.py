@@ -24,7 +24,7 @@ MANIFEST: Final = "manifest.json"
 ALL_LEVELS: Final = (*LEVELS, FULL)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
-MOST_NAMED: Final = 4
+MAX_NAMED: Final = 4
 """So many selected names are listed, more are counted."""
 GENERATE: Final = "write them with: python -m conformance generate"
 
@@ -71,7 +71,7 @@ def _named(kind: str, values: tuple[str, ...]) -> str:
     """Values by name, or their number if they are many."""
     return (
         f"{kind} {' or '.join(values)}"
-        if len(values) <= MOST_NAMED
+        if len(values) <= MAX_NAMED
         else f"{len(values)} {kind}{'es' if kind.endswith('s') else 's'}"
     )
 

@@ -11,7 +11,7 @@ from conformance.results import Table
 from conformance.stage import Values
 from conformance.vectors import Vector
 
-MOST_ROWS: Final = 6
+MAX_ROWS: Final = 6
 """So many rows are shown."""
 
 RIGHT: Final = "ok"
@@ -38,7 +38,7 @@ def _table(vector: Vector, name: str, expectation: Bounded | Exact, given: NDArr
         bound = np.asarray(expectation.bound, np.float64) if isinstance(expectation, Bounded) else np.zeros(right.shape)
         good = (abs(mine - right) <= bound) | (mine == right)
     bad = np.flatnonzero((~good).any(axis=1))
-    chosen = bad[:MOST_ROWS] if len(bad) else np.arange(min(len(right), MOST_ROWS))
+    chosen = bad[:MAX_ROWS] if len(bad) else np.arange(min(len(right), MAX_ROWS))
     rows = tuple(
         (
             f"{item(vector.stage, name)} {n}",

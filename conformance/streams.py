@@ -17,7 +17,7 @@ from conformance.stages.bitstream import decode_stream_deterministic, reconstruc
 from conformance.vectors import npy
 from gsvc_ref.testing.random_streams import Stream, random_stream
 
-MOST_PIXELS: Final = 4096
+MAX_PIXELS: Final = 4096
 """Of a frame: any shape, from 4096x1 to 1x4096, so that sixty streams take a few megabytes."""
 
 PARTS: Final = ("counts", "parameters", "frames", "lowest", "highest")
@@ -26,7 +26,7 @@ PARTS: Final = ("counts", "parameters", "frames", "lowest", "highest")
 
 def stream_of(seed: int, number: int) -> Stream:
     """Stream `number` of a seed, the same for any count."""
-    return random_stream(seed << 32 | number, max_pixels=MOST_PIXELS)
+    return random_stream(seed << 32 | number, max_pixels=MAX_PIXELS)
 
 
 def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int], object] = id) -> None:

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 
 from gsvc_ref.errors import naming
 
-MOST_NAME_BYTES: Final = 100
+MAX_NAME_BYTES: Final = 100
 """Of the target's name in the temporary one, so that a name as long as a file may have leaves room for the rest."""
 
 
@@ -225,7 +225,7 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def _short(name: str) -> str:
-    while len(os.fsencode(name)) > MOST_NAME_BYTES:
+    while len(os.fsencode(name)) > MAX_NAME_BYTES:
         name = name[:-1]
     return name
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.building import Array, result
-from conformance.cases.planes import LANES, LARGEST, LARGEST_TABLE, LEAST_STATE, peaked
+from conformance.cases.planes import LANES, LARGEST, LARGEST_TABLE, MIN_STATE, peaked
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.rans import decode_plain
 from gsvc_ref.draws import Draws
@@ -62,4 +62,4 @@ def encoding(symbols: Array, frequencies: Array, precision: int, lanes: int) -> 
         symbols.tolist(),
         len(words),
     )
-    assert states == [LEAST_STATE] * len(states)
+    assert states == [MIN_STATE] * len(states)

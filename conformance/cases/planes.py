@@ -14,7 +14,7 @@ from gsvc_ref.bitstream.plane_coding import best_golomb_order
 from gsvc_ref.bitstream.rans import decode_plain, encode_plane
 from gsvc_ref.draws import Draws
 
-LEAST_STATE: Final = 1 << 16
+MIN_STATE: Final = 1 << 16
 
 
 def plane(mode: int, symbols: Array, alphabet: int) -> Array:
@@ -222,7 +222,7 @@ def states_of_32_bits(rng: Draws) -> Inputs:
 def state_falls_to_the_least() -> Inputs:
     """After a symbol the state is exactly 2^16, and no word is taken; only a state below 2^16 takes one."""
     frequencies = [1 << 11, 1 << 11]
-    state = (LEAST_STATE >> 11) << 12  # decoding symbol 0 gives 2^11 (state >> 12) + 0 = 2^16
+    state = (MIN_STATE >> 11) << 12  # decoding symbol 0 gives 2^11 (state >> 12) + 0 = 2^16
     assert decode_plain(frequencies, 0, 12, [state], [], 1) == ([0], 0)
     data = coded(np.array([0], np.uint16), 2, 12, 1, counts=np.array([1, 1]))
     assert int.from_bytes(data[-4:].tobytes(), "little") == state
@@ -234,7 +234,7 @@ def state_falls_to_the_least() -> Inputs:
 def least_state() -> Inputs:
     """A state of 2^16, the least there is, and a word of 0: x becomes 1, then 2^16 again."""
     data = coded(np.array([0], np.uint16), 2, 16, 1, counts=np.array([1, 10**9]))
-    assert data[-6:].tobytes() == LEAST_STATE.to_bytes(4, "little") + bytes(2)
+    assert data[-6:].tobytes() == MIN_STATE.to_bytes(4, "little") + bytes(2)
     expected = yield inputs(data, 1, 2, 16)
     assert expected["symbols"].value.tolist() == [0]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
-from conformance.cases.splat_sets import COLOR, FEWEST_GUARDS, population, splat, splats
+from conformance.cases.splat_sets import COLOR, MIN_GUARDS, population, splat, splats
 from conformance.stages.rendering import edge_margins
 from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
@@ -249,7 +249,7 @@ def small_leaning_splats_far_down(rng: Draws) -> Inputs:
     while len(rows) < count:
         x, y = rng.uniform(0.2, 2.8), rng.uniform(1024, height)
         one = splat(x, y, rng.uniform(0.4, 0.6), rng.uniform(0.6, 0.9), rng.uniform(0.6, 0.9))
-        if edge_margins(one, width, height)[0] > FEWEST_GUARDS:
+        if edge_margins(one, width, height)[0] > MIN_GUARDS:
             rows.append(one)
     parameters = splats(*rows)
     expected = yield {"parameters": parameters, "width": width, "height": height}

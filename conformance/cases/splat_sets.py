@@ -13,7 +13,7 @@ F4 = NDArray[np.float32]
 COLOR = (0.75, -0.375, 1.125)
 """A colour whose channels differ, one of them negative."""
 
-FEWEST_GUARDS = 4.0
+MIN_GUARDS = 4.0
 """How many rounding errors random splats keep all pixels away from the edge of their support."""
 
 
@@ -37,7 +37,7 @@ def population(rng: Draws, count: int, width: int, height: int, radius: float | 
     """
     size = np.sqrt(width * height / count) if radius is None else radius
     packed = anywhere(rng, count, width, height, float(size))
-    while (close := edge_margins(packed, width, height) <= FEWEST_GUARDS).any():
+    while (close := edge_margins(packed, width, height) <= MIN_GUARDS).any():
         packed[close] = anywhere(rng, int(close.sum()), width, height, float(size))
     return packed
 

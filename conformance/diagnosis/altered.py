@@ -16,7 +16,7 @@ from conformance.vectors import Vector
 Change = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 """From the inputs those that are altered."""
 
-MOST_BYTES: Final = 1_000_000
+MAX_BYTES: Final = 1_000_000
 """Larger inputs are not tried again and again."""
 
 SMALL: Final = 64
@@ -51,7 +51,7 @@ def altered_form(failure: Failure) -> list[str]:
 
 def _tried(vector: Vector) -> list[tuple[str, Values]]:
     size = sum(value.nbytes for value in vector.inputs.values() if isinstance(value, np.ndarray))
-    return _trials(vector) if size <= MOST_BYTES else []
+    return _trials(vector) if size <= MAX_BYTES else []
 
 
 def _same(part: Part, theirs: Any) -> bool:

@@ -19,10 +19,10 @@ from conformance.mutants import Mutant, all_mutants, answer, called
 from conformance.stage import Values
 from conformance.vectors import Vector
 
-LEAST_FIT: Final = 0.5
+MIN_FIT: Final = 0.5
 """Bugs that fit the stage worse are not named."""
 
-LEAST_FIT_OF_FEW: Final = 0.9
+MIN_FIT_OF_FEW: Final = 0.9
 """The same of bugs that explain only failures that tell little."""
 
 FEW: Final = 4
@@ -34,7 +34,7 @@ LARGE: Final = 2**20
 MOST: Final = 2
 """So many bugs are named."""
 
-MOST_ALIKE: Final = 4
+MAX_ALIKE: Final = 4
 """So many bugs that cannot be told apart are named."""
 
 PAIRED: Final = 3
@@ -43,7 +43,7 @@ PAIRED: Final = 3
 FIRST_OF_PAIR: Final = 2
 """So many bugs, those that give most, are tried together with each other one."""
 
-LEAST_WRONG: Final = 20
+MIN_WRONG: Final = 20
 """Wrong elements that a pair must explain: fewer agree with one of so many by chance."""
 
 MISSING: Final = 2
@@ -81,8 +81,8 @@ def named(
     plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
     likely = {
         mutant for mutant in fit
-        if (fit[mutant] >= LEAST_FIT if mutant in plain else
-            min(fit[mutant], explained[mutant] / len(failures)) >= LEAST_FIT_OF_FEW)
+        if (fit[mutant] >= MIN_FIT if mutant in plain else
+            min(fit[mutant], explained[mutant] / len(failures)) >= MIN_FIT_OF_FEW)
     }  # fmt: skip
     ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
     told = {}
@@ -154,8 +154,8 @@ def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
     )
     if not refused and len(sentences) == 1:
         return sentences
-    others = f"; and {len(sentences) - MOST_ALIKE} others" if len(sentences) > MOST_ALIKE else ""
-    which = "; ".join(sentences[:MOST_ALIKE]) + others
+    others = f"; and {len(sentences) - MAX_ALIKE} others" if len(sentences) > MAX_ALIKE else ""
+    which = "; ".join(sentences[:MAX_ALIKE]) + others
     if refused:
         return [f"{ALIKE}, which need not be yours: {which}"]
     return [f"one of {len(sentences)} known bugs not told apart here, or another one: {which}"]
@@ -197,7 +197,7 @@ def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> 
 def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
     """The pairs of bugs that explain a failure, the best first."""
     wrong = sum(count(vector.expected[name], outputs.get(name)) for name in wrong_outputs(vector, outputs))
-    if wrong < LEAST_WRONG:
+    if wrong < MIN_WRONG:
         return []
     bugs = sorted(bugs_for(vector), key=lambda bug: -_share(vector, outputs, bug))
     tried = [_both(a, b) for place, a in enumerate(bugs[:FIRST_OF_PAIR]) for b in bugs[place + 1 :]]

@@ -12,7 +12,7 @@ from conformance.diagnosis.terms import pixel_gradients, some_splats
 
 MOST: Final = 3_000_000
 """Pixels times splats; more are not tried."""
-MOST_SPLATS: Final = 1_000
+MAX_SPLATS: Final = 1_000
 """Of a sum; more would take seconds, and smaller vectors have failed, too."""
 
 Keeps = Callable[[F8, F8], Mask]
@@ -83,7 +83,7 @@ def _distances(splat: F8, height: int, width: int) -> F8:
 
 def _sum(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Part, F8] | None:
     parameters, height, width = inputs["parameters"].astype(np.float64), inputs["height"], inputs["width"]
-    if len(parameters) > MOST_SPLATS or len(parameters) * height * width > MOST:
+    if len(parameters) > MAX_SPLATS or len(parameters) * height * width > MOST:
         return None
     total = np.zeros((height, width, 3))
     for splat in parameters:
@@ -95,7 +95,7 @@ def _sum(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Part, F8]
 def _blended(inputs: Mapping[str, Any], part: Part) -> F8 | None:
     """What alpha blending as in 3D splatting gives, the first splat in front."""
     parameters, height, width = inputs["parameters"].astype(np.float64), inputs["height"], inputs["width"]
-    if len(parameters) > MOST_SPLATS or len(parameters) * height * width > MOST:
+    if len(parameters) > MAX_SPLATS or len(parameters) * height * width > MOST:
         return None
     total, left = np.zeros((height, width, 3)), np.ones((height, width, 1))
     for splat in parameters:

@@ -29,10 +29,10 @@ ROUNDING: Final = 1e-5
 MOSTLY: Final = 0.9
 """Fraction of the wrong elements that must be."""
 
-MOST_ROWS: Final = 1000
+MAX_ROWS: Final = 1000
 """Rows of larger tables are not looked for in other places."""
 
-LEAST_MOVED: Final = 0.25
+MIN_MOVED: Final = 0.25
 """Fraction of the rows that must stand elsewhere."""
 
 FEWEST: Final = 5
@@ -85,7 +85,7 @@ def _nearer(given: Array, right: Array, other: Array) -> bool:
 
 def _permuted(right: Array, given: Array) -> str:
     """The rows of a table in another order; '' if they are not, or if too few differ."""
-    if right.ndim != 2 or not FEWEST <= len(np.unique(right, axis=0)) <= len(right) <= MOST_ROWS:
+    if right.ndim != 2 or not FEWEST <= len(np.unique(right, axis=0)) <= len(right) <= MAX_ROWS:
         return ""
     scale = np.maximum(abs(right).max(axis=0), 1e-30)
     apart = abs(given[:, None] / scale - right[None] / scale).max(axis=2)
@@ -93,7 +93,7 @@ def _permuted(right: Array, given: Array) -> str:
     moved = nearest != np.arange(len(right))
     if (apart.min(axis=1) > NEAR).any() or len(np.unique(nearest)) < LEAST * len(right):
         return ""
-    return "the right rows in another order (sorted, and not put back?)" if moved.mean() >= LEAST_MOVED else ""
+    return "the right rows in another order (sorted, and not put back?)" if moved.mean() >= MIN_MOVED else ""
 
 
 def _other_bytes(value: Array, mine: Array) -> str:

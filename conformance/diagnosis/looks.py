@@ -16,14 +16,14 @@ from conformance.diagnosis.places import place_candidates
 from conformance.diagnosis.ratios import ratio_candidates
 from conformance.diagnosis.regions import Candidate, column_candidates, region_candidates
 from conformance.diagnosis.stale import stale_candidates
-from conformance.diagnosis.sums import MOST_SOLVED, sum_candidates
+from conformance.diagnosis.sums import MAX_SOLVED, sum_candidates
 from conformance.names import columns
 from conformance.vectors import Vector
 
-LEAST_SHARE: Final = 0.5
+MIN_SHARE: Final = 0.5
 """Of the vectors that would show an account, the fraction that must show it."""
 
-LEAST_SINGLES: Final = 0.75
+MIN_SINGLES: Final = 0.75
 """Of the failures with few splats, the fraction of which single splats must account: not few of many."""
 
 SMALL: Final = 16
@@ -66,7 +66,7 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         if not found:
             forms[name] = altered_form(failure)
     able = sum(_solvable(failure) for failure in failures)
-    if sum(any(c.single for c in candidates) for candidates in strong.values()) < LEAST_SINGLES * able:
+    if sum(any(c.single for c in candidates) for candidates in strong.values()) < MIN_SINGLES * able:
         strong = {key: [c for c in candidates if not c.single] for key, candidates in strong.items()}
     for table, strongly in ((strong, True), (weak, False)):
         for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
@@ -83,7 +83,7 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
 
 def _solvable(failure: Failure) -> bool:
     """Whether single splats of a failure could be found missing."""
-    return 1 < len(failure.vector.inputs.get("parameters", ())) <= MOST_SOLVED
+    return 1 < len(failure.vector.inputs.get("parameters", ())) <= MAX_SOLVED
 
 
 def _by_vector(chosen: dict[Key, str], wrong: dict[Key, Part]) -> Iterator[tuple[str, str]]:
@@ -191,7 +191,7 @@ def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: S
     fair = {
         s for s, number in support.items()
         if telling[s] >= 1 and number >= least[s] * sum(outputs[output] for output in homes[s])
-        and number >= LEAST_SHARE * (number + against(s))
+        and number >= MIN_SHARE * (number + against(s))
     }  # fmt: skip
     chosen = {}
     for key, candidates in table.items():

@@ -19,7 +19,7 @@ COMMON: Final = 0.75
 FEWEST: Final = 3
 """So many vectors must fail, and pass, for what they have in common to be told."""
 
-FEWEST_OF_TWO: Final = 4
+MIN_OF_TWO: Final = 4
 """The same for two things that they have in common only together."""
 
 Meets = Callable[[Mapping[str, Any]], bool]
@@ -174,7 +174,7 @@ def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
            for words, meets in _shared_conditions(bad, good)]  # fmt: skip
     if alone := [words for words, others in met if not others]:
         return f"only vectors {alone[0]} fail"
-    if min(len(failed), len(passed)) >= FEWEST_OF_TWO:
+    if min(len(failed), len(passed)) >= MIN_OF_TWO:
         for place, (a, others) in enumerate(met):
             for b, more in met[place + 1 :]:
                 if not others & more:

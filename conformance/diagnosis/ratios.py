@@ -19,7 +19,7 @@ FEWEST: Final = 3
 TELLING: Final = 8.0
 """So many times what may differ a number must be to tell a factor."""
 
-LEAST_SINGLE: Final = 0.75
+MIN_SINGLE: Final = 0.75
 """Of outputs of one integer so many must be off by the same number."""
 
 NAMED: Final[Mapping[float, str]] = {
@@ -42,7 +42,7 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
         words = f"{'larger' if offset > 0 else 'smaller'} by {abs(offset)}"
         if abs(offset) == 1:
             words = f"one {'more' if offset > 0 else 'less'} than the right ones (counted from another first number?)"
-        yield Candidate(f"numbers {words}, everywhere", None, LEAST_SINGLE, 0.5)
+        yield Candidate(f"numbers {words}, everywhere", None, MIN_SINGLE, 0.5)
     names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
     if part.right.ndim == 2 and part.given.dtype.kind == "f" and _row_by_row(part):
         yield Candidate("each row times a factor of its own, the same in all its columns")

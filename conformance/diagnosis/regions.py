@@ -22,10 +22,10 @@ PERIODS: Final = (2, 3, 4, 8, 16, 32, 64, 128, 256)
 TILES: Final = (16, 8, 32)
 """Usual sides of tiles of pixels."""
 
-LEAST_BLOCK: Final = 32
+MIN_BLOCK: Final = 32
 """Multiples of this are told as such."""
 
-MOST_ROUND: Final = 8
+MAX_ROUND: Final = 8
 """So many round numbers are as good as the first wrong place."""
 
 FAINT: Final = 1e-3
@@ -73,7 +73,7 @@ def size_hint(k: int) -> str:
     """What a number of elements may be, in words: a power of two, or so many blocks of one."""
     if k >= 2 and k & (k - 1) == 0:
         return f" ({k} = 2^{k.bit_length() - 1}: one block, table or grid of {k}?)"
-    if k and k % LEAST_BLOCK == 0:
+    if k and k % MIN_BLOCK == 0:
         block = max(b for b in BLOCKS if k % b == 0)
         return f" ({k} = {k // block} x {block}: so many whole blocks of {block}?)"
     return ""
@@ -150,7 +150,7 @@ def _shapes(wrong: Mask, visible: Mask) -> Iterator[tuple[str, Where]]:
     if start and _fills(wrong, visible, slice(first, None)):
         if start <= size - 1 <= first:
             yield "the last of the NOUN IS", _from_last
-        for k in sorted({first, *_round(start, first)}, key=lambda k: (k & (k - 1) != 0, k % LEAST_BLOCK != 0, k)):
+        for k in sorted({first, *_round(start, first)}, key=lambda k: (k & (k - 1) != 0, k % MIN_BLOCK != 0, k)):
             if 1 < k < size:
                 yield f"NOUN from {k} on IS{size_hint(k)}", _from(k)
         for block in BLOCKS:
@@ -190,7 +190,7 @@ def _every(period: int, rest: int) -> Where:
 def _round(start: int, first: int) -> list[int]:
     """Round numbers that are as good a beginning as the first wrong element: those before it cannot show."""
     numbers = {k for block in BLOCKS for k in range(-(-max(start, 1) // block) * block, first + 1, block)}
-    return sorted(numbers, key=lambda k: (k & (k - 1) != 0, -(k & -k)))[:MOST_ROUND]
+    return sorted(numbers, key=lambda k: (k & (k - 1) != 0, -(k & -k)))[:MAX_ROUND]
 
 
 def _fills(wrong: Mask, visible: Mask, where: slice) -> bool:

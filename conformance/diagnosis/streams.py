@@ -8,7 +8,7 @@ from conformance.diagnosis.failures import Failure
 from conformance.expectations import Refusal
 from conformance.vectors import Vector
 
-LEAST_KINDS: Final = 2
+MIN_KINDS: Final = 2
 """Kinds of errors that must be told as another one."""
 
 
@@ -37,7 +37,7 @@ def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
     told = {kind for _, kind in pairs}
     others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
               if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
-    if len(told) != 1 or len({right for right, _ in pairs}) < LEAST_KINDS or not others <= told:
+    if len(told) != 1 or len({right for right, _ in pairs}) < MIN_KINDS or not others <= told:
         return ""
     return f"every error told as of the kind {told.pop()}, whatever it is"
 

@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis.failures import Array, Failure, Part
-from conformance.diagnosis.regions import BLOCKS, LEAST_BLOCK, PERIODS, TILES, Candidate, size_hint
+from conformance.diagnosis.regions import BLOCKS, MIN_BLOCK, PERIODS, TILES, Candidate, size_hint
 from conformance.diagnosis.terms import Terms, names_of, terms_of
 
-MOST_TOLD: Final = 8
+MAX_TOLD: Final = 8
 """Beginnings of a missing part that are candidates, round ones first."""
 
-MOST_SOLVED: Final = 160
+MAX_SOLVED: Final = 160
 """Terms whose weights are found by least squares."""
 
 INTEGER: Final = 0.02
@@ -120,11 +120,11 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
         order = np.argsort(groups, kind="stable")
         ends = np.flatnonzero(np.diff(groups[order])) + 1
         if len(flat.right) == 1:  # one number agrees with one of many by chance
-            ends = np.array([end for end in ends if groups[order[end]] % LEAST_BLOCK == 0], np.int64)
+            ends = np.array([end for end in ends if groups[order[end]] % MIN_BLOCK == 0], np.int64)
         reach = np.cumsum(table[order], axis=0)[ends - 1] if len(ends) else np.zeros((0, table.shape[1]))
         fits = [k for k, total in enumerate(reach) if flat.agrees(terms.finish(terms.base + total))]
         numbers = sorted((int(groups[order[ends[k]]]) for k in fits), key=_roundness)
-        for k in numbers[:MOST_TOLD]:
+        for k in numbers[:MAX_TOLD]:
             if 1 < k < groups.max():
                 yield f"{noun} from {k} on left out{size_hint(k)}"
         skipped = table.sum(axis=0) - reach
@@ -135,7 +135,7 @@ def _prefixes(terms: Terms, flat: Part) -> Iterator[str]:
 
 
 def _roundness(k: int) -> tuple[bool, bool, int]:
-    return k & (k - 1) != 0, k % LEAST_BLOCK != 0, k
+    return k & (k - 1) != 0, k % MIN_BLOCK != 0, k
 
 
 def _groups(terms: Terms) -> Iterator[tuple[str, Array]]:
@@ -180,7 +180,7 @@ def _one_of(terms: Terms, flat: Part, noun: str, table: Array) -> Iterator[str]:
 def _solved(terms: Terms, flat: Part) -> Iterator[str]:
     """Single terms that were left out or taken several times, by least squares."""
     count, table = len(terms.terms), terms.terms
-    if not 1 < count <= MOST_SOLVED or 2 * count > len(flat.right) or terms.size is not None:
+    if not 1 < count <= MAX_SOLVED or 2 * count > len(flat.right) or terms.size is not None:
         return
     if not np.isfinite(flat.mine).all() or not table.any():
         return

@@ -13,13 +13,13 @@ import numpy as np
 from conformance import spec
 from conformance.diagnosis.failures import F8, Array, Failure, Part
 
-MOST_NUMBERS: Final = 6_000_000
+MAX_NUMBERS: Final = 6_000_000
 """Numbers in a table of terms; larger ones are not made, or for fewer elements of the output."""
 
-MOST_SPLATS: Final = 2048
+MAX_SPLATS: Final = 2048
 """Splats that are drawn alone."""
 
-MOST_ELEMENTS: Final = 2400
+MAX_ELEMENTS: Final = 2400
 """Elements of an output for which terms are compared."""
 
 
@@ -80,9 +80,9 @@ def _pictures(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     """(9-2): the picture of each splat alone."""
     parameters, height, width = inputs["parameters"], inputs["height"], inputs["width"]
     count = len(parameters)
-    if not 0 < count <= MOST_SPLATS or count * height * width > 40 * MOST_NUMBERS:
+    if not 0 < count <= MAX_SPLATS or count * height * width > 40 * MAX_NUMBERS:
         return None
-    chosen = some(part, min(MOST_ELEMENTS, MOST_NUMBERS // count))
+    chosen = some(part, min(MAX_ELEMENTS, MAX_NUMBERS // count))
     draw = spec.namespace()["render_sum"]
     own = [draw(splat[None], width, height)["sum"].ravel()[chosen] for splat in parameters]
     return Terms("splats", np.zeros(len(chosen)), np.array(own, np.float64), chosen, None, _finish(inputs, part))
@@ -99,7 +99,7 @@ def _gradients(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     """(10-3) to (10-9), pixel by pixel, of some of the splats."""
     parameters, residual = inputs["parameters"].astype(np.float64), inputs["residual"].astype(np.float64)
     height, width = residual.shape[:2]
-    most = min(24, MOST_NUMBERS // max(1, 8 * height * width))
+    most = min(24, MAX_NUMBERS // max(1, 8 * height * width))
     if most < 2:
         return None
     splats = some_splats(part, most)
@@ -145,7 +145,7 @@ def _mse(inputs: Mapping[str, Any], part: Part) -> Terms:
 def _lsq(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     """dL/ds and dL/dbeta, row by row: the gradients of each row alone."""
     rows = inputs["x"]
-    if not 0 < rows.size <= MOST_NUMBERS // 8:
+    if not 0 < rows.size <= MAX_NUMBERS // 8:
         return None
     one = spec.namespace()["lsq_ratio"]
     largest = 2 ** inputs["bits"] - 1
@@ -162,7 +162,7 @@ def _lsq(inputs: Mapping[str, Any], part: Part) -> Terms | None:
 def _users(inputs: Mapping[str, Any], part: Part) -> Terms | None:
     """(10-22), row by row: what each vector adds to the count and the sum of its codewords."""
     x, indices, sizes = inputs["x"], inputs["indices"].astype(np.int64), inputs["codebook_sizes"]
-    if not 0 < len(x) * part.right.size <= MOST_NUMBERS:
+    if not 0 < len(x) * part.right.size <= MAX_NUMBERS:
         return None
     namespace = spec.namespace()
     r = namespace["rvq_residuals"](x, indices, namespace["codebooks_by_stage"](sizes, inputs["codebooks"]))

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final, TypeVar
 
-from conformance.diagnosis.catalogue import CAPACITY, MOST_ALIKE, alike, crashes, gives
+from conformance.diagnosis.catalogue import CAPACITY, MAX_ALIKE, alike, crashes, gives
 from conformance.diagnosis.failures import Failure
 from conformance.mutants import Mutant, all_mutants
 from conformance.vectors import Vector
@@ -60,7 +60,7 @@ def bugs_by_verdicts(failures: Sequence[Failure], errors: Sequence[Vector], pass
     best = max((overlap[mutant] for mutant in likely), default=0.0)
     found = [mutant for mutant in likely if overlap[mutant] == best]
     sentences = list(dict.fromkeys(mutant.sentence for mutant in found))
-    if len(sentences) > MOST_ALIKE:
+    if len(sentences) > MAX_ALIKE:
         return []
     return alike(sentences, failures[0] if failures else None)
 

@@ -15,7 +15,7 @@ END_LINES: Final = 3
 """So many lines that a command printed are shown from the beginning, and from the end."""
 LONGEST: Final = 240
 """Characters of such a line."""
-MOST_CAUSES: Final = 3
+MAX_CAUSES: Final = 3
 RARE: Final = 0.3
 """What less of the examined failures of its stages look like is no probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
@@ -85,7 +85,7 @@ def cause_lines(report: Report) -> list[str]:
     for cause, results in sorted(like.items(), key=_by_weight):
         if _rare(results, looked):
             continue
-        if not explained.issuperset(result.id for result in results) and len(lines) < MOST_CAUSES:
+        if not explained.issuperset(result.id for result in results) and len(lines) < MAX_CAUSES:
             explained.update(result.id for result in results)
             places = [
                 f"{stage}: {count} of {looked[stage]} examined"

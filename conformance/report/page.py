@@ -12,7 +12,7 @@ from conformance.side_by_side import RIGHT
 from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.page import cards_section, document, notes_section
 
-MOST_FAULTS: Final = 200
+MAX_FAULTS: Final = 200
 """How many wrong vectors are described; all of them stand in the table of vectors."""
 
 COLORS: Final = {"passed": "good", "incomplete": "warn", "failed": "bad"}
@@ -126,10 +126,10 @@ def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
     faults = report.simplest_first()
     if not faults:
         return ""
-    left_out = len(faults) - MOST_FAULTS
+    left_out = len(faults) - MAX_FAULTS
     more = f"<p>{left_out} more stand in the table of vectors.</p>" if left_out > 0 else ""
     shown = "".join(
-        _fault(result, report.again(result.id), pictures.get(result.id, ())) for result in faults[:MOST_FAULTS]
+        _fault(result, report.again(result.id), pictures.get(result.id, ())) for result in faults[:MAX_FAULTS]
     )
     return f'<h2>What is wrong</h2><p class="caption">{KEY}</p>{shown}{more}'
 

@@ -16,7 +16,7 @@ from gsvc_lab.pages.pictures import png_uri
 U1 = NDArray[np.uint8]
 F8 = NDArray[np.float64]
 
-MOST_ROWS: Final = 256
+MAX_ROWS: Final = 256
 """Rows of a table that are shown, around the worst one; they are the columns of the picture."""
 TABLE_COLUMNS: Final = 16
 """A matrix that is no wider than this is a table, such as (N, 8); a wider one is a plane of pixels."""
@@ -132,8 +132,8 @@ def _view(shape: tuple[int, ...], place: tuple[int, ...]) -> View:
         return View(lambda array: array[place[0]], f" (frame {place[0]})")
     if len(shape) == 3 or (len(shape) == 2 and shape[1] > TABLE_COLUMNS):
         return View(lambda array: array)
-    first = max(0, min(place[0] - MOST_ROWS // 2, shape[0] - MOST_ROWS))
-    end = min(shape[0], first + MOST_ROWS)
+    first = max(0, min(place[0] - MAX_ROWS // 2, shape[0] - MAX_ROWS))
+    end = min(shape[0], first + MAX_ROWS)
     where = f" (rows {first} to {end - 1}, from left to right)"
     return View(lambda array: array.reshape(shape[0], -1)[first:end].T, where, table=True)
 

@@ -27,7 +27,7 @@ GROUPS: Final = ((0, 2), (2, 5), (5, 8))
 WELL_CONDITIONED: Final = 1e-4
 """Most sum of bounds of a group of gradients, relative to the gradients, with which they are judged together."""
 
-FEWEST_SPLATS: Final = 30
+MIN_SPLATS: Final = 30
 """Fewest splats whose gradients are judged together: errors of random sign need some to cancel."""
 
 SPLATS: Final = "parameters: f4 (N, 8); width: int; height: int"
@@ -164,7 +164,7 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
 
 def _together(gradients: F8, bound: F8) -> bool:
     """Whether a group of gradients is conditioned well enough for relative L2 and bias."""
-    enough = np.count_nonzero(np.any(gradients != 0, axis=1)) >= FEWEST_SPLATS
+    enough = np.count_nonzero(np.any(gradients != 0, axis=1)) >= MIN_SPLATS
     l1 = added(bound) <= WELL_CONDITIONED * added(abs(gradients))
     l2 = np.sqrt(added(bound * bound)) <= WELL_CONDITIONED * np.sqrt(added(gradients * gradients))
     return bool(enough and l1 and l2)

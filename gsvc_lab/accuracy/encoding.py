@@ -9,7 +9,7 @@ from gsvc_lab.accuracy.sources import Source
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.settings import Settings
 
-MOST_POINTS: Final = 200
+MAX_POINTS: Final = 200
 
 STAGES: Final = {"fit": "fit", "rate": "rate control", "quantize": "fine-tuning with quantisation"}
 
@@ -79,7 +79,7 @@ def encoding_curve(settings: Settings, source: Source, limit: float, on_time: On
     return Curve(settings.preset, thinned(points), len(points), end)
 
 
-def thinned(points: list[tuple[float, float]], most: int = MOST_POINTS) -> tuple[tuple[float, float], ...]:
+def thinned(points: list[tuple[float, float]], most: int = MAX_POINTS) -> tuple[tuple[float, float], ...]:
     """At most so many of the points, evenly spaced in the logarithm of time, with the first and the last."""
     if len(points) <= most:
         return tuple(points)

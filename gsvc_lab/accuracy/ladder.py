@@ -28,13 +28,13 @@ REPEATS: Final = 9
 PAPER_S: Final = 60.0
 """The curve of the preset paper ends there at the latest."""
 
-LEAST_PAPER: Final = 0.3
+MIN_PAPER: Final = 0.3
 """It gets this fraction of all time even if the groups before it took longer than they should."""
 
 SHARES: Final[dict[str, float]] = {"rendering": 1.0, "coding": 1.0, "training": 2.0, ENCODING: 4.0}
 """How the time is shared among what is asked for."""
 
-MOST_TRAINING_PIXELS: Final = 270_000
+MAX_TRAINING_PIXELS: Final = 270_000
 """Of a larger picture, coding and training take the middle with so many pixels."""
 
 P = TypeVar("P", bound=NDArray[Any])
@@ -90,7 +90,7 @@ class _Measuring:
         self.shares = dict(SHARES)
         self.notes: list[str] = []
         whole = source.picture
-        middle = central(whole, MOST_TRAINING_PIXELS)
+        middle = central(whole, MAX_TRAINING_PIXELS)
         self.whole = Subject(whole, self._on_fit)
         self.middle = self.whole if middle is whole else Subject(middle, self._on_fit)
 
@@ -169,7 +169,7 @@ class _Measuring:
         encoding_curve(Settings.quick(iterations=2), self.source, math.inf)
         begin = time.perf_counter()
         quick = encoding_curve(Settings.quick(), self.source, math.inf, lambda _: self._tell("encoding, preset quick"))
-        limit = min(PAPER_S, max(seconds - (time.perf_counter() - begin), LEAST_PAPER * self.total))
+        limit = min(PAPER_S, max(seconds - (time.perf_counter() - begin), MIN_PAPER * self.total))
         paper = encoding_curve(Settings.paper(), self.source, limit, lambda _: self._tell("encoding, preset paper"))
         return quick, paper
 

@@ -18,7 +18,7 @@ QUANTILE: Final = 0.99999
 VISIT_S: Final = 0.03
 """A rung is repeated within its turn for about so many seconds."""
 
-FEWEST_ROUNDS: Final = 3
+MIN_ROUNDS: Final = 3
 """Rounds that are made even if time is up, so that there is a spread."""
 
 T = TypeVar("T")
@@ -109,7 +109,7 @@ def take_turns(
         The most rounds.
     until
         The time of `time.perf_counter` after which no round is begun that would not end before it, but
-        FEWEST_ROUNDS are made at any rate.
+        MIN_ROUNDS are made at any rate.
     on_turn
         Called after each turn with its number.
 
@@ -125,6 +125,6 @@ def take_turns(
             seconds[turn].append(turns[turn](number))
             on_turn(turn)
         end = time.perf_counter()
-        if number + 1 >= FEWEST_ROUNDS and end + (end - begin) > until:
+        if number + 1 >= MIN_ROUNDS and end + (end - begin) > until:
             break
     return seconds

@@ -37,7 +37,7 @@ COLORS: Final = {"precision": 0, "exp": 1, "cutoff": 2, "position": 0, "cholesky
 ORDERED: Final = {"exp", "cutoff", "position", "cholesky", "splats", "iterations"}
 """Groups whose rungs go from coarse to fine, so that a line joins them."""
 
-MOST_SHOWN_PIXELS: Final = 270_000
+MAX_SHOWN_PIXELS: Final = 270_000
 """Of a larger picture the middle is shown, so that the page stays light."""
 
 Value = Callable[[Step], float]
@@ -162,7 +162,7 @@ def _gain(value: float) -> str:
 
 
 def _figure(picture: U1, text: str) -> str:
-    shown = central(picture, MOST_SHOWN_PIXELS)
+    shown = central(picture, MAX_SHOWN_PIXELS)
     caption = html.escape(text)
     size = f'width="{shown.shape[1]}" height="{shown.shape[0]}"'
     return f'<figure><img src="{png_uri(shown)}" alt="{caption}" {size}><figcaption>{caption}</figcaption></figure>'

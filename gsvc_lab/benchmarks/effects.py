@@ -45,7 +45,7 @@ BEYOND: Final = 1.4
 EQUAL: Final = 0.1
 """Two PSNRs in dB that differ by at most this are equal."""
 
-MOST_TRIES: Final = 10
+MAX_TRIES: Final = 10
 """Encodes to find an N of equal PSNR."""
 
 BEGIN, END = "<!-- measured -->\n", "<!-- end -->"
@@ -101,12 +101,12 @@ def next_count(points: Sequence[Measured], psnr: float) -> int:
 
 
 def as_good(pictures: Sequence[Frame], psnr: float, threads: int | None) -> Measured:
-    """An encode with `auto` whose PSNR is within EQUAL of the one given, or the nearest of MOST_TRIES."""
+    """An encode with `auto` whose PSNR is within EQUAL of the one given, or the nearest of MAX_TRIES."""
     points = [encoded(pictures, round(SPLATS * share), "auto", threads) for share in FIRST]
     while True:
         best = min(points, key=lambda point: abs(point.psnr - psnr))
         count = next_count(points, psnr)
-        if abs(best.psnr - psnr) <= EQUAL or len(points) >= MOST_TRIES or count in {one.splats for one in points}:
+        if abs(best.psnr - psnr) <= EQUAL or len(points) >= MAX_TRIES or count in {one.splats for one in points}:
             return best
         points.append(encoded(pictures, count, "auto", threads))
 

@@ -8,8 +8,8 @@ it with its own I-frame. At last `quick` encodes whole frames, with quantisation
 Every case is written to its own file, and what a file has is not measured again, so the script can be interrupted. On
 an idle machine `python -m gsvc_lab.benchmarks.encoding` does everything and its seconds are those on the wall. Where
 other work runs beside, `--part fits` finds PSNR and iterations, which do not depend on that, and `--part seconds`, in a
-quiet moment, measures seconds: of quick's whole fits, and of the paper's as the mean of SAMPLE iterations at each of the
-states that the fit went through (CHECKPOINTS), integrated over the iterations. `--part report` prints the tables.
+quiet moment, measures seconds: of quick's whole fits, and of the paper's as the mean of SAMPLE iterations at each of
+the states that the fit went through (CHECKPOINTS), integrated over the iterations. `--part report` prints the tables.
 """
 
 import argparse

@@ -17,7 +17,7 @@ from gsvc_ref.metrics import Comparison
 from gsvc_ref.stream import StreamSummary
 from gsvc_ref.video import Frame, open_video
 
-MOST_PREVIEW_FRAMES: Final = 120
+MAX_PREVIEW_FRAMES: Final = 120
 """The animation ends there, so that the page stays light."""
 
 INTRODUCTION: Final = (
@@ -60,8 +60,8 @@ def report_data(
         ms_ssim=comparison.mean_ms_ssim,
         vmaf=comparison.vmaf.mean if comparison.vmaf is not None else None,
         pictures=_pictures(original, clip, decoded, encoded, comparison),
-        preview_original=_read(original, MOST_PREVIEW_FRAMES),
-        preview_decoded=_read(decoded, MOST_PREVIEW_FRAMES),
+        preview_original=_read(original, MAX_PREVIEW_FRAMES),
+        preview_decoded=_read(decoded, MAX_PREVIEW_FRAMES),
         savings=f"In all: {effects_line([f.decisions for f in encoded.frames], [f.type for f in encoded.frames])}.",
         notes=[*encoded.notes, *comparison.notes],
         environment=_environment(),

@@ -34,7 +34,7 @@ SEEDS: Final = {False: (0, 1, 2), True: (0,)}
 WAYS: Final = {"without": "without GSP", "weights": "weights w, but no pruning", "with": "with GSP"}
 """All end with the same number of splats; ``weights`` tells what comes from w and its small start alone."""
 
-MOST_DETAIL: Final = 0.75
+MAX_DETAIL: Final = 0.75
 """Pixels of a higher rank are the most detailed quarter."""
 
 
@@ -89,7 +89,7 @@ def one_fit(still: Still, picture: Picture, rank: Any, settings: FrameSettings, 
     population, done = fitted(picture, settings, pruned_to(count, settings), seed, weight=weight)
     splats = population.splats()
     decoded = picture.rendered(splats)
-    difference = (decoded.astype(np.float64) - still.frame)[rank > MOST_DETAIL]
+    difference = (decoded.astype(np.float64) - still.frame)[rank > MAX_DETAIL]
     worst = psnr_from_mse(float((difference**2).mean()), 255)
     return Outcome(
         still.name, seed, done, splats, places(splats.positions, rank), picture.quality(splats), worst, decoded

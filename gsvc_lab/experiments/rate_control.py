@@ -22,7 +22,7 @@ from gsvc_lab.experiments.encodes import (
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.settings import FEWEST_PIXELS_PER_SPLAT
+from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT
 
 EVEN: Final = 0.1
 """Bits of P-frames count as constant if the most and the least differ by at most this fraction of their mean."""
@@ -266,7 +266,7 @@ def run(run: Run) -> Result:
         f"{plan.splats}, preset quick as it is, and preset paper with the key frames that quick finds, "
         f"{plan.iterations} iterations a frame at the rate {plan.rate:g} in place of {PAPER_ITERATIONS} at "
         f"{PAPER_RATE:g}, and a tenth of them for fine-tuning. Constant quality: preset quick with --psnr, which adds "
-        f"splats where a frame is below, up to one for {FEWEST_PIXELS_PER_SPLAT} pixels, and removes some where it is "
+        f"splats where a frame is below, up to one for {MIN_PIXELS_PER_SPLAT} pixels, and removes some where it is "
         f"above. Bits are those of the frames' chunks."
     )
     told = verdict(numbers).about(

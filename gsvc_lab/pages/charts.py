@@ -18,8 +18,8 @@ _RIGHT: Final = 14
 _TOP: Final = 24
 _BOTTOM: Final = 40
 _PLOT_WIDTH: Final = WIDTH - _LEFT - _RIGHT
-_LEAST_LABEL_GAP: Final = 14
-_LEAST_MARK_GAP: Final = 5
+_MIN_LABEL_GAP: Final = 14
+_MIN_MARK_GAP: Final = 5
 
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
@@ -50,7 +50,7 @@ def psnr_chart(frames: Sequence[FrameRecord], mean: float) -> str:
         parts.append(f'<text class="meantext" x="{WIDTH - _RIGHT}" y="{y_of(mean) - 5:.1f}">mean {mean:.2f} dB</text>')
     points = " ".join(f"{_x(index, frames):.1f},{y_of(frame.psnr):.1f}" for index, frame in enumerate(frames))
     parts.append(f'<polyline class="line" points="{points}"/>')
-    crowded = _PLOT_WIDTH / len(frames) < _LEAST_MARK_GAP
+    crowded = _PLOT_WIDTH / len(frames) < _MIN_MARK_GAP
     for index, frame in enumerate(frames):
         if not crowded or frame.type != "P":
             parts.append(_mark(frame, _x(index, frames), y_of(frame.psnr)))
@@ -201,7 +201,7 @@ def _frame_axis(frames: Sequence[FrameRecord], height: int) -> list[str]:
         if frame.type == "I":
             x = _x(index, frames)
             parts.append(f'<path class="key" d="M{x:.1f} {_TOP - 6}V{bottom}"/>')
-            if x - last_label >= _LEAST_LABEL_GAP:
+            if x - last_label >= _MIN_LABEL_GAP:
                 parts.append(f'<text class="keytext" x="{x:.1f}" y="{_TOP - 10}" text-anchor="middle">I</text>')
                 last_label = x
     return parts

@@ -8,7 +8,7 @@ from gsvc_lab.pages.charts import decibels, thousands
 from gsvc_lab.pages.data import FrameRecord, PictureRow, ReportData
 from gsvc_lab.pages.pictures import (
     DIFFERENCE_GAIN,
-    MOST_PREVIEW_FRAMES,
+    MAX_PREVIEW_FRAMES,
     animation_uri,
     difference_picture,
     png_uri,
@@ -22,7 +22,7 @@ def preview_section(data: ReportData) -> str:
     """Original and decoded video, moving, side by side."""
     if not data.preview_original:
         return ""
-    shown = min(len(data.preview_original), MOST_PREVIEW_FRAMES)
+    shown = min(len(data.preview_original), MAX_PREVIEW_FRAMES)
     pictures = [
         side_by_side(to_eight_bits(original, data.peak), to_eight_bits(decoded, data.peak))
         for original, decoded in zip(data.preview_original[:shown], data.preview_decoded[:shown], strict=True)

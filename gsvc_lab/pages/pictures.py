@@ -19,10 +19,10 @@ F8 = NDArray[np.float64]
 DIFFERENCE_GAIN: Final = 8
 """How many times the difference picture amplifies."""
 
-MOST_PREVIEW_BYTES: Final = 1_200_000
+MAX_PREVIEW_BYTES: Final = 1_200_000
 """Size of the animation before base64 adds a third of it."""
 
-MOST_PREVIEW_FRAMES: Final = 120
+MAX_PREVIEW_FRAMES: Final = 120
 
 _PREVIEW_QUALITIES: Final = (85, 70, 50, 30)
 _PREVIEW_GAP: Final = 2
@@ -147,13 +147,13 @@ def side_by_side(original: U1, decoded: U1) -> U1:
 def animation_uri(pictures: Sequence[U1], frame_rate: Fraction, most_bytes: int | None = None) -> str | None:
     """(H, W, 3) u1 pictures as the data URI of an endless animated WebP; None when Pillow cannot write WebP.
 
-    Lossy, at the best of a few qualities that stays within `most_bytes` (None: `MOST_PREVIEW_BYTES`); of longer clips
-    only the first `MOST_PREVIEW_FRAMES` pictures, and fewer where the lowest quality is still too large.
+    Lossy, at the best of a few qualities that stays within `most_bytes` (None: `MAX_PREVIEW_BYTES`); of longer clips
+    only the first `MAX_PREVIEW_FRAMES` pictures, and fewer where the lowest quality is still too large.
     """
-    most_bytes = MOST_PREVIEW_BYTES if most_bytes is None else most_bytes
+    most_bytes = MAX_PREVIEW_BYTES if most_bytes is None else most_bytes
     if not features.check("webp"):
         return None
-    images = [Image.fromarray(picture) for picture in pictures[:MOST_PREVIEW_FRAMES]]
+    images = [Image.fromarray(picture) for picture in pictures[:MAX_PREVIEW_FRAMES]]
     # Whole milliseconds, each rounded from the exact time of the frame, so that the clip keeps its length.
     times = [round(1000 * number / frame_rate) for number in range(len(images) + 1)]
     durations = [after - before for before, after in pairwise(times)]

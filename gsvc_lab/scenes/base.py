@@ -32,7 +32,7 @@ Color = tuple[float, float, float]
 
 PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")
 """RGB photographs that every scikit-image wheel holds as PNG files, so that they read the same everywhere."""
-MOST_IMAGE_PIXELS: Final = 2**25
+MAX_IMAGE_PIXELS: Final = 2**25
 """Of a picture file: 8192 x 4096."""
 
 
@@ -161,9 +161,9 @@ def _read_image(path: Path) -> F4:
 
     image = decode_image(path.read_bytes(), str(path))
     height, width, _ = image.frame.shape
-    if height * width > MOST_IMAGE_PIXELS:
+    if height * width > MAX_IMAGE_PIXELS:
         raise GsvcError(
-            "limit", f"{path} has {width}x{height} pixels; a scene takes at most {MOST_IMAGE_PIXELS:,}: scale it down"
+            "limit", f"{path} has {width}x{height} pixels; a scene takes at most {MAX_IMAGE_PIXELS:,}: scale it down"
         )
     return np.asarray(image.frame, np.float32) / np.float32(2**image.bit_depth - 1)
 

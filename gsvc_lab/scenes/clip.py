@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 U1 = NDArray[np.uint8]
 
-MOST_VIEWS: Final = 4
+MAX_VIEWS: Final = 4
 """Bases that a clip keeps: pictures can be large, and a slide show has many."""
 
 
@@ -145,7 +145,7 @@ class Clip:
         if base not in self._views:
             from gsvc_lab.scenes.camera import View
 
-            if len(self._views) == MOST_VIEWS:
+            if len(self._views) == MAX_VIEWS:
                 del self._views[next(iter(self._views))]
             picture = base.picture(self.canvas, self.scene.seed, self.scene.folder)
             self._views[base] = View(picture, self.canvas.width, self.canvas.height)

@@ -14,7 +14,7 @@ from gsvc_lab.scenes.base import Base
 from gsvc_lab.scenes.effect import Canvas, Effect, effect_class
 from gsvc_lab.scenes.names import SCENE_PREFIX, SCENE_SUFFIX, scene_names, scene_text
 from gsvc_lab.scenes.parameters import (
-    MOST_FRAMES,
+    MAX_FRAMES,
     Checked,
     ParameterError,
     Rule,
@@ -30,13 +30,13 @@ from gsvc_ref.errors import UsageError
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoReader
 
-MOST_PIXELS: Final = 2**25
+MAX_PIXELS: Final = 2**25
 """Of a frame: 8192 x 4096."""
-MOST_SIDE: Final = 16384
-MOST_EFFECTS: Final = 100
-MOST_FILE_BYTES: Final = 2**20
+MAX_SIDE: Final = 16384
+MAX_EFFECTS: Final = 100
+MAX_FILE_BYTES: Final = 2**20
 """Of a TOML file; descriptions take a few kilobytes."""
-SLOWEST, FASTEST, MOST_TERM = Fraction(1, 1000), Fraction(10000), 10**6
+SLOWEST, FASTEST, MAX_TERM = Fraction(1, 1000), Fraction(10000), 10**6
 KEYS: Final = ("title", "size", "frames", "frame_rate", "seed", "base", "effects")
 
 
@@ -53,7 +53,7 @@ def _frame_rate() -> Rule:
             rate = Fraction(str(value))  # 12.5 as written
         else:
             raise ValueError
-        if not SLOWEST <= rate <= FASTEST or max(rate.numerator, rate.denominator) > MOST_TERM:
+        if not SLOWEST <= rate <= FASTEST or max(rate.numerator, rate.denominator) > MAX_TERM:
             raise ValueError
         return rate
 
@@ -62,11 +62,11 @@ def _frame_rate() -> Rule:
 
 def _effects() -> Rule:
     def take(value: object) -> tuple[Effect, ...]:
-        if not isinstance(value, list | tuple) or len(value) > MOST_EFFECTS:
+        if not isinstance(value, list | tuple) or len(value) > MAX_EFFECTS:
             raise ValueError
         return tuple(_effect(item, number) for number, item in enumerate(value, 1))
 
-    return Rule(f"a list of at most {MOST_EFFECTS} effects, each a table [[effects]] with its kind", take)
+    return Rule(f"a list of at most {MAX_EFFECTS} effects, each a table [[effects]] with its kind", take)
 
 
 def _effect(item: object, number: int) -> Effect:
@@ -94,7 +94,7 @@ class Scene(Checked):
     title
         One sentence about what is to be seen.
     width, height
-        Of a frame in pixels; at most `MOST_PIXELS` in all.
+        Of a frame in pixels; at most `MAX_PIXELS` in all.
     frames
         How many.
     frame_rate
@@ -115,9 +115,9 @@ class Scene(Checked):
     """
 
     title: str = parameter(text(200), "one sentence about what is to be seen")
-    width: int = parameter(whole(1, MOST_SIDE), "of a frame in pixels")
-    height: int = parameter(whole(1, MOST_SIDE), "of a frame in pixels")
-    frames: int = parameter(whole(1, MOST_FRAMES), "how many frames")
+    width: int = parameter(whole(1, MAX_SIDE), "of a frame in pixels")
+    height: int = parameter(whole(1, MAX_SIDE), "of a frame in pixels")
+    frames: int = parameter(whole(1, MAX_FRAMES), "how many frames")
     frame_rate: Fraction = parameter(_frame_rate(), "frames per second", Fraction(24))
     seed: int = parameter(whole(0, 2**63 - 1), "of all that is random", 0)
     base: Base = parameter(table(Base), "what is seen before any effect, by exactly one of its keys")
@@ -126,9 +126,9 @@ class Scene(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.width * self.height > MOST_PIXELS:
+        if self.width * self.height > MAX_PIXELS:
             raise ParameterError(
-                "size", f"is [{self.width}, {self.height}]; it must be at most {MOST_PIXELS:,} pixels in all"
+                "size", f"is [{self.width}, {self.height}]; it must be at most {MAX_PIXELS:,} pixels in all"
             )
         shutters = [number for number, effect in enumerate(self.effects, 1) if effect.STAGE == "shutter"]
         if len(shutters) > 1:
@@ -217,8 +217,8 @@ class Scene(Checked):
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}; check the name of the scene")
-        if path.stat().st_size > MOST_FILE_BYTES:
-            raise UsageError(f"{path} has {path.stat().st_size:,} bytes; a scene takes at most {MOST_FILE_BYTES:,}")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise UsageError(f"{path} has {path.stat().st_size:,} bytes; a scene takes at most {MAX_FILE_BYTES:,}")
         return cls._parse(path.read_bytes(), str(path), path.parent)
 
     @classmethod

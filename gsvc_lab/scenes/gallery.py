@@ -34,7 +34,7 @@ Progress = Callable[[str, float, float | None], None]
 
 WIDTH: Final = 192
 """Of the pictures in pixels: scenes are drawn small, which a description allows."""
-MOST_CLIP_BYTES: Final = 140_000
+MAX_CLIP_BYTES: Final = 140_000
 """Of the moving picture of one scene, before base64 adds a third of it."""
 STRIP: Final = 6
 """Frames in the strip of a scene."""
@@ -243,7 +243,7 @@ def _known_truth(kind: str) -> str:
 
 def _moving(frames: list[U1], still_frame: U1, frame_rate: Fraction, alt: str) -> str:
     """A moving picture; a still one for those who want no motion, or where Pillow cannot write WebP."""
-    still, moving = _uri(still_frame), animation_uri(frames, frame_rate, MOST_CLIP_BYTES)
+    still, moving = _uri(still_frame), animation_uri(frames, frame_rate, MAX_CLIP_BYTES)
     height, width = frames[0].shape[:2]
     return (
         f'<picture><source media="(prefers-reduced-motion: reduce)" srcset="{still}">'

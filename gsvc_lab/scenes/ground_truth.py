@@ -42,8 +42,8 @@ Move = Callable[[F8, F8, Canvas, int], tuple[F8, F8] | None]
 
 TOLERANCE: Final = 1e-9
 """In pixels: how exactly a place before a warp is found."""
-MOST_STEPS: Final = 200
-MOST_TRUTH_BYTES: Final = 2**31
+MAX_STEPS: Final = 200
+MAX_TRUTH_BYTES: Final = 2**31
 
 
 def truth(scene: Scene | Clip, frame: int) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _unwarped(clip: Clip, x_read: F8, y_read: F8, time: float) -> tuple[F8, F8]:
     if not clip.warps:
         return x, y
     change = np.full(x.shape, np.inf)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         right, below = clip.displacement(x, y, time)
         change = np.maximum(np.abs(x_read - right - x), np.abs(y_read - below - y))
         x, y = x_read - right, y_read - below
@@ -154,16 +154,16 @@ def check_truth_size(scene: Scene) -> None:
     Raises
     ------
     UsageError
-        It would take more than `MOST_TRUTH_BYTES`.
+        It would take more than `MAX_TRUTH_BYTES`.
     """
     arrays = [np.asarray(value) for value in truth(scene.resized(width=1, height=1), 0).values()]
     fields = sum(array.nbytes for array in arrays if array.shape[-2:] == (1, 1))  # bytes of each pixel
     others = sum(array.nbytes for array in arrays) - fields
     size = scene.frames * (scene.width * scene.height * fields + others)
-    if size > MOST_TRUTH_BYTES:
+    if size > MAX_TRUTH_BYTES:
         raise UsageError(
             f"what is known about {scene.frames:,} frames of {scene.width}x{scene.height} would take "
-            f"{size / 2**30:.1f} GiB; at most {MOST_TRUTH_BYTES // 2**30} are written: take fewer or smaller frames"
+            f"{size / 2**30:.1f} GiB; at most {MAX_TRUTH_BYTES // 2**30} are written: take fewer or smaller frames"
         )
 
 

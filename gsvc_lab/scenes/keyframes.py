@@ -5,10 +5,10 @@ from itertools import pairwise
 from typing import Any, Final
 
 from gsvc_lab.scenes.effect import Canvas
-from gsvc_lab.scenes.parameters import MOST_FRAMES, ParameterError, Rule, number, pair, several
+from gsvc_lab.scenes.parameters import MAX_FRAMES, ParameterError, Rule, number, pair, several
 from gsvc_lab.scenes.paths import begun, frame_at, gentle
 
-MOST_KEYS: Final = 1000
+MAX_KEYS: Final = 1000
 """Of a list of values over time."""
 
 
@@ -19,17 +19,17 @@ def is_shown(start: int, end: int | None, time: float) -> bool:
 
 def places() -> Rule:
     """Of something that may also be outside the frame."""
-    return several(pair(-10, 10), 1, MOST_KEYS)
+    return several(pair(-10, 10), 1, MAX_KEYS)
 
 
 def values(low: float, high: float) -> Rule:
     """Of something that changes over time."""
-    return several(number(low, high), 1, MOST_KEYS)
+    return several(number(low, high), 1, MAX_KEYS)
 
 
 def frames() -> Rule:
     """At which values hold; they may lie before the clip or after it."""
-    return several(number(-MOST_FRAMES, MOST_FRAMES), 0, MOST_KEYS)
+    return several(number(-MAX_FRAMES, MAX_FRAMES), 0, MAX_KEYS)
 
 
 def check_keys(at: Sequence[float], **values: Sequence[Any]) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from gsvc_ref.errors import UsageError
 
-MOST_FRAMES: Final = 1_000_000
+MAX_FRAMES: Final = 1_000_000
 """Frames of a scene at most: more than nine hours at 30 frames per second."""
 
 
@@ -168,7 +168,7 @@ def whole(low: int, high: int) -> Rule:
 
 def frame_number(*, beyond: bool = False) -> Rule:
     """The number of a frame, counted from 0; in a description one of the clip's frames, unless it may lie beyond."""
-    return Rule("the number of a frame, counted from 0", whole(0, MOST_FRAMES).take, is_frame=not beyond)
+    return Rule("the number of a frame, counted from 0", whole(0, MAX_FRAMES).take, is_frame=not beyond)
 
 
 def pair(low: float, high: float) -> Rule:

@@ -5,7 +5,7 @@ from textwrap import wrap
 from typing import Any, Final
 
 from gsvc_lab.scenes.base import Base, Checker, Gradient, Noise
-from gsvc_lab.scenes.description import MOST_PIXELS, Scene
+from gsvc_lab.scenes.description import MAX_PIXELS, Scene
 from gsvc_lab.scenes.effect import EFFECTS, effect_class
 from gsvc_lab.scenes.parameters import Checked, key_of, parameters
 
@@ -28,7 +28,7 @@ def reference_object() -> dict[str, Any]:
 def _scene_keys() -> dict[str, Any]:
     """The keys at the top of a file; width and height stand there as one."""
     keys = _parameters(Scene)
-    allowed = f"each {keys['width']['allowed']}, at most {MOST_PIXELS:,} pixels in all"
+    allowed = f"each {keys['width']['allowed']}, at most {MAX_PIXELS:,} pixels in all"
     size = {"meaning": "width and height of a frame in pixels, such as [352, 288]", "allowed": allowed}
     keys = {"title": keys["title"], "size": {**keys["width"], **size}, **keys}
     return {key: entry for key, entry in keys.items() if key not in ("width", "height")}

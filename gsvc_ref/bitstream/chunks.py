@@ -19,6 +19,8 @@ CRC_BITS: Final = 32
 HEADER_TYPE: Final = ord("H")
 INDEX_TYPE: Final = ord("x")
 END_TYPE: Final = ord("E")
+DECISIONS: Final = "d"
+"""The ancillary chunk that an encoder's decisions stand in (spec.md section 6.9)."""
 FRAMES: Final = frozenset(b"IPR")
 """Chunk types of frames."""
 

@@ -19,7 +19,7 @@ from gsvc_ref.errors import UsageError
 
 F8 = NDArray[np.float64]
 
-MOST_UNITS: Final = 1 << 16
+MAX_UNITS: Final = 1 << 16
 """Units of the largest table (`entropy_precision` is at most 16)."""
 
 LN_2: Final = 0.6931471805599453
@@ -31,12 +31,12 @@ SERIES: Final = 24
 
 @cache
 def savings() -> F8:
-    """log2((f + 1) / f) for f = 1..MOST_UNITS as (MOST_UNITS + 1,) f8, infinite for f = 0.
+    """log2((f + 1) / f) for f = 1..MAX_UNITS as (MAX_UNITS + 1,) f8, infinite for f = 0.
 
     From ln((f + 1) / f) = 2 (z + z^3 / 3 + z^5 / 5 + ...) with z = 1 / (2 f + 1): sums, products and quotients have the
     same bits on every machine, which those of a library's logarithm need not have.
     """
-    z = 1 / (2 * np.arange(1, MOST_UNITS + 1) + 1.0)
+    z = 1 / (2 * np.arange(1, MAX_UNITS + 1) + 1.0)
     total = np.zeros_like(z)
     for k in reversed(range(SERIES)):
         total = total * (z * z) + 1 / (2 * k + 1)
@@ -45,7 +45,7 @@ def savings() -> F8:
 
 @cache
 def log2_table() -> F8:
-    """log2 f for f = 0..MOST_UNITS, (MOST_UNITS + 1,) f8: sums of savings."""
+    """log2 f for f = 0..MAX_UNITS, (MAX_UNITS + 1,) f8: sums of savings."""
     return np.concatenate([[-np.inf], [0.0], np.cumsum(savings()[1:-1])])
 
 

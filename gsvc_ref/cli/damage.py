@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 OTHER_STREAM_RULE: Final = "R-6.1-3"
 TRAILING_RULE: Final = "R-6.1-4"
-MOST_GAPS: Final = 1000
+MAX_GAPS: Final = 1000
 AGAIN: Final = "If it is still being written, try again later; otherwise fetch it again"
 
 
@@ -52,7 +52,7 @@ class Gaps:
     Attributes
     ----------
     found
-        The gaps so far, of which the first `MOST_GAPS` are kept: a hostile stream may have one in every few bytes.
+        The gaps so far, of which the first `MAX_GAPS` are kept: a hostile stream may have one in every few bytes.
     count
         How many there are.
     missing
@@ -70,7 +70,7 @@ class Gaps:
     def __call__(self, gap: "Gap") -> None:
         """Count a gap."""
         self.count += 1
-        if len(self.found) < MOST_GAPS:
+        if len(self.found) < MAX_GAPS:
             self.found.append(gap)
         if gap.missing_count is None:
             self.more_may_be_missing = True

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     Decisions = Sequence[Sequence[Decision]]
 
-MOST_RUNS: Final = 12
+MAX_RUNS: Final = 12
 """Runs of frames that are listed for an effect, so that a long video stays readable."""
 
 
@@ -74,8 +74,8 @@ def decision_lines(decisions: "Decisions") -> list[str]:
         steps, saved = (sum(getattr(one, name) for one in column) for name in ("iterations", "saved"))
         rows.append([effect, f"{done:,}", f"{len(column) - done:,}", f"{steps:,}", f"{saved:,}", _usual(column)])
         found = list(_runs(column))
-        more = len(found) - MOST_RUNS
-        runs += [f"  {effect}", *(str(run) for run in found[:MOST_RUNS])]
+        more = len(found) - MAX_RUNS
+        runs += [f"  {effect}", *(str(run) for run in found[:MAX_RUNS])]
         runs += [f"    and {plural(more, 'more run')} (--json has all)"] if more > 0 else []
     header = ("effect", "done", "left out", "iterations", "saved", "mostly")
     lines = table(header[:5], [row[:5] for row in rows])

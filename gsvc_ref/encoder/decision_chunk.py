@@ -12,18 +12,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.encoder.decisions import CAUSE_NAMES, MOST_VALUE, Decision
+from gsvc_ref.encoder.decisions import CAUSE_NAMES, MAX_VALUE, Decision
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.errors import UsageError
-
-CHUNK_TYPE: Final = "d"
 
 SIGNATURE: Final = b"DEC\x01"
 """What such a payload begins with: applications may give the type another meaning. The last byte is the version."""
 
-NO_VALUE: Final = MOST_VALUE + 1
+NO_VALUE: Final = MAX_VALUE + 1
 
-MOST_STEPS: Final = (1 << 32) - 1
+MAX_STEPS: Final = (1 << 32) - 1
 
 COLUMNS: Final = (("u1", "cause"), ("u1", "done"), ("<u2", "value"), ("<u4", "iterations"), ("<u4", "saved"))
 """The type of a number and what it is. The bytes of wider numbers stand in planes, lowest first."""
@@ -38,8 +36,8 @@ def pack(frames: Sequence[Sequence[Decision]]) -> bytes:
         "cause": [CAUSE_NAMES.index(one.cause) for one in decided],
         "done": [int(one.done) for one in decided],
         "value": [NO_VALUE if (value := one.stored) is None else value for one in decided],
-        "iterations": [min(one.iterations, MOST_STEPS) for one in decided],
-        "saved": [min(one.saved, MOST_STEPS) for one in decided],
+        "iterations": [min(one.iterations, MAX_STEPS) for one in decided],
+        "saved": [min(one.saved, MAX_STEPS) for one in decided],
     }
     body = b"".join(_planes(np.array(numbers[name], kind)) for kind, name in COLUMNS)
     deflater = zlib.compressobj(9, wbits=-15)
@@ -52,7 +50,7 @@ def unpack(payload: bytes, frame_count: int) -> list[tuple[Decision, ...]]:
     Parameters
     ----------
     payload
-        Of a chunk of type `CHUNK_TYPE`.
+        Of a chunk of type `gsvc_ref.bitstream.chunks.DECISIONS`.
     frame_count
         Frames of the stream that it was found in.
 

@@ -62,7 +62,7 @@ CAUSES: Final = {
 
 CAUSE_NAMES: Final = tuple(CAUSES)
 
-MOST_VALUE: Final = (1 << 16) - 2
+MAX_VALUE: Final = (1 << 16) - 2
 """The largest number stored with a cause."""
 
 
@@ -101,7 +101,7 @@ class Decision:
         """The value as streams keep it."""
         if self.value is None or CAUSES[self.cause].is_rare:
             return self.value
-        return min(int(float(f"{self.value:.0e}")), MOST_VALUE)
+        return min(int(float(f"{self.value:.0e}")), MAX_VALUE)
 
     @property
     def number(self) -> str:
@@ -122,7 +122,7 @@ def decision(
     seconds: float = 0.0,
 ) -> Decision:  # fmt: skip
     """A decision with its number as measured, which is kept as precisely as its cause tells it."""
-    value = None if number is None else min(max(0, round(number * CAUSES[cause].scale)), MOST_VALUE)
+    value = None if number is None else min(max(0, round(number * CAUSES[cause].scale)), MAX_VALUE)
     return Decision(effect, done, cause, value, iterations, saved, seconds)
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
-from gsvc_ref.encoder.decision_chunk import CHUNK_TYPE, pack
+from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.encoder.decision_chunk import pack
 from gsvc_ref.encoder.decisions import completed
 from gsvc_ref.encoder.ends import Frame, Source, Target, opened_source, opened_target
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
@@ -23,7 +24,7 @@ from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.video import VideoReader
 
-MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
+MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
 """No level allows more splats in a frame."""
 
 
@@ -143,7 +144,7 @@ class _Encode:
         width, height = self.format.width, self.format.height
         most = settings.most_splats(width, height)
         # P-frames may pass N while they add before they prune.
-        self.level = level_for(width, height, splats=min(most + most // 4, MOST_SPLATS))
+        self.level = level_for(width, height, splats=min(most + most // 4, MAX_SPLATS))
         self.encoder = FrameEncoder(settings, width, height, self.format.bit_depth)
         self.file = file
         self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
@@ -177,7 +178,7 @@ class _Encode:
         if self.writer is None:
             nothing = "the source has no frames to encode; check the file and --frames"
             raise self.fault or GsvcError("malformed", nothing)
-        told = (CHUNK_TYPE, pack([frame.decisions for frame in self.reports])) if self.settings.decisions else None
+        told = (DECISIONS, pack([frame.decisions for frame in self.reports])) if self.settings.decisions else None
         file_bytes = sum(self.writer.finish(told).values()) // 8
         return EncodeReport(
             header=self.writer.header,

@@ -1,7 +1,7 @@
 """Which frames are key frames: every k, listed, or found by pre-training frames twice (DKS, paper section 3.6).
 
 The paper pre-trains every frame. With `Effects.dks` at ``auto``, ours, a cheap measure comes first: the mean squared
-difference d of two successive frames, reduced as for pre-training. No cut is where d is at most LEAST_CHANGE of the
+difference d of two successive frames, reduced as for pre-training. No cut is where d is at most MIN_CHANGE of the
 picture's variance, or within STANDS_OUT standard deviations of the mean of d over the window, without the frame itself
 and the key frames found before it. Only a frame that stands out is pre-trained, from scratch and from the frame before;
 it is a key frame if the second loss exceeds the first by the factor `guard_ratio`.
@@ -30,13 +30,13 @@ Frame = NDArray[np.unsignedinteger[Any]]
 OnPretraining = Callable[[int], None]
 """Called with the number of each frame before it is looked at."""
 
-LEAST_CHANGE: Final = 0.01
+MIN_CHANGE: Final = 0.01
 """A cut changes the picture by more than this fraction of its variance."""
 
 STANDS_OUT: Final = 2.5
 """A cut changes the picture by more than the frames around it do, by this many standard deviations."""
 
-LEAST_VARIANCE: Final = 1e-4
+MIN_VARIANCE: Final = 1e-4
 """Of a picture, per pixel and summed over the channels: an even one has none that changes could be compared with."""
 
 
@@ -183,7 +183,7 @@ class _WhereSuspected:
         change = 0.0 if self.small is None else _mean_square(small - self.small)
         variance = _mean_square(small - small.mean(axis=(0, 1), dtype=np.float64).astype(np.float32))
         self.small = small
-        share = change / max(variance, LEAST_VARIANCE)
+        share = change / max(variance, MIN_VARIANCE)
         self.waiting.append(_Seen(number, frame, change, share, time.perf_counter() - begin))
         if number == 0 or len(self.waiting) > self.look_ahead:
             yield self._decide()
@@ -201,7 +201,7 @@ class _WhereSuspected:
         is_key = False
         if seen.number == 0:
             is_key, why = True, decision("dks", "first", done=False, saved=steps)
-        elif seen.share <= LEAST_CHANGE:
+        elif seen.share <= MIN_CHANGE:
             why = decision("dks", "smooth", 100 * seen.share, done=False, saved=steps)
         elif not _stands_out(seen.change, others):
             why = decision("dks", "usual", done=False, saved=steps)

@@ -36,14 +36,14 @@ NEW_RATIO: Final = 1.25
 URGENT_RATIO: Final = 5.0
 """Blocks that exceed the error left by more than this get new splats in proportion to the excess."""
 
-MOST_ERROR: Final = 0.009486832980505138  # 3 * 10^-2.5
+MAX_ERROR: Final = 0.009486832980505138  # 3 * 10^-2.5
 """Error per pixel, summed over the channels, beyond which a block counts as left with no more: 25 dB. A block that is
 worse is never good enough to be left alone, whatever it was before."""
 
 SAME_RATIO: Final = 1.05
 """A frame whose error after prediction is at most this many times the error left gets fewer iterations."""
 
-LEAST_ERROR: Final = 1e-6
+MIN_ERROR: Final = 1e-6
 """Error per pixel, summed over the channels, that is too small to count: rounding to 8 bits leaves four times that."""
 
 
@@ -58,12 +58,12 @@ def errors_left(residual: F4) -> F8:
     """The errors of the blocks that a frame leaves for the next ones to be compared with, (rows, columns) f8."""
     height, width = residual.shape[:2]
     rows, columns = (np.minimum(BLOCK, side - np.arange(0, side, BLOCK)) for side in (height, width))
-    return np.minimum(block_errors(residual), MOST_ERROR * np.outer(rows, columns))
+    return np.minimum(block_errors(residual), MAX_ERROR * np.outer(rows, columns))
 
 
 def worse_blocks(now: F8, left: F8, ratio: float) -> NDArray[np.bool_]:
     """Which blocks have an error above `ratio` times the error left, (rows, columns) bool."""
-    return np.asarray(now > ratio * left + LEAST_ERROR * BLOCK * BLOCK)
+    return np.asarray(now > ratio * left + MIN_ERROR * BLOCK * BLOCK)
 
 
 def block_pixels(blocks: NDArray[np.bool_], height: int, width: int) -> NDArray[np.bool_]:
@@ -201,7 +201,7 @@ class Prediction:
 
     def _urgency(self, blocks: NDArray[np.bool_]) -> float:
         """By how much more than their share blocks call for new splats, at least 1."""
-        left = max(float(self.past.left[blocks].sum()), LEAST_ERROR)
+        left = max(float(self.past.left[blocks].sum()), MIN_ERROR)
         return max(1.0, float(self.errors[blocks].sum()) / left / URGENT_RATIO)
 
     def _append_random(self, count: int, width: int, height: int) -> None:
@@ -240,7 +240,7 @@ class Prediction:
     @property
     def growth(self) -> float:
         """How many times the error left is that after prediction."""
-        return float(self.errors.sum() / max(self.past.left.sum(), LEAST_ERROR * self.picture[..., 0].size))
+        return float(self.errors.sum() / max(self.past.left.sum(), MIN_ERROR * self.picture[..., 0].size))
 
 
 def pruning_as_many(settings: FitSettings, count: int, splats: int) -> FitSettings:

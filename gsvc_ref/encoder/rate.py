@@ -28,7 +28,7 @@ SMALLEST_CHANGE, LARGEST_CHANGE = 0.02, 0.2
 CAUTION: Final = 0.7
 """Constant quality: the fraction of the superfluous splats that is removed at a time."""
 
-MOST_CHANGES: Final = 12
+MAX_CHANGES: Final = 12
 """Constant quality: most changes of the number of splats in a row."""
 
 
@@ -108,7 +108,7 @@ def hold_quality(
     """
     done = 0
     loss = objective.loss(population.parameters())
-    for _ in range(MOST_CHANGES):
+    for _ in range(MAX_CHANGES):
         surplus = psnr_of_loss(loss) - psnr_of_loss(goal)
         growth = power(2.0, -surplus / DB_PER_DOUBLING)
         if (

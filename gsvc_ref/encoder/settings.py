@@ -12,7 +12,7 @@ from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training.adan import AdanSettings
-from gsvc_ref.training.fit import MOST_ITERATIONS, FitSettings, Growth, Rates
+from gsvc_ref.training.fit import MAX_ITERATIONS, FitSettings, Growth, Rates
 from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.training.quantizer import BlockSettings, with_codewords
 from gsvc_ref.training.schedule import Cosine
@@ -22,11 +22,11 @@ KeyFrames = Literal["auto"] | int | tuple[int, ...]
 PIXELS_PER_SPLAT: Final = 40
 """The default number of splats is one for this many pixels."""
 
-FEWEST_PIXELS_PER_SPLAT: Final = 6
+MIN_PIXELS_PER_SPLAT: Final = 6
 """Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
 
 
-MOST_FRAMES: Final = 2**32 - 1
+MAX_FRAMES: Final = 2**32 - 1
 """Frames that a stream can number."""
 
 
@@ -108,7 +108,7 @@ class DetectionSettings:
 
     def __post_init__(self) -> None:
         check_types(self)
-        _check_range("iterations", self.iterations, 1, MOST_ITERATIONS)
+        _check_range("iterations", self.iterations, 1, MAX_ITERATIONS)
         _check_range("splats", self.splats, 1, 1 << 22)
         _check_range("longest_side", self.longest_side, 1, 65535)
         _check_range("window", self.window, 0, 10_000)
@@ -134,7 +134,7 @@ class Settings:
         How key frames are found when `key_frames` is ``auto``.
     splats
         N, splats of a frame; with `psnr` the most that a frame may get. None: one for PIXELS_PER_SPLAT pixels, and with
-        `psnr` up to one for FEWEST_PIXELS_PER_SPLAT.
+        `psnr` up to one for MIN_PIXELS_PER_SPLAT.
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
     key_frames
@@ -189,10 +189,10 @@ class Settings:
         if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
             raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
         start, stop = self.frames
-        if not 0 <= start < (MOST_FRAMES if stop is None else min(stop, MOST_FRAMES)):
-            raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MOST_FRAMES}")
+        if not 0 <= start < (MAX_FRAMES if stop is None else min(stop, MAX_FRAMES)):
+            raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MAX_FRAMES}")
         if isinstance(self.key_frames, int):
-            _check_range("key_frames", self.key_frames, 1, MOST_FRAMES)
+            _check_range("key_frames", self.key_frames, 1, MAX_FRAMES)
         elif isinstance(self.key_frames, tuple) and any(number < 0 for number in self.key_frames):
             raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
 
@@ -241,7 +241,7 @@ class Settings:
     def most_splats(self, width: int, height: int) -> int:
         """The most splats that a frame of this size may get."""
         if self.splats is None and self.psnr is not None:
-            return max(1, width * height // FEWEST_PIXELS_PER_SPLAT)
+            return max(1, width * height // MIN_PIXELS_PER_SPLAT)
         return self.splat_count(width, height)
 
     def splat_count(self, width: int, height: int) -> int:
@@ -305,7 +305,7 @@ def _override(settings: S, overrides: dict[str, Any]) -> S:
 
 def with_iterations(settings: S, iterations: int) -> S:
     """The settings with this many iterations for the fit of an I-frame, and all other fits in proportion."""
-    iterations = _check_whole("iterations", iterations, 1, MOST_ITERATIONS)
+    iterations = _check_whole("iterations", iterations, 1, MAX_ITERATIONS)
     share = iterations / settings.intra.fit.iterations
 
     def frame(kind: FrameSettings) -> FrameSettings:

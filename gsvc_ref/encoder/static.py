@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.constants import SUPPORT_RADIUS
 from gsvc_ref.splats import F4
-from gsvc_ref.training.fit import LEAST_FACTOR
+from gsvc_ref.training.fit import MIN_FACTOR
 
 
 def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
@@ -17,7 +17,7 @@ def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which splats have pixels of the frame in their bounding box and no changed one among them, (N,) bool.
 
     A splat outside the frame is not at rest, so that it may still make room for another; nor is one that training would
-    not leave as it is (a factor below LEAST_FACTOR).
+    not leave as it is (a factor below MIN_FACTOR).
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     top, bottom = _pixels(y, SUPPORT_RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
     inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     in_frame = (left < right) & (top < bottom)
-    return np.asarray(in_frame & (inside == 0) & (l11 >= LEAST_FACTOR) & (l22 >= LEAST_FACTOR))
+    return np.asarray(in_frame & (inside == 0) & (l11 >= MIN_FACTOR) & (l22 >= MIN_FACTOR))
 
 
 def _pixels(

@@ -29,11 +29,11 @@ from gsvc_ref.metrics.frames import Frame, check_pair
 MODEL: Final = "vmaf_v0.6.1"
 """The model built into libvmaf that published figures use."""
 
-LEAST_SIDE: Final = 32
+MIN_SIDE: Final = 32
 """Shortest side that is scored: libvmaf's pyramid crashes at 16 samples, and under 32 a score says nothing."""
 
 _LOG_NAME: Final = "vmaf.json"
-_MOST_THREADS: Final = 8
+_MAX_THREADS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ class VmafMeter:
         """
         check_pair(reference, distorted, self._peak)
         self._count += 1
-        if min(reference.shape[:2]) < LEAST_SIDE:
-            self._reason = f"VMAF needs frames of at least {LEAST_SIDE}x{LEAST_SIDE} pixels"
+        if min(reference.shape[:2]) < MIN_SIDE:
+            self._reason = f"VMAF needs frames of at least {MIN_SIDE}x{MIN_SIDE} pixels"
         if self._reason is not None:
             return
         pair = np.concatenate([reference, distorted])  # (2H, W, 3) u1 or u2
@@ -173,7 +173,7 @@ class VmafMeter:
             f"split[a][b];[a]crop={width}:{height}:0:0:exact=1,{convert}[reference];"
             f"[b]crop={width}:{height}:0:{height}:exact=1,{convert}[distorted];"
             f"[distorted][reference]libvmaf=model=version={MODEL}:log_fmt=json:log_path={_LOG_NAME}"
-            f":n_threads={min(os.cpu_count() or 1, _MOST_THREADS)}"
+            f":n_threads={min(os.cpu_count() or 1, _MAX_THREADS)}"
         )
         # The log's path would need escaping inside the graph: ffmpeg works in the folder instead.
         command = [self._program, "-hide_banner", "-nostats", "-loglevel", "error"]

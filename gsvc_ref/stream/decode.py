@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.encoder.decision_chunk import CHUNK_TYPE
+from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
-from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamSummary
+from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
+from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.video import VideoFormat
 
 Frame = NDArray[np.unsignedinteger[Any]]
@@ -87,7 +88,7 @@ class Stream:
         With `salvage`, of a damaged file, everything that is left and all gaps. What the encoder wrote about its
         decisions is in `ancillary`, for `gsvc_ref.encoder.decision_chunk.unpack`.
         """
-        return self._reader.summary(salvage=salvage, ancillary=CHUNK_TYPE)
+        return self._reader.summary(salvage=salvage, ancillary=DECISIONS)
 
     def close(self) -> None:
         """Close the file, if a path was given."""

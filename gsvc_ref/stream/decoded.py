@@ -8,7 +8,7 @@ from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameCodes, FrameType
 from gsvc_ref.splats import Splats
 
-MOST_FAULTS: Final = 8
+MAX_FAULTS: Final = 8
 """Faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
 
 
@@ -48,7 +48,7 @@ class Gap:
     Attributes
     ----------
     faults
-        The rules that are broken in it, in the order of the stream; the first `MOST_FAULTS` only.
+        The rules that are broken in it, in the order of the stream; the first `MAX_FAULTS` only.
     fault_count
         How many faults there are.
     offset, size

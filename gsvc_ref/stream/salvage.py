@@ -9,7 +9,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
-from gsvc_ref.stream.decoded import MOST_FAULTS, Gap
+from gsvc_ref.stream.decoded import MAX_FAULTS, Gap
 from gsvc_ref.stream.source import SourceReader
 from gsvc_ref.stream.whole_chunks import CRC_SIZE, WholeChunks
 
@@ -30,7 +30,7 @@ class _OpenGap:
 
     def note(self, fault: GsvcError) -> None:
         self.fault_count += 1
-        if len(self.faults) < MOST_FAULTS:
+        if len(self.faults) < MAX_FAULTS:
             # Where it was raised a whole frame is held: a gap must not keep that alive.
             fault.__traceback__ = fault.__context__ = fault.__cause__ = None
             self.faults.append(fault)
@@ -74,7 +74,7 @@ class Salvage:
     Attributes
     ----------
     checksummed
-        Bytes checksummed to find whole chunks, at most `WholeChunks.MOST_CHECKSUMMED` times the file's.
+        Bytes checksummed to find whole chunks, at most `WholeChunks.MAX_CHECKSUMMED` times the file's.
     """
 
     def __init__(self, decoder: ChunkDecoder, place: Place) -> None:

@@ -68,10 +68,10 @@ class WholeChunks:
     end
         Where the file ends.
     checksummed
-        Bytes of all windows so far: at most `MOST_CHECKSUMMED` times the file's.
+        Bytes of all windows so far: at most `MAX_CHECKSUMMED` times the file's.
     """
 
-    MOST_CHECKSUMMED: Final = 6
+    MAX_CHECKSUMMED: Final = 6
 
     def __init__(self, source: Source, longest: int) -> None:
         self._source = source

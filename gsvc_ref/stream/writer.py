@@ -16,7 +16,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.reconstruction import FrameCodes, State, reconstruct, rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 
-MOST_INDEX_BYTES_PER_ENTRY: Final = 10
+MAX_INDEX_BYTES_PER_ENTRY: Final = 10
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class StreamWriter:
 
     def _write_index(self) -> int:
         """Write the index, if there is one and the level has room for it; the bytes of its chunk."""
-        most = self.header.limits.payload // MOST_INDEX_BYTES_PER_ENTRY - 1
+        most = self.header.limits.payload // MAX_INDEX_BYTES_PER_ENTRY - 1
         if self._entries is None or len(self._entries) > most:
             return 0
         entries = [(entry.frame_number, entry.offset) for entry in self._entries]

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.testing.choices import Choices
-from gsvc_ref.testing.random_streams import MOST_PIXELS, Stream, make_frame, make_header, make_stream
+from gsvc_ref.testing.random_streams import MAX_PIXELS, Stream, make_frame, make_header, make_stream
 
 
 class DrawnChoices(Choices):
@@ -20,7 +20,7 @@ class DrawnChoices(Choices):
 
 
 @st.composite
-def headers(draw: st.DrawFn, *, max_pixels: int = MOST_PIXELS) -> SequenceHeader:
+def headers(draw: st.DrawFn, *, max_pixels: int = MAX_PIXELS) -> SequenceHeader:
     """Legal sequence headers; all elements but the size take their whole range."""
     return make_header(DrawnChoices(draw), max_pixels=max_pixels)
 
@@ -34,6 +34,6 @@ def frames(
 
 
 @st.composite
-def streams(draw: st.DrawFn, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MOST_PIXELS) -> Stream:
+def streams(draw: st.DrawFn, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
     """Legal streams with all that the syntax allows: those of `random_stream`, drawn by Hypothesis."""
     return make_stream(DrawnChoices(draw), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)

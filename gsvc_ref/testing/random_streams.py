@@ -25,13 +25,13 @@ from gsvc_ref.testing.faults import Lie, write_stream
 
 U2 = NDArray[np.uint16]
 
-MOST_SPLATS = 256
+MAX_SPLATS = 256
 """Every level allows so many splats of any size on frames of any size: its work is 256 times its pixels."""
 
 FEW_SPLATS = 8
 """So few that no plane is worth entropy coding, and that a stream can be read by eye."""
 
-MOST_PIXELS = 1 << 17
+MAX_PIXELS = 1 << 17
 """Pixels of a frame of level 1."""
 
 SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
@@ -58,7 +58,7 @@ class Stream:
     splats: list[Splats]
 
 
-def random_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MOST_PIXELS) -> Stream:
+def random_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
     """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis."""
     return make_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
 
@@ -122,7 +122,7 @@ def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
 def make_frame(
     choices: Choices, header: SequenceHeader, state: State, *, types: str = "IPR", max_count: int = 120
 ) -> FrameCodes:
-    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MOST_SPLATS` in all."""
+    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MAX_SPLATS` in all."""
     options: list[FrameType] = [letter for letter in ("I", "P", "R") if letter in types]
     frame_type = choices.pick(options)
     if frame_type == "R":
@@ -134,7 +134,7 @@ def make_frame(
         survivors = choices.generator().random(len(state.splats)) < share
         if survivors.any():
             inter = _block(choices, header, int(np.count_nonzero(survivors)), "inter", state.inter)
-    room = min(max_count, MOST_SPLATS - int(np.count_nonzero(survivors)))
+    room = min(max_count, MAX_SPLATS - int(np.count_nonzero(survivors)))
     count = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     kept = Kept() if frame_type == "I" else state.intra
     intra = _block(choices, header, count, "intra", kept) if count else None

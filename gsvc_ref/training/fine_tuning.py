@@ -36,7 +36,7 @@ STEPS_PSNR: Final = 35.0
 
 DB_PER_ERROR_DOUBLING: Final = 6.020599913279624  # 20 log10(2)
 
-MOST_DOUBLINGS: Final = 2
+MAX_DOUBLINGS: Final = 2
 """How often fixed steps are doubled or halved at most."""
 
 
@@ -148,7 +148,7 @@ def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:
     if settings.cholesky_step is None or loss <= 0:
         return settings
     doublings = round((STEPS_PSNR - psnr_of_loss(loss)) / DB_PER_ERROR_DOUBLING)
-    factor = math.ldexp(1.0, min(max(doublings, -MOST_DOUBLINGS), MOST_DOUBLINGS))
+    factor = math.ldexp(1.0, min(max(doublings, -MAX_DOUBLINGS), MAX_DOUBLINGS))
     position_step = None if settings.position_step is None else settings.position_step * factor
     return replace(settings, position_step=position_step, cholesky_step=settings.cholesky_step * factor)
 

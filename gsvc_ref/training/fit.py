@@ -20,7 +20,7 @@ from gsvc_ref.training.pruning import PruningSchedule, compact, prune
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Schedule
 from gsvc_ref.training.weighting import weighted_gradients, weighted_parameters
 
-LEAST_FACTOR: Final = np.float32(0.25)
+MIN_FACTOR: Final = np.float32(0.25)
 """Least l11 and l22 in pixels: a smaller splat can lie between all pixel centres and then gets no gradient."""
 
 LARGEST_RATE: Final = 1e6
@@ -29,7 +29,7 @@ LARGEST_RATE: Final = 1e6
 STEP_SIZES: Final = (0.3, 4.0)
 """Limits in pixels of the step factor of a splat, half its mean radius sqrt(l11 l22), where steps are relative."""
 
-MOST_ITERATIONS: Final = 10_000_000
+MAX_ITERATIONS: Final = 10_000_000
 """Of one fit; the paper has 50,000."""
 
 NEW_SIZE: Final = 0.165
@@ -137,8 +137,8 @@ class FitSettings:
 
     def __post_init__(self) -> None:
         check_types(self)
-        if not 0 <= self.iterations <= MOST_ITERATIONS:
-            raise UsageError(f"iterations is {self.iterations}; it must be in 0..{MOST_ITERATIONS}")
+        if not 0 <= self.iterations <= MAX_ITERATIONS:
+            raise UsageError(f"iterations is {self.iterations}; it must be in 0..{MAX_ITERATIONS}")
 
 
 class Population:
@@ -297,9 +297,9 @@ def step_factors(values: F4) -> F4:
 
 
 def keep_factors(values: F4) -> None:
-    """Put l11 and l22 back to at least LEAST_FACTOR, in place."""
-    np.maximum(values[:, 2], LEAST_FACTOR, out=values[:, 2])
-    np.maximum(values[:, 4], LEAST_FACTOR, out=values[:, 4])
+    """Put l11 and l22 back to at least MIN_FACTOR, in place."""
+    np.maximum(values[:, 2], MIN_FACTOR, out=values[:, 2])
+    np.maximum(values[:, 4], MIN_FACTOR, out=values[:, 4])
 
 
 def new_splats(

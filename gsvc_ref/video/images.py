@@ -22,7 +22,7 @@ from gsvc_ref.video.stream import VideoReader, VideoWriter
 PNG_SIGNATURE: Final = png.SIGNATURE
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
-MOST_RUNS: Final = 4
+MAX_RUNS: Final = 4
 """Gaps in the numbers of pictures that a note names."""
 ASSUMED_RATE: Final = Fraction(25)
 """Frames per second of pictures, which state none."""
@@ -131,7 +131,7 @@ def open_folder(folder: Path) -> ImageReader:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
     reader = ImageReader(paths, str(folder))
     if left_out := missing_numbers([path.stem for path in paths]):
-        runs = ", ".join([*left_out[:MOST_RUNS], *(["..."] if len(left_out) > MOST_RUNS else [])])
+        runs = ", ".join([*left_out[:MAX_RUNS], *(["..."] if len(left_out) > MAX_RUNS else [])])
         reader.note(f"the numbers in {folder} have gaps ({runs}); frames are counted without them")
     return reader
 

@@ -90,7 +90,7 @@ def test_smaller_work_groups_give_the_same_bytes(wide_scene, small_work_groups):
 @pytest.mark.parametrize("most", [1, 5000])
 def test_bands_give_the_same_bytes(monkeypatch, wide_scene, most):
     whole = opencl.render_sum_deterministic(*wide_scene)["sum"]
-    monkeypatch.setattr(rendering, "MOST_ENTRIES", most)
+    monkeypatch.setattr(rendering, "MAX_ENTRIES", most)
     assert opencl.render_sum_deterministic(*wide_scene)["sum"].tobytes() == whole.tobytes()
 
 

@@ -41,10 +41,10 @@ def residual():
 
 @pytest.fixture
 def in_small_parts(monkeypatch):
-    monkeypatch.setattr(tiles, "MOST_PAIRS", 500)
+    monkeypatch.setattr(tiles, "MAX_PAIRS", 500)
     monkeypatch.setattr(rendering, "BATCHES", 20)
-    monkeypatch.setattr(deterministic, "MOST_TILES", 10)
-    monkeypatch.setattr(quantization, "MOST_DISTANCES", 40)
+    monkeypatch.setattr(deterministic, "MAX_TILES", 10)
+    monkeypatch.setattr(quantization, "MAX_DISTANCES", 40)
 
 
 @pytest.mark.parametrize("stage", sorted(stages().keys() - MISSING))

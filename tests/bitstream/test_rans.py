@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.bitstream.frequencies import (
-    MOST_UNITS,
+    MAX_UNITS,
     all_frequencies,
     log2_table,
     normalized_frequencies,
@@ -107,7 +107,7 @@ def test_frequencies_cost_the_least(counts: list[int], table_bits: int) -> None:
 
 
 def test_savings_are_logarithms() -> None:
-    f = np.arange(1, MOST_UNITS + 1)
+    f = np.arange(1, MAX_UNITS + 1)
     np.testing.assert_allclose(savings()[1:], np.log1p(1 / f) / np.log(2), rtol=1e-14)
     np.testing.assert_allclose(log2_table()[1:], np.log2(f), atol=1e-11)
     assert (np.diff(savings()[1:]) < 0).all()

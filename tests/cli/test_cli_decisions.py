@@ -9,7 +9,7 @@ from conftest import QUICK, video_format
 
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
-from gsvc_ref.cli.decisions import MOST_RUNS, decision_lines, effects_line
+from gsvc_ref.cli.decisions import MAX_RUNS, decision_lines, effects_line
 from gsvc_ref.encoder.decisions import Decision
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.testing import join_chunks, split_chunks
@@ -95,8 +95,8 @@ def test_a_long_video_stays_readable():
     clip = [[replace(d, done=bool(n % 2)) if d.effect == "gsa" else d for d in one] for n in range(1000)]
     clip[7][4] = Decision("gsp", True, "exchanged", 1234)
     lines = decision_lines(clip)
-    assert len(lines) < 3 * len(EFFECT_NAMES) + MOST_RUNS + 10
-    assert f"    and {1000 - MOST_RUNS} more runs (--json has all)" in lines
+    assert len(lines) < 3 * len(EFFECT_NAMES) + MAX_RUNS + 10
+    assert f"    and {1000 - MAX_RUNS} more runs (--json has all)" in lines
     assert "            0-6  done      asked for" in lines
     assert "              7  done      1,234 splats make room for new ones" in lines
     assert "GSA in 500 of 999 P-frames" in effects_line(clip, ["I", *["P"] * 999])

@@ -9,7 +9,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_ref.cli import main
-from gsvc_ref.cli.damage import MOST_GAPS, Gaps
+from gsvc_ref.cli.damage import MAX_GAPS, Gaps
 from gsvc_ref.stream import DecodedFrame, Gap, StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
@@ -361,9 +361,9 @@ def test_the_sum_counts_what_lies_in_the_range() -> None:
 def test_of_very_many_gaps_the_first_are_listed():
     gaps = Gaps()
     gap = Gap((gsvc_ref.GsvcError("malformed", "why", rule="R-6.2-2", bit=0),), 1, 0, 9, 9, 0, 1)
-    for _ in range(MOST_GAPS + 3):
+    for _ in range(MAX_GAPS + 3):
         gaps(gap)
-    assert len(gaps.lines()) == MOST_GAPS + 1
+    assert len(gaps.lines()) == MAX_GAPS + 1
     assert gaps.lines()[-1] == "and 3 more gaps"
     assert gaps.total(1) == "1,003 of 1,004 frames are missing"
 

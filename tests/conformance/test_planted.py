@@ -8,7 +8,7 @@ import pytest
 
 from conformance.mutants import all_mutants
 
-LEAST_RIGHT, MOST_WRONG = 0.9, 0.04
+MIN_RIGHT, MAX_WRONG = 0.9, 0.04
 """Of the bugs of the sample that are caught: of those tuned on first so many are named or located rightly, and of each
 part so many wrongly. The other parts are too few here to tell; `python -m planted` holds all against its demands."""
 
@@ -40,8 +40,8 @@ def test_planted_bugs_are_named_rightly(capsys):
         with capsys.disabled():
             print(f"\n{right} of {len(caught)} planted bugs are named or located rightly, {wrong} wrongly"
                   f" ({part}, a sample)")  # fmt: skip
-        assert part != "tuned" or right >= LEAST_RIGHT * len(caught), told
-        assert wrong <= max(1, MOST_WRONG * len(caught)), told
+        assert part != "tuned" or right >= MIN_RIGHT * len(caught), told
+        assert wrong <= max(1, MAX_WRONG * len(caught)), told
 
 
 @pytest.mark.parametrize("bug", planted.all_bugs(), ids=lambda bug: bug.name)

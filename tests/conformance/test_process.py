@@ -10,7 +10,7 @@ import pytest
 from toy_stages import good_program, judge, write_program
 
 from conformance.implementations import Failure, Unsupported
-from conformance.process import MOST_BYTES, ProcessImplementation, read_output
+from conformance.process import MAX_BYTES, ProcessImplementation, read_output
 from conformance.selection import Selection
 from conformance.stage import Port
 from conformance.vectors import npy
@@ -87,7 +87,7 @@ GARBAGE = {
     "folder": "(out / 'half.npy').mkdir()",
     "link": "os.symlink('/dev/zero', out / 'half.npy')",
     "pipe": "os.mkfifo(out / 'half.npy')",
-    "huge": f"f = open(out / 'half.npy', 'wb'); f.truncate({MOST_BYTES + 1})",
+    "huge": f"f = open(out / 'half.npy', 'wb'); f.truncate({MAX_BYTES + 1})",
 }
 
 

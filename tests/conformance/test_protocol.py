@@ -20,7 +20,7 @@ from conformance.commands.list import BEGIN, END, markdown
 from conformance.diagnosis import EXAMINED
 from conformance.expectations import Exact
 from conformance.implementations import ModuleImplementation, Unsupported, load_module
-from conformance.process import EXIT_UNSUPPORTED, MOST_BYTES, ProcessImplementation
+from conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
 from conformance.report.console import CONCLUSIONS
 from conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from conformance.runner import judge_vector, run_suite
@@ -48,7 +48,7 @@ def test_what_the_protocol_says_of_the_code():
     for outcome in OUTCOMES:
         assert f"| {outcome} |" in PROTOCOL
     assert f"| {EXIT_UNSUPPORTED} |" in PROTOCOL
-    assert MOST_BYTES == 256 << 20
+    assert MAX_BYTES == 256 << 20
     assert "256 MiB" in PROTOCOL
     for command in re.findall(r"python -m conformance (\w+)", PROTOCOL):
         assert (ROOT / "conformance" / "commands" / f"{command}.py").is_file()

@@ -10,9 +10,9 @@ from conformance import reference
 from conformance.case import of_stage
 from conformance.cases import CAPACITY
 from conformance.cases.gradients import ALL_GROUPS, noise, slope
-from conformance.cases.splat_sets import FEWEST_GUARDS, population, splat, splats
+from conformance.cases.splat_sets import MIN_GUARDS, population, splat, splats
 from conformance.stage import stages
-from conformance.stages.rendering import FEWEST_SPLATS, edge_margins
+from conformance.stages.rendering import MIN_SPLATS, edge_margins
 from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL
 
 
@@ -198,13 +198,13 @@ def test_margins_are_counted_in_rounding_errors():
     parameters = splats(on_the_edge, splat(10.4, 3.4, 2.0, 0.5, 1.0), splat(300, 300, 1.0, 0.0, 1.0))
     margins = edge_margins(parameters, 21, 7)
     assert margins[0] <= 1
-    assert margins[1] > FEWEST_GUARDS
+    assert margins[1] > MIN_GUARDS
     assert margins[2] == np.inf
 
 
 def test_random_splats_are_clear_of_the_edge():
     parameters = population(np.random.default_rng(4), 300, 64, 48)
-    assert edge_margins(parameters, 64, 48).min() > FEWEST_GUARDS
+    assert edge_margins(parameters, 64, 48).min() > MIN_GUARDS
 
 
 def small_splats(count):
@@ -214,7 +214,7 @@ def small_splats(count):
 @pytest.mark.parametrize(
     ("parameters", "residual"),
     [
-        (small_splats(FEWEST_SPLATS - 1), noise(np.random.default_rng(6), 33, 29)),
+        (small_splats(MIN_SPLATS - 1), noise(np.random.default_rng(6), 33, 29)),
         (population(np.random.default_rng(7), 60, 33, 29, radius=12.0), noise(np.random.default_rng(6), 33, 29)),
         (
             splats(small_splats(60), splat(10.5, 3.5, 4 / np.sqrt(2 * np.log(255)), 0.0, 0.5)),

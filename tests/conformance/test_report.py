@@ -19,7 +19,7 @@ from conformance.implementations import ModuleImplementation
 from conformance.report.console import cause_lines, describe, ends, last_line, progress_text
 from conformance.report.json import from_object, to_object, to_text
 from conformance.report.junit import junit_xml
-from conformance.report.page import MOST_FAULTS, report_html
+from conformance.report.page import MAX_FAULTS, report_html
 from conformance.report.pictures import NOT_FINITE, WORST_OF_STAGE, PictureBook, error_ratios, pictures_of, ramp
 from conformance.results import OutputResult, Report, Result
 from conformance.runner import judge_vector
@@ -297,9 +297,9 @@ def test_the_page_escapes_what_others_wrote(report):
 
 
 def test_the_page_of_many_failures_is_not_endless(report):
-    many = [result(f"n{n}", "fail", message="is wrong") for n in range(MOST_FAULTS + 5)]
+    many = [result(f"n{n}", "fail", message="is wrong") for n in range(MAX_FAULTS + 5)]
     text = report_html(replace(report, results=many))
-    assert text.count('class="fault"') == MOST_FAULTS
+    assert text.count('class="fault"') == MAX_FAULTS
     assert "5 more" in text
 
 

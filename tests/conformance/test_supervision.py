@@ -122,7 +122,7 @@ def test_output_without_end_takes_no_room(toys, tmp_path, monkeypatch):
 
 
 def test_a_command_that_fills_its_folder_is_ended(toys, tmp_path, monkeypatch):
-    monkeypatch.setattr(process, "MOST_OUT", 1 << 20)
+    monkeypatch.setattr(process, "MAX_OUT", 1 << 20)
     for text in (
         "f = open(sys.argv[3] + '/half.npy', 'wb')\nwhile True: f.write(bytes(1 << 12)); f.flush()",
         "import os\nos.mkdir(sys.argv[3] + '/a')\nfor i in range(10**9): open(f'{sys.argv[3]}/a/{i}', 'w').close()",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gsvc_ref import open as open_stream
 from gsvc_ref.encoder.decision_chunk import SIGNATURE, pack, unpack
-from gsvc_ref.encoder.decisions import CAUSE_NAMES, CAUSES, MOST_VALUE, Decision
+from gsvc_ref.encoder.decisions import CAUSE_NAMES, CAUSES, MAX_VALUE, Decision
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamWriter
@@ -29,7 +29,7 @@ def decisions(draw):
         tuple(
             Decision(
                 name, draw(st.booleans()), draw(st.sampled_from(CAUSE_NAMES)),
-                draw(st.none() | st.integers(0, MOST_VALUE)), draw(st.integers(0, 2**32 - 1)), draw(st.integers(0, 9)),
+                draw(st.none() | st.integers(0, MAX_VALUE)), draw(st.integers(0, 2**32 - 1)), draw(st.integers(0, 9)),
             )
             for name in EFFECT_NAMES
         )
@@ -46,7 +46,7 @@ def test_what_is_packed_is_unpacked_but_for_digits(made):
             assert after.value == before.value
         else:
             assert abs(after.value - before.value) <= before.value / 2
-            assert len(str(after.value).rstrip("0")) <= 1 or after.value == MOST_VALUE
+            assert len(str(after.value).rstrip("0")) <= 1 or after.value == MAX_VALUE
 
 
 def test_a_stream_tells_what_its_report_tells():

@@ -9,8 +9,8 @@ from codec_cases import encoded, fast, flat, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.encoder import Effects, Settings, detection
-from gsvc_ref.encoder.decisions import CAUSES, MOST_VALUE, Decision, decision
+from gsvc_ref.encoder import Effects, Settings, frame_types
+from gsvc_ref.encoder.decisions import CAUSES, MAX_VALUE, Decision, decision
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.frame_types import Pretraining, typed_frames
 from gsvc_ref.encoder.prediction import BLOCK, block_errors, block_pixels
@@ -191,7 +191,7 @@ def test_only_suspects_are_pretrained(low_latency):
 def test_pretraining_that_converges_early_counts_what_it_took():
     """No splat covers a pixel: nothing changes, which convergence notices after its 100 iterations."""
     settings = Settings.paper(threads=1, splats=2, iterations=9, detection=DetectionSettings(iterations=400))
-    with patch.object(detection, "random_splats", lambda *_: Splats.from_array(FAR_AWAY)):
+    with patch.object(frame_types, "random_splats", lambda *_: Splats.from_array(FAR_AWAY)):
         items = list(typed_frames(flat(0, width=8, height=8, frames=2), settings, 255))
     first, second = (item.decisions[-1].iterations for item in items)
     assert 100 <= first < 110
@@ -241,7 +241,7 @@ def test_block_errors_add_up_and_cover_the_picture(height, width, seed):
 def test_reasons_are_phrases_with_their_number(cause):
     for number in (None, 0, 3.456, 1e9):
         told = decision("gsa", cause, number, done=True)
-        assert told.value is None or 0 <= told.value <= MOST_VALUE
+        assert told.value is None or 0 <= told.value <= MAX_VALUE
         assert "{" not in told.reason
     if "{n}" in CAUSES[cause].text:
         assert "2" in decision("gsa", cause, 2, done=True).reason

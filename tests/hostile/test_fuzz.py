@@ -29,8 +29,8 @@ from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 ROOT = Path(__file__).parents[2]
 OVERVIEW = write_stream(OVERVIEW_HEADER, overview_frames())
 
-MOST_FILES = 150
-MOST_BYTES = 150_000
+MAX_FILES = 150
+MAX_BYTES = 150_000
 
 RUNS = {
     "parser": 1200, "reencode": 300, "pictures": 300, "differential": 400, "planes": 600, "videos": 600,
@@ -61,8 +61,8 @@ def test_corpus(name: str) -> None:
 
 def test_the_corpus_stays_small() -> None:
     files = [path for path in CORPUS.rglob("*") if path.is_file()]
-    assert 50 <= len(files) <= MOST_FILES
-    assert sum(path.stat().st_size for path in files) <= MOST_BYTES
+    assert 50 <= len(files) <= MAX_FILES
+    assert sum(path.stat().st_size for path in files) <= MAX_BYTES
     for path in files:
         origin, _, digest = path.stem.rpartition("-")
         assert re.fullmatch(r"(guided|seeded)-[a-z]+|faulty-vectors", origin)

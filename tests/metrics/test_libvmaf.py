@@ -8,7 +8,7 @@ import pytest
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.metrics import Vmaf, VmafMeter, vmaf
-from gsvc_ref.metrics.libvmaf import LEAST_SIDE, ffmpeg_with_libvmaf
+from gsvc_ref.metrics.libvmaf import MIN_SIDE, ffmpeg_with_libvmaf
 
 needs_libvmaf = pytest.mark.skipif(ffmpeg_with_libvmaf()[0] is None, reason="no ffmpeg with libvmaf here")
 RATE = Fraction(24)
@@ -136,7 +136,7 @@ def test_a_log_with_too_few_scores_is_not_believed(tmp_path, monkeypatch):
 
 
 def test_small_frames_and_no_frames_have_no_score():
-    small = clip(1, LEAST_SIDE - 1, 64)
+    small = clip(1, MIN_SIDE - 1, 64)
     assert vmaf(small, small, RATE).scores is None
     with VmafMeter(255, RATE) as meter:
         assert meter.finish().scores is None

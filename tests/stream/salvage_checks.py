@@ -60,7 +60,7 @@ def salvage(data: bytes, truth: Sequence[Splats] | None = None, *, total: int | 
             bits += part.bits.total()
             parts += [part.frame] if part.frame is not None else []
     assert bits == 8 * len(data)
-    assert work.checksummed <= WholeChunks.MOST_CHECKSUMMED * len(data)
+    assert work.checksummed <= WholeChunks.MAX_CHECKSUMMED * len(data)
     result = Salvaged(parts)
     _check_order(result, total)
     if truth is not None:

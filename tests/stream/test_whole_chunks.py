@@ -107,7 +107,7 @@ def test_small_windows_overlap_no_more_than_stated(name: str) -> None:
         size = chunks.size_at(offset)
         offset = offset + size if size is not None else chunks.after_damaged(offset, offset + longest)
     assert offset == len(data)
-    assert chunks.checksummed <= WholeChunks.MOST_CHECKSUMMED * len(data)
+    assert chunks.checksummed <= WholeChunks.MAX_CHECKSUMMED * len(data)
 
 
 class Shrinking(io.BytesIO):

@@ -14,7 +14,7 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import image_start, random_splats, uniform_numbers
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.fit import (
-    LEAST_FACTOR,
+    MIN_FACTOR,
     NEW,
     FitSettings,
     Growth,
@@ -311,13 +311,13 @@ def test_factors_never_get_too_small():
     values = np.full((3, 9), -1, np.float32)
     values[1, 2:5] = 5
     keep_factors(values)
-    assert list(values[:, 2]) == [LEAST_FACTOR, 5, LEAST_FACTOR]
-    assert list(values[:, 4]) == [LEAST_FACTOR, 5, LEAST_FACTOR]
+    assert list(values[:, 2]) == [MIN_FACTOR, 5, MIN_FACTOR]
+    assert list(values[:, 4]) == [MIN_FACTOR, 5, MIN_FACTOR]
     assert list(values[:, 3]) == [-1, 5, -1]
     settings = replace(BARE, iterations=20, rates=Rates(1e-3, 0.5, 1e-3))
     made = population(settings=settings)
     fit(made, Objective(PICTURE, 1), settings, rng())
-    assert made.values[:, [2, 4]].min() >= LEAST_FACTOR
+    assert made.values[:, [2, 4]].min() >= MIN_FACTOR
 
 
 def test_a_population_grows_shrinks_and_is_copied_row_by_row():

@@ -20,7 +20,7 @@ from conformance.adapters.opencl.device import (
     upload,
 )
 
-MOST_ENTRIES: Final = 2**26
+MAX_ENTRIES: Final = 2**26
 """The lists of a band hold so many splats together, 256 MiB, unless it is a single row of regions (spec.md 14)."""
 
 LARGER: Final = (4096, 1024, 256, 64)
@@ -91,7 +91,7 @@ def divided(
         count, start = buffer(4 * columns * rows), buffer(8 * (columns * rows + 1))
         launch("count_touching", lanes() * columns * rows, *around, count, exact=exact)
         entries = scanned(count, columns * rows, start)
-        while entries > MOST_ENTRIES and rows > 1:
+        while entries > MAX_ENTRIES and rows > 1:
             rows //= 2
             entries = scanned(count, columns * rows, start)
         chosen = buffer(4 * entries)

@@ -23,7 +23,7 @@ K4: Final = float.fromhex("0x1.498f3ep-21")
 K5: Final = float.fromhex("-0x1.908c68p-28")
 """Binary32 numbers, so that PyTorch rounds nothing when it calculates with them."""
 
-MOST_TILES: Final = 2**14
+MAX_TILES: Final = 2**14
 """Tiles at once: a dozen arrays of 256 numbers each are alive for every one."""
 
 
@@ -33,7 +33,7 @@ def render_deterministic(parameters: Tensor, width: int, height: int) -> Tensor:
     pixels = torch.zeros(grid.tiles, TILE * TILE, 3, device=parameters.device)
     for group, lists in groups(parameters, grid):
         # Tiles with the longest lists first: those that still have a splat are then always the first ones.
-        for tiles in torch.split(torch.argsort(lists.count, descending=True), MOST_TILES):
+        for tiles in torch.split(torch.argsort(lists.count, descending=True), MAX_TILES):
             _add_lists(pixels, parameters[group], lists, tiles, grid)
     return grid.picture(pixels)
 

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from conformance.adapters.pytorch.device import Array, Arrays, array, tensor
 
-MOST_DISTANCES: Final = 2**22
+MAX_DISTANCES: Final = 2**22
 """(vector, codeword) pairs at once."""
 
 
@@ -50,7 +50,7 @@ def rvq_assign(x: Array, codebook_sizes: Array, codebooks: Array) -> Arrays:
     """Stage: (10-20); argmin gives the first of equal distances. torch.cdist would not: it expands the square."""
     r, indices = tensor(x), []
     for book in torch.split(tensor(codebooks), codebook_sizes.tolist()):
-        rows = max(1, MOST_DISTANCES // len(book))
+        rows = max(1, MAX_DISTANCES // len(book))
         chosen = torch.cat([_distances(part, book).argmin(1) for part in torch.split(r, rows)])
         indices.append(chosen)
         r = r - book[chosen]

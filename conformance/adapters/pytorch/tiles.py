@@ -10,7 +10,7 @@ from torch import Tensor
 TILE: Final = 16
 """Pixels on a side of a tile."""
 
-MOST_PAIRS: Final = 2**22
+MAX_PAIRS: Final = 2**22
 """(splat, tile) pairs that are listed at once: one splat may touch every tile (spec.md, section 14)."""
 
 SUPPORT_RADIUS: Final = 3.3290429691304455
@@ -96,7 +96,7 @@ def boxes(parameters: Tensor, width: int, height: int) -> tuple[Tensor, Tensor, 
 
 
 def groups(parameters: Tensor, grid: Grid) -> Iterator[tuple[slice, TileLists]]:
-    """Consecutive splats in groups of about `MOST_PAIRS` pairs, with the lists of all tiles for each group.
+    """Consecutive splats in groups of about `MAX_PAIRS` pairs, with the lists of all tiles for each group.
 
     Splats are numbered from the first one of their group.
     """
@@ -106,7 +106,7 @@ def groups(parameters: Tensor, grid: Grid) -> Iterator[tuple[slice, TileLists]]:
     top, bottom = top // TILE, (bottom - 1) // TILE + 1
     wide, tall = torch.where(empty, 0, right - left), torch.where(empty, 0, bottom - top)
     touched = wide * tall
-    group_of = torch.cumsum(touched, 0) // MOST_PAIRS
+    group_of = torch.cumsum(touched, 0) // MAX_PAIRS
     begin = 0
     for size in torch.unique_consecutive(group_of, return_counts=True)[1].tolist():
         group = slice(begin, begin + size)

@@ -3,8 +3,8 @@
 globalThis.GSVC ??= {};
 {
   const { TYPES } = GSVC;
-  const MOST_L2 = 1e-5; // of a group of gradients, relative (13.5)
-  const MOST_BIAS = 1e-6;
+  const MAX_L2 = 1e-5; // of a group of gradients, relative (13.5)
+  const MAX_BIAS = 1e-6;
 
   /** The array in the bytes of an .npy file, {data, shape, dtype}: version 1.0 or 2.0, little-endian, C order. */
   function readNpy(bytes) {
@@ -115,8 +115,8 @@ globalThis.GSVC ??= {};
         sums.value += Math.abs(value);
         sums.values += value * value;
       }
-      const tooFar = !(Math.sqrt(sums.errors) <= MOST_L2 * Math.sqrt(sums.values));
-      const biased = !(Math.abs(sums.error) <= MOST_BIAS * sums.value);
+      const tooFar = !(Math.sqrt(sums.errors) <= MAX_L2 * Math.sqrt(sums.values));
+      const biased = !(Math.abs(sums.error) <= MAX_BIAS * sums.value);
       if (tooFar || biased) return failed(`columns ${first} to ${end - 1} are off as a whole`, worst);
     }
     return passed(worst);

@@ -4,7 +4,7 @@ globalThis.GSVC ??= {};
 {
   const { Fault, Bits, LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame } = GSVC;
   const { checkIndex, checkEnd, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
-  const MOST_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
+  const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
 
   /** What a decoder carries from chunk to chunk. */
@@ -188,7 +188,7 @@ globalThis.GSVC ??= {};
    *   frame(n): parameters (Float32Array of 8 a splat), survivors (Uint8Array, one for each splat of the frame before,
    *     of a P-frame; else null), newCount. Do not change its arrays.
    */
-  function openStream(bytes, mostKept = MOST_KEPT) {
+  function openStream(bytes, mostKept = MAX_KEPT) {
     const steps = reading(bytes, mostKept);
     for (;;) {
       const { done, value } = steps.next();
@@ -202,7 +202,7 @@ globalThis.GSVC ??= {};
    * A signal, an AbortSignal, may end it: the promise is rejected then.
    */
   async function openStreamInSteps(bytes, onProgress = () => {}, signal = null) {
-    const steps = reading(bytes, MOST_KEPT);
+    const steps = reading(bytes, MAX_KEPT);
     let rested = performance.now();
     for (;;) {
       const { done, value } = steps.next();

@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 
 {
-  const MOST_PIXELS = 2 ** 23; // of a canvas
+  const MAX_PIXELS = 2 ** 23; // of a canvas
   const LONGEST_SIDE = 8192;
   const LARGEST_SCALE = 512;
   const STEP = 1.25; // of the zoom, for a key or a notch of the wheel
@@ -162,7 +162,7 @@ globalThis.GSVC ??= {};
     /** Pixels of the canvas for one of the page: fewer where there would be too many. */
     #density() {
       const { clientWidth, clientHeight } = this.element;
-      return Math.min(devicePixelRatio, Math.sqrt(MOST_PIXELS / Math.max(clientWidth * clientHeight, 1)));
+      return Math.min(devicePixelRatio, Math.sqrt(MAX_PIXELS / Math.max(clientWidth * clientHeight, 1)));
     }
 
     /** Columns and rows of a canvas that covers the element. */
@@ -179,7 +179,7 @@ globalThis.GSVC ??= {};
       const { style } = this.picture;
       style.visibility = this.shown.picture ? "" : "hidden";
       this.element.classList.toggle("bare", !this.shown.picture);
-      const large = width * height > MOST_PIXELS || Math.max(width, height) > LONGEST_SIDE;
+      const large = width * height > MAX_PIXELS || Math.max(width, height) > LONGEST_SIDE;
       if (large || (this.sharp && scale * density > 1)) { // the splats, drawn at the page's resolution
         this.#sizePicture(...this.#pixels(density));
         Object.assign(style, { width: "100%", height: "100%", transform: "", imageRendering: "" });

@@ -20,7 +20,7 @@ PANELS: Final = ("psnr", "ms_ssim", "vmaf")
 ACROSS: Final = 3
 """Panels in a row."""
 
-MOST_MARKS: Final = 9
+MAX_MARKS: Final = 9
 """On a logarithmic axis."""
 
 COORDINATE: Final = re.compile(r"(?<=[ \"(])(-?\d+\.\d\d)\d+")
@@ -102,7 +102,7 @@ def marks(low: float, high: float) -> list[float]:
     tens = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for steps in ((1, 2, 5), (1,)):
         found = [float(f"{step}e{ten}") for ten in tens for step in steps if low <= float(f"{step}e{ten}") <= high]
-        if len(found) <= MOST_MARKS:
+        if len(found) <= MAX_MARKS:
             break
     return found or [float(f"{low:.1g}")]
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gsvc_lab.scenes.effect import F4, Canvas, LightEffect
-from gsvc_lab.scenes.parameters import MOST_FRAMES, flag, frame_number, number, parameter, several, whole
+from gsvc_lab.scenes.parameters import MAX_FRAMES, flag, frame_number, number, parameter, several, whole
 from gsvc_lab.scenes.paths import frame_at
 
 
@@ -17,7 +17,7 @@ class Flash(LightEffect):
     SUMMARY: ClassVar[str] = "For some frames everything is suddenly brighter, and then as before."
 
     at: tuple[int, ...] = parameter(several(frame_number(), 1, 1000), "the first frame of each flash")
-    frames: int = parameter(whole(1, MOST_FRAMES), "how many frames a flash lasts", 2)
+    frames: int = parameter(whole(1, MAX_FRAMES), "how many frames a flash lasts", 2)
     gain: float = parameter(number(0, 100), "what samples are multiplied by", 1.6)
     offset: float = parameter(number(-1, 1), "what is then added; 1 = full scale", 0.15)
     fading: bool = parameter(flag(), "whether it weakens evenly over its frames instead of ending at once", False)

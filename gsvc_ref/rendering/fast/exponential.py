@@ -49,7 +49,7 @@ LN2_HIGH: Final = float.fromhex("0x1.62e42fefa3800p-1")
 LN2_LOW: Final = float.fromhex("0x1.ef35793c76730p-45")
 """ln 2 in two parts; the first has 42 bits, so that its product with a whole number below 2^11 is exact."""
 TERMS_OF_EXP: Final = 14
-MOST_EXPONENT: Final = 1000.0
+MAX_EXPONENT: Final = 1000.0
 
 
 def exp_minus(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -57,7 +57,7 @@ def exp_minus(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
     With x = n ln 2 + r it is 2^-n times a Taylor series of -r. What is below 2^-1074 is 0.
     """
-    x = np.minimum(x, MOST_EXPONENT)
+    x = np.minimum(x, MAX_EXPONENT)
     n = np.rint(x * (1 / LN2_HIGH))
     r = (x - n * LN2_HIGH) - n * LN2_LOW
     p = np.full(x.shape, 1 / factorial(TERMS_OF_EXP))

@@ -57,7 +57,7 @@ def run(name: str, *, runs: int, seconds: int, seed: int, found: Path) -> int:
     with atheris.instrument_imports(include=["gsvc_ref"], exclude=not_instrumented()):
         from .fuzzing import TARGETS
     from .seeded import pool, replay_command
-    from .stream_mutations import MOST_BYTES
+    from .stream_mutations import MAX_BYTES
 
     target = TARGETS[name]
     inputs = pool(target)
@@ -82,7 +82,7 @@ def run(name: str, *, runs: int, seconds: int, seed: int, found: Path) -> int:
             return bytes(atheris.Mutate(data, most))
         return target.mutate(bytes(data), rng, inputs)[:most]
 
-    options = [f"-runs={runs}", f"-seed={seed + 1}", f"-max_len={MOST_BYTES}", f"-timeout={SECONDS_OF_ONE}"]
+    options = [f"-runs={runs}", f"-seed={seed + 1}", f"-max_len={MAX_BYTES}", f"-timeout={SECONDS_OF_ONE}"]
     if seconds:
         options.append(f"-max_total_time={seconds}")
     folders = [f"-artifact_prefix={found}/", str(found), str(beginning)]

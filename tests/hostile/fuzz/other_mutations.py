@@ -20,7 +20,7 @@ from gsvc_ref.video.png import SIGNATURE
 from gsvc_ref.video.y4m import Y4mWriter
 
 from .other_targets import PLANE_HEAD, plane_numbers
-from .stream_mutations import MOST_BYTES, bytes_changed, number_for, with_bits
+from .stream_mutations import MAX_BYTES, bytes_changed, number_for, with_bits
 
 CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("420", "422", "444", "rgb")
 
@@ -50,7 +50,7 @@ def mutate_plane(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
                 data = with_bits(data, bit, size, number_for(rng, size, 0))
         else:
             data = bytes_changed(data, rng, others)
-    return data[:MOST_BYTES]
+    return data[:MAX_BYTES]
 
 
 def some_videos() -> list[bytes]:
@@ -124,7 +124,7 @@ def mutate_video(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     """Tags of a y4m header and chunks of a PNG, with checksums made right; or any bytes."""
     how = rng.randrange(4)
     if how == 0 or not data:
-        return bytes_changed(data, rng, others)[:MOST_BYTES]
+        return bytes_changed(data, rng, others)[:MAX_BYTES]
     if not data.startswith(SIGNATURE):
         line, end, rest = data.partition(b"\n")
         words = line.split(b" ")
@@ -132,7 +132,7 @@ def mutate_video(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
         words[place : place + rng.randrange(2)] = [rng.choice(TAGS)]
         if how == 1:
             rest = bytes_changed(rest, rng, others)
-        return (b" ".join(words) + end + rest)[:MOST_BYTES]
+        return (b" ".join(words) + end + rest)[:MAX_BYTES]
     parts = _split_png(data)
     number = rng.randrange(len(parts) or 1)
     if how == 1 and parts:
@@ -144,7 +144,7 @@ def mutate_video(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
         else:
             body = bytes_changed(body, rng, others)
         parts[number] = kind, body
-    return _joined_png(parts)[:MOST_BYTES]
+    return _joined_png(parts)[:MAX_BYTES]
 
 
 def _inflated(body: bytes) -> bytes:

@@ -25,7 +25,7 @@ from .targets import ACCEPTED
 PLANE_HEAD: Final = 6
 """Bytes before those of a plane: its count, its alphabet, `entropy_precision` and `lane_count`."""
 
-MOST_FRAMES: Final = 20
+MAX_FRAMES: Final = 20
 
 
 def plane_numbers(data: bytes) -> tuple[int, int, int, int]:
@@ -104,7 +104,7 @@ def _frames(data: bytes) -> tuple[list[Any], str]:
                 assert frame.dtype == video.dtype
                 assert frame.max() <= video.peak
                 frames.append(frame)
-                if len(frames) == MOST_FRAMES:
+                if len(frames) == MAX_FRAMES:
                     break
     except GsvcError as error:
         return frames, _kind(error)

@@ -14,7 +14,7 @@ from gsvc_ref.bitstream.rans import encode_plane
 
 from .layout import elements, with_part_of_payload
 
-MOST_SYMBOLS: Final = 64
+MAX_SYMBOLS: Final = 64
 """Between the first and the last symbol of a plane that is recoded, lest its table make the stream long."""
 
 
@@ -26,7 +26,7 @@ def plane_recoded(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
         for element in found
         if name.endswith(".symbol")
         and isinstance(element.value, np.ndarray)
-        and 0 < np.ptp(element.value) < MOST_SYMBOLS
+        and 0 < np.ptp(element.value) < MAX_SYMBOLS
     ]
     if not planes:
         return data

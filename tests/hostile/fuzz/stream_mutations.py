@@ -14,7 +14,7 @@ from .checks import uv
 from .layout import elements, split, with_part_of_payload
 from .recoding import plane_recoded
 
-MOST_BYTES: Final = 4096
+MAX_BYTES: Final = 4096
 """Longest input that a mutation makes."""
 
 BYTES: Final = (0, 1, 2, 0x3F, 0x40, 0x7B, 0x7C, 0x7F, 0x80, 0x81, 0xC0, 0xFE, 0xFF)
@@ -221,4 +221,4 @@ def mutate_stream(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     for number, mutation in enumerate(several):
         if mutation not in LOOKING or number == 0:
             data = mutation(data, rng, others)
-    return data[:MOST_BYTES]
+    return data[:MAX_BYTES]

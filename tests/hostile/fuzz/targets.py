@@ -33,12 +33,12 @@ from .checks import (
 SKIPPED: Final = "skipped"
 ACCEPTED: Final = "accepted"
 
-MOST_SPLATS: Final = {"parser": 20_000, "reencode": 600, "pictures": 2_000, "differential": 600}
+MAX_SPLATS: Final = {"parser": 20_000, "reencode": 600, "pictures": 2_000, "differential": 600}
 """Splats that a stream may declare, lest single executions take seconds; larger ones have tests of their own."""
 
-MOST_PIXELS: Final = 1 << 12
-MOST_WORK: Final = 1 << 20
-MOST_WORK_OF_SPEC: Final = 1 << 14
+MAX_PIXELS: Final = 1 << 12
+MAX_WORK: Final = 1 << 20
+MAX_WORK_OF_SPEC: Final = 1 << 14
 """Pixels of a frame and pairs of rendering work of a stream that are rendered."""
 
 PRECISIONS: Final[tuple[Precision, ...]] = ("fast", "deterministic")
@@ -46,7 +46,7 @@ PRECISIONS: Final[tuple[Precision, ...]] = ("fast", "deterministic")
 
 def parser(data: bytes) -> str:
     """The frames of a stream; for some inputs also its summary, the same from a pipe, and from frames in the middle."""
-    if declared_splats(data) > MOST_SPLATS["parser"]:
+    if declared_splats(data) > MAX_SPLATS["parser"]:
         return SKIPPED
     way = zlib.crc32(data) % 8  # of the input, so that replaying it goes the same way
     header, frames, error = read(data)
@@ -81,7 +81,7 @@ def _check_seeking(reader: StreamReader, data: bytes, frames: list[DecodedFrame]
 
 def reencode(data: bytes) -> str:
     """What a reader accepts, a writer writes, and a reader reads the same again."""
-    if declared_splats(data) > MOST_SPLATS["reencode"]:
+    if declared_splats(data) > MAX_SPLATS["reencode"]:
         return SKIPPED
     header, frames, error = read(data)
     if header is None or not frames:
@@ -102,13 +102,13 @@ def reencode(data: bytes) -> str:
 
 def pictures(data: bytes) -> str:
     """All pictures of a stream, in both precisions."""
-    if declared_splats(data) > MOST_SPLATS["pictures"]:
+    if declared_splats(data) > MAX_SPLATS["pictures"]:
         return SKIPPED
     header, frames, error = read(data)
     if header is None:
         return str(error and error.rule)
     size = header.width, header.height
-    if size[0] * size[1] > MOST_PIXELS or sum(rendering_work(f.splats, *size) for f in frames) > MOST_WORK:
+    if size[0] * size[1] > MAX_PIXELS or sum(rendering_work(f.splats, *size) for f in frames) > MAX_WORK:
         return SKIPPED
     for precision in PRECISIONS:
         shown: list[Any] = []
@@ -132,7 +132,7 @@ def pictures(data: bytes) -> str:
 
 def differential(data: bytes) -> str:
     """gsvc_ref and spec.md's decoder: the same frames, kind, rule and bit; without a fault also codes and pictures."""
-    if declared_splats(data) > MOST_SPLATS["differential"]:
+    if declared_splats(data) > MAX_SPLATS["differential"]:
         return SKIPPED
     mine = reconstruct_stream(data)
     _assert_same(mine, namespace()["reconstruct_stream"](stream=data))
@@ -141,7 +141,7 @@ def differential(data: bytes) -> str:
     _assert_same(read_stream(data), namespace()["read_stream"](stream=data))
     reader = StreamReader(data)
     size = reader.header.width, reader.header.height
-    if size[0] * size[1] <= MOST_PIXELS and sum(rendering_work(f.splats, *size) for f in reader) <= MOST_WORK_OF_SPEC:
+    if size[0] * size[1] <= MAX_PIXELS and sum(rendering_work(f.splats, *size) for f in reader) <= MAX_WORK_OF_SPEC:
         _assert_same(decode_stream_deterministic(data), namespace()["decode_stream_deterministic"](stream=data))
     return ACCEPTED
 

@@ -148,7 +148,7 @@ def test_large_pictures_are_cut_down_for_training():
 
 
 def test_cut_down_pictures_are_said(monkeypatch):
-    monkeypatch.setattr("gsvc_lab.accuracy.ladder.MOST_TRAINING_PIXELS", 40)
+    monkeypatch.setattr("gsvc_lab.accuracy.ladder.MAX_TRAINING_PIXELS", 40)
     found = measure_ladder(small_source(), ("start",), seconds=0.1, repeats=1)
     width, height = (8, 4) if JIT else (8, 5)
     assert found.notes == (f"the rungs that code and train took the middle {width}x{height} pixels of the picture",)

@@ -89,7 +89,7 @@ def test_turns_go_forwards_then_backwards():
 
 
 def test_rounds_end_with_the_time_but_some_are_made():
-    assert len(take_turns([lambda number: 0.0], 50, -math.inf)[0]) == measure.FEWEST_ROUNDS
+    assert len(take_turns([lambda number: 0.0], 50, -math.inf)[0]) == measure.MIN_ROUNDS
     assert len(take_turns([lambda number: 0.0], 1, -math.inf)[0]) == 1
     assert len(take_turns([lambda number: 0.0], 50, math.inf)[0]) == 50
 

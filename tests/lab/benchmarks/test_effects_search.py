@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gsvc_lab.benchmarks import effects
-from gsvc_lab.benchmarks.effects import EQUAL, MOST_TRIES, Measured, as_good, next_count
+from gsvc_lab.benchmarks.effects import EQUAL, MAX_TRIES, Measured, as_good, next_count
 
 
 def point(splats: int, psnr: float) -> Measured:
@@ -40,4 +40,4 @@ def test_the_search_ends_where_no_count_will_do(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(effects, "encoded", encoded)
     assert as_good([], 33.0, None).psnr in (30.0, 40.0)
-    assert len(tried) <= MOST_TRIES
+    assert len(tried) <= MAX_TRIES

@@ -106,7 +106,7 @@ def test_animation_has_every_frame_and_keeps_the_time():
 
 
 def test_a_large_animation_is_cut_to_size(monkeypatch):
-    monkeypatch.setattr(pictures, "MOST_PREVIEW_BYTES", 12_000)
+    monkeypatch.setattr(pictures, "MAX_PREVIEW_BYTES", 12_000)
     rng = np.random.default_rng(0)
     clip = [rng.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(16)]
     uri = animation_uri(clip, Fraction(25))
@@ -115,7 +115,7 @@ def test_a_large_animation_is_cut_to_size(monkeypatch):
 
 
 def test_one_frame_that_is_too_large_is_still_shown(monkeypatch):
-    monkeypatch.setattr(pictures, "MOST_PREVIEW_BYTES", 10)
+    monkeypatch.setattr(pictures, "MAX_PREVIEW_BYTES", 10)
     assert opened(animation_uri([GREY, GREY], Fraction(25)), "webp").size == (30, 20)
 
 

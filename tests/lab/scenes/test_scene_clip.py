@@ -356,7 +356,7 @@ def test_an_image_that_cannot_be_read_says_which(tmp_path):
 
 
 def test_an_image_that_is_too_large_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("gsvc_lab.scenes.base.MOST_IMAGE_PIXELS", 100)
+    monkeypatch.setattr("gsvc_lab.scenes.base.MAX_IMAGE_PIXELS", 100)
     (tmp_path / "a.png").write_bytes(encode_png(np.zeros((9, 12, 3), np.uint8)))
     found = Scene.from_dict({"title": "t", "size": (12, 9), "frames": 1, "base": {"image": "a.png"}}, tmp_path)
     with pytest.raises(GsvcError, match="12x9 pixels; a scene takes at most 100"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scene_cases import scene
 
 from gsvc_lab.scenes import EFFECTS, Base, Scene, effect_class, scene_names
-from gsvc_lab.scenes.description import MOST_EFFECTS, MOST_FILE_BYTES, MOST_PIXELS
+from gsvc_lab.scenes.description import MAX_EFFECTS, MAX_FILE_BYTES, MAX_PIXELS
 from gsvc_lab.scenes.effects.cut import Cut
 from gsvc_lab.scenes.effects.pan import Pan
 from gsvc_lab.scenes.names import scene_text
@@ -73,7 +73,7 @@ def test_a_byte_order_mark_is_no_fault(tmp_path):
         ("size = [64, 48]", "size = [64, 0]", r"size \(height\) is 0; it must be a whole number from 1 to 16,384"),
         ("size = [64, 48]", "size = [64.0, 48]", r"size \(width\) is 64.0; it must be a whole number"),
         ("size = [64, 48]", "size = [true, 48]", r"size \(width\) is True"),
-        ("size = [64, 48]", "size = [16384, 16384]", rf"size is \[16384, 16384\].* at most {MOST_PIXELS:,} pixels"),
+        ("size = [64, 48]", "size = [16384, 16384]", rf"size is \[16384, 16384\].* at most {MAX_PIXELS:,} pixels"),
         ("size = [64, 48]", "size = 64", r"size is 64; it must be \[width, height\]"),
         ("size = [64, 48]", "", "size is missing"),
         ("frames = 12", "frames = 1000001", "frames is 1000001; it must be a whole number from 1 to 1,000,000"),
@@ -137,7 +137,7 @@ def test_a_wrong_description_is_refused_with_file_key_and_what_is_allowed(tmp_pa
         ("", "title is missing; a scene needs a title"),
         ("effects = 3\nframes = 1\nsize = [1, 1]\ntitle = 't'\nbase = {color = [0, 0, 0]}", "effects is 3; .* a list"),
         ("effects = [3]\nframes = 1\nsize = [1, 1]\ntitle = 't'\nbase = {color = [0, 0, 0]}", r"effects\[1\].kind is"),
-        ("x" * (MOST_FILE_BYTES + 1), "bytes; a scene takes at most"),
+        ("x" * (MAX_FILE_BYTES + 1), "bytes; a scene takes at most"),
     ],
 )  # fmt: skip
 def test_what_is_no_description_is_refused(tmp_path, text, message):
@@ -162,9 +162,9 @@ def test_two_shutters_are_refused():
 
 def test_effects_without_end_are_refused():
     pan = {"kind": "pan", "to": (0.5, 0.5)}
-    assert len(scene({"color": (0, 0, 0)}, *[pan] * MOST_EFFECTS).effects) == MOST_EFFECTS
-    with pytest.raises(UsageError, match=f"a list of at most {MOST_EFFECTS} effects"):
-        scene({"color": (0, 0, 0)}, *[pan] * (MOST_EFFECTS + 1))
+    assert len(scene({"color": (0, 0, 0)}, *[pan] * MAX_EFFECTS).effects) == MAX_EFFECTS
+    with pytest.raises(UsageError, match=f"a list of at most {MAX_EFFECTS} effects"):
+        scene({"color": (0, 0, 0)}, *[pan] * (MAX_EFFECTS + 1))
 
 
 def test_what_happens_later_may_be_cut_off():

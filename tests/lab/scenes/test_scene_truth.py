@@ -276,9 +276,9 @@ def test_the_size_of_the_file_is_known_before():
     found = scene({"noise": {}}, *everything, frames=3)
     size = sum(np.asarray(value).nbytes for number in range(3) for value in truth(found, number).values())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ground_truth, "MOST_TRUTH_BYTES", size)
+        patch.setattr(ground_truth, "MAX_TRUTH_BYTES", size)
         check_truth_size(found)
-        patch.setattr(ground_truth, "MOST_TRUTH_BYTES", size - 1)
+        patch.setattr(ground_truth, "MAX_TRUTH_BYTES", size - 1)
         with pytest.raises(UsageError, match="3 frames of 48x32 would take"):
             check_truth_size(found)
 
