@@ -9,7 +9,8 @@ from codec_cases import encoded, fast, flat, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.encoder import Settings, frame
+from gsvc_ref.encoder import Settings
+from gsvc_ref.encoder import frame as frame_module
 from gsvc_ref.encoder.rate import (
     add_where_wrong,
     hold_quality,
@@ -176,13 +177,13 @@ def test_constant_quality_holds_in_every_frame(goal):
 def test_of_all_attempts_at_a_quality_the_best_is_kept(monkeypatch):
     """Where the quantisers are the limit more splats do not help, and the last attempt can be the worst."""
     attempts = []
-    finish = frame._FrameWork._finish
+    finish = frame_module._FrameWork._finish
 
     def recording(work, codes, state):
         attempts.append(finish(work, codes, state))
         return attempts[-1]
 
-    monkeypatch.setattr(frame._FrameWork, "_finish", recording)
+    monkeypatch.setattr(frame_module._FrameWork, "_finish", recording)
     settings = fast(iterations=30, psnr=24.0, cholesky_bits=2, color_stages=1, color_codewords=4)
     report, data = encoded(waves(frames=1), settings)
     qualities = [attempt.psnr for attempt in attempts]
