@@ -13,7 +13,7 @@ import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 
 from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, check_parent, remove_leftovers
+from gsvc_ref.files import PartialFile, check_parent, remove_leftover
 from gsvc_ref.video import png
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
 from gsvc_ref.video.png import PngImage, decode_png, encode_png
@@ -184,7 +184,8 @@ class ImageFolderWriter(VideoWriter):
         elif list_images(folder):
             raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
         else:
-            remove_leftovers(folder)
+            for path in folder.glob(".frame_*.png.*.part"):
+                remove_leftover(path)
         self._folder = folder
         self._written: list[Path] = []
 

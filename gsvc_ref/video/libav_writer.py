@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_ref.errors import UsageError, naming
-from gsvc_ref.files import PartialFile, remove_leftovers
+from gsvc_ref.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
 from gsvc_ref.video.format import ChromaFormat, Frame, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
@@ -60,7 +60,6 @@ class LibavWriter(VideoWriter):
         self._partial = PartialFile(target)
         container = CONTAINERS[target.suffix.lower()]
         try:
-            remove_leftovers(self._partial.target.parent, self._partial.target.name)
             with self._explained_errors():
                 self._container = self._av.open(str(self._partial.path), "w", format=container)
                 self._stream = self._add_stream(container)

@@ -9,7 +9,7 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, remove_leftovers
+from gsvc_ref.files import PartialFile
 from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
 from gsvc_ref.video.format import Frame, VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
@@ -174,7 +174,6 @@ class Y4mWriter(VideoWriter):
         elif target.is_file() or not target.exists():
             self._partial = PartialFile(target)
             try:
-                remove_leftovers(self._partial.target.parent, self._partial.target.name)
                 self._stream = self._partial.path.open("wb")
             except BaseException:  # an interrupt too leaves no file behind
                 self._partial.discard()
