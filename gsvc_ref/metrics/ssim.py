@@ -28,12 +28,10 @@ Moments are computed of p = x + y and m = x - y, because 2 cov = (var p - var m)
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.metrics.frames import Frame, check_pair
-
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F8, Frame
+from gsvc_ref.metrics.squared_error import check_pair
 
 SCALE_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 """Exponents of the five scales, from the finest to the coarsest; Wang et al. 2003, section 3.2."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import U2
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
 from gsvc_ref.quantization.half import EXPONENT_MASK
@@ -22,8 +22,6 @@ from gsvc_ref.reconstruction import (
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import Lie, write_stream
-
-U2 = NDArray[np.uint16]
 
 MAX_SPLATS = 256
 """Every level allows so many splats of any size on frames of any size: its work is 256 times its pixels."""

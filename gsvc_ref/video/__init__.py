@@ -4,12 +4,13 @@ import sys
 from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import PartialFile
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import images, libav, libav_writer, y4m
 from gsvc_ref.video.color import frame_to_planes, planes_to_frame
-from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
+from gsvc_ref.video.format import ChromaFormat, ColorDescription, VideoFormat
 from gsvc_ref.video.png import decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE

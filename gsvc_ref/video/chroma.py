@@ -12,11 +12,11 @@ edges, linear chroma. All weights are whole quarters, so that filtered integers 
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import I8, Plane
 from gsvc_ref.video.format import VideoFormat
 
 PHASE_OF_COLUMNS: Final = (0, 1, 0, 1, 0, 1)
@@ -36,8 +36,8 @@ class Taps:
         (outputs, taps) i8, quarters; each row sums to 4.
     """
 
-    indices: NDArray[np.int64]
-    weights: NDArray[np.int64]
+    indices: I8
+    weights: I8
 
 
 def up_taps(size: int, phase: int | None) -> Taps:
@@ -72,7 +72,7 @@ def phases(video: VideoFormat) -> tuple[int | None, int | None]:
     return rows, columns
 
 
-def resample(plane: NDArray[Any], vertical: Taps, horizontal: Taps) -> NDArray[np.int64]:
+def resample(plane: Plane, vertical: Taps, horizontal: Taps) -> I8:
     """Filter an integer plane along both axes; the result is in sixteenths.
 
     Parameters

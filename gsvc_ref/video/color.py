@@ -12,18 +12,17 @@ compiled ones give the same bits.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F8, I8, Frame
+from gsvc_ref.arrays import Plane as Plane
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video.chroma import down_taps, phases, resample, up_taps
-from gsvc_ref.video.format import MATRIX_NAMES, Frame, VideoFormat, assumed_matrix, check_frame
+from gsvc_ref.video.format import MATRIX_NAMES, VideoFormat, assumed_matrix, check_frame
 
-F8 = NDArray[np.float64]
-Plane = NDArray[np.unsignedinteger[Any]]
 Planes = tuple[Plane, Plane, Plane]
 
 LUMA_WEIGHTS: Final = {
@@ -146,10 +145,10 @@ def _planes_to_frame(
     y_plane: Plane,
     cb_plane: Plane,
     cr_plane: Plane,
-    row_indices: NDArray[np.int64],
-    row_weights: NDArray[np.int64],
-    column_indices: NDArray[np.int64],
-    column_weights: NDArray[np.int64],
+    row_indices: I8,
+    row_weights: I8,
+    column_indices: I8,
+    column_weights: I8,
     matrix: F8,
     offset: F8,
     peak: float,
@@ -178,10 +177,10 @@ def _planes_to_frame(
 @kernel()
 def _frame_to_planes(
     frame: Frame,
-    row_indices: NDArray[np.int64],
-    row_weights: NDArray[np.int64],
-    column_indices: NDArray[np.int64],
-    column_weights: NDArray[np.int64],
+    row_indices: I8,
+    row_weights: I8,
+    column_indices: I8,
+    column_weights: I8,
     matrix: F8,
     offset: F8,
     peak: float,

@@ -5,12 +5,9 @@ from fractions import Fraction
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import Frame as Frame
 from gsvc_ref.errors import GsvcError, UsageError
-
-Frame = NDArray[np.unsignedinteger[Any]]
-"""A full-range R'G'B' picture, (H, W, 3): u1 for 8 bits, u2 for 9 to 16 bits."""
 
 ChromaFormat = Literal["rgb", "420", "422", "444"]
 

@@ -12,10 +12,11 @@ from typing import Final
 import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError, naming
 from gsvc_ref.files import PartialFile, check_parent, remove_leftover
 from gsvc_ref.video import png
-from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 

@@ -10,10 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError, naming
 from gsvc_ref.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
-from gsvc_ref.video.format import ChromaFormat, Frame, VideoFormat, assumed_matrix
+from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
 from gsvc_ref.video.stream import VideoWriter
 

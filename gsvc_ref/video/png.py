@@ -10,15 +10,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL.PngImagePlugin import PngImageFile
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I2, U1, Frame
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, check_size
-
-U1 = NDArray[np.uint8]
-I2 = NDArray[np.int16]
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
 SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.video.format import Frame, VideoFormat, check_frame
+from gsvc_ref.video.format import VideoFormat, check_frame
 
 
 class VideoReader(ABC):

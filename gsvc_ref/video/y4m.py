@@ -8,10 +8,11 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
+from gsvc_ref.arrays import Frame, Plane
 from gsvc_ref.errors import GsvcError, UsageError, naming
 from gsvc_ref.files import PartialFile
-from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
-from gsvc_ref.video.format import Frame, VideoFormat
+from gsvc_ref.video.color import conversion, frame_to_planes, planes_to_frame
+from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE, format_header, malformed, parse_header, planar_format
 
