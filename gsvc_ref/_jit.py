@@ -1,4 +1,4 @@
-"""How gsvc_ref compiles: one typed decorator around Numba, so that every kernel is compiled by the same rules."""
+"""One typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
 import types
 from collections.abc import Callable
@@ -64,7 +64,7 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     contracted
         A function decorated with ``kernel(contract=True, inline=True)``.
     names
-        What global names of its module mean in the twin, where it calls kernels that have twins themselves.
+        Values of global names of its module in the twin, where it calls kernels that have twins themselves.
     """
     plain = cast(types.FunctionType, getattr(contracted, "py_func", contracted))
     name = f"{plain.__name__}_strict"

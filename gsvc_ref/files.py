@@ -46,7 +46,7 @@ class PartialFile:
         self._lock: BinaryIO | None = None
         try:
             self.path = self._create()
-        except OSError as error:  # which names the temporary file, of which nobody has heard
+        except OSError as error:  # the user does not know the temporary file, which it names
             raise OSError(error.errno, error.strerror or str(error), str(self.target)) from None
         if before is not None:
             self._take_over(before)
@@ -132,7 +132,7 @@ def write_text(text: str, path: str | Path) -> None:
     Raises
     ------
     OSError
-        As `complete_file`.
+        The file cannot be written, see `complete_file`.
     """
     data = text.encode("utf-8", "backslashreplace")
     if (stream := standard_stream(path)) is not None:

@@ -85,12 +85,12 @@ class Comparison:
 
     @property
     def identical_frames(self) -> int:
-        """How many pairs are equal in every sample."""
+        """Number of pairs that are equal in every sample."""
         return sum(frame.identical for frame in self.frames)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the means must know, one sentence each."""
+        """Sentences that a reader of the means must know."""
         compared = f"only the first {len(self.frames)} frames of both are compared"
         notes = [
             f"the {name} video ends {missing} frames before the other one: {compared}"

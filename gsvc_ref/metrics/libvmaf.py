@@ -74,9 +74,9 @@ def ffmpeg_with_libvmaf() -> tuple[str | None, str | None]:
 
 
 class VmafMeter:
-    """Scores pairs of frames as they come; a context manager.
+    """A meter that scores pairs of frames as they come; a context manager.
 
-    Where VMAF cannot be had, :meth:`add` does nothing and :meth:`finish` tells the reason.
+    Where VMAF cannot be had, :meth:`add` does nothing and :meth:`finish` gives the reason.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class VmafMeter:
         return scores
 
     def _complaint(self) -> str | None:
-        """What ffmpeg said last on its error stream."""
+        """The last words of ffmpeg on its error stream."""
         if self._process is not None:
             self._process.wait()
         if self._errors is None:

@@ -18,7 +18,7 @@ where a bar is the mean over all places at which the window lies inside the pict
 - **Negative means** (structure that is inverted on the whole) count as 0: their fractional power does not exist.
 - **Small frames**: as many scales as leave at least 11 samples on the shorter side, with the first weights divided by
   their sum. Five scales need 161 samples. A value over fewer scales is not comparable with one over five:
-  :func:`ms_ssim_scales` tells the number.
+  :func:`ms_ssim_scales` gives the number.
 - **Frames with a side under 11** have one scale; the window shrinks to the side's length.
 
 Moments are computed of p = x + y and m = x - y, because 2 cov = (var p - var m)/2 and var x + var y =
@@ -50,7 +50,7 @@ STRUCTURE_K: Final = 0.03
 
 
 def ms_ssim_scales(height: int, width: int) -> int:
-    """How many of the five scales a frame of this size has: the shorter side must keep 11 samples; at least one."""
+    """The number of scales of a frame of this size, 1 to 5: each but the first has sides of at least 11 samples."""
     side = min(height, width)
     scales = 1
     while scales < len(SCALE_WEIGHTS) and (side := (side + 1) // 2) >= WINDOW_SIZE:

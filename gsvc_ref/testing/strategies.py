@@ -15,7 +15,7 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.testing.random_streams import SYMBOL_KINDS, paint_symbols
 
 HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -1.0, 1e6, -1e6, 3e38, -3e38)
-"""Where implementations break: signed zeros, subnormals, the smallest normal number, the far, the almost infinite."""
+"""Numbers at which implementations break: signed zeros, subnormals, the smallest normal, far and huge ones."""
 
 
 @st.composite

@@ -36,7 +36,7 @@ STREAM_SUFFIX: Final = ".gsvc"
 
 
 class VideoSource(Protocol):
-    """What can be opened as a video though it is no file, such as a scene of gsvc_lab."""
+    """An object that can be opened as a video though it is no file, such as a scene of gsvc_lab."""
 
     def open_video(self) -> VideoReader:
         """A new reader of its frames."""
@@ -122,7 +122,7 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWrit
         frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); an existing folder,
         or a name without a suffix, for numbered PNG files. A pipe or device takes y4m.
     format
-        What frames must fit. For y4m also how they are written, so replace ``chroma_format`` or ``color`` to choose.
+        The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a video is made of: size, rate, bit depth, chroma format and colour description (ITU-T H.273)."""
+"""The format of a video: size, rate, bit depth, chroma format and colour description (ITU-T H.273)."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -38,7 +38,7 @@ SITING_NAMES: Final = ("left", "centre", "top left", "top", "bottom left", "bott
 
 @dataclass(frozen=True)
 class ColorDescription:
-    """How numbers mean colours: code points of ITU-T H.273.
+    """The colours that numbers stand for: code points of ITU-T H.273.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class VideoFormat:
     sample_aspect_ratio
         Width of a pixel divided by its height.
     frame_count
-        As the file states it, or None; a hint for progress displays, only reading tells.
+        The number that the file states, or None: a hint for progress displays, which reading may contradict.
 
     Raises
     ------

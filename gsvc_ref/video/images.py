@@ -68,14 +68,14 @@ def decode_image(data: bytes, name: str) -> PngImage:
 
 
 class ImageReader(VideoReader):
-    """Reads pictures as the frames of a video.
+    """A reader of pictures as the frames of a video.
 
     Parameters
     ----------
     sources
         Files in order, or the contents of one; at least one.
     name
-        What to call the whole in messages.
+        Name of the whole in messages.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:
 
 
 class ImageFolderWriter(VideoWriter):
-    """Writes ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
+    """A writer of ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class ImageFolderWriter(VideoWriter):
 
 
 class ImageFileWriter(VideoWriter):
-    """Writes a video of one frame as one PNG file.
+    """A writer of a video of one frame as one PNG file.
 
     Raises
     ------

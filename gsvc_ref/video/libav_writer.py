@@ -28,7 +28,7 @@ ENCODERS: Final = {
 
 
 def viewing_format(video: VideoFormat) -> VideoFormat:
-    """What players show: 8 bits, limited range, left siting, 4:2:0, or 4:4:4 where a side is odd."""
+    """The format that players show: 8 bits, limited range, left siting, 4:2:0, or 4:4:4 where a side is odd."""
     matrix = video.color.matrix if video.color.matrix in LUMA_WEIGHTS else assumed_matrix(video.height)
     color = replace(video.color, matrix=matrix, full_range=False, chroma_location=0)
     chroma: ChromaFormat = "444" if video.width % 2 or video.height % 2 else "420"
@@ -36,7 +36,7 @@ def viewing_format(video: VideoFormat) -> VideoFormat:
 
 
 class LibavWriter(VideoWriter):
-    """Writes H.264 (VP9 for .webm) in 8 bits for viewing.
+    """A writer of H.264 (VP9 for .webm) in 8 bits for viewing.
 
     Parameters
     ----------

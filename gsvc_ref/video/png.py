@@ -47,7 +47,7 @@ class PngImage:
     color
         From the chunks cICP or sRGB, else unspecified primaries and transfer.
     notes
-        What was left out.
+        Sentences about what was left out.
     """
 
     frame: Frame
@@ -157,7 +157,7 @@ def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
         inflated = len(inflate.decompress(chunks[b"IDAT"], size + 1))
     except zlib.error as error:
         raise _malformed(name, f"its picture data cannot be inflated ({error})") from error
-    if inflated != size:  # which Pillow may take for granted
+    if inflated != size:  # Pillow does not check this
         raise _malformed(name, f"its picture data inflate to another length than the {size} bytes it needs")
     try:
         parts = [_pillow_samples(chunks, raw_mode) for raw_mode in RAW_MODES.get((color_type, depth), (None,))]
@@ -228,7 +228,7 @@ def decode_png(data: bytes, name: str) -> PngImage:
     data
         The file.
     name
-        What to call it in messages.
+        Name of the file in messages.
 
     Raises
     ------

@@ -23,14 +23,14 @@ READ_SIZE: Final = 1 << 22
 
 
 class Y4mReader(VideoReader):
-    """Reads y4m from a file or pipe, never seeking.
+    """A reader of y4m from a file or pipe, which never seeks.
 
     Parameters
     ----------
     source
         A path, or a binary file at the start of the data, which is never closed.
     name
-        What to call the source in messages.
+        Name of the source in messages.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _refuse_stream(line: bytes, name: str) -> None:
     UsageError
         It is one; the message says what to do.
     """
-    from gsvc_ref.bitstream.chunks import MAGIC  # which imports the compiler
+    from gsvc_ref.bitstream.chunks import MAGIC  # here, because it imports the compiler
 
     if MAGIC.startswith(line):
         raise UsageError(
@@ -128,7 +128,7 @@ def _refuse_stream(line: bytes, name: str) -> None:
 
 
 def _no_frame(line: bytes) -> str:
-    """What is wrong with a line in the place of the header of a frame."""
+    """The fault of a line in the place of the header of a frame."""
     found = line[:16].decode("ascii", "backslashreplace")
     if not line.startswith((b"FRAME\n", b"FRAME ")):
         return f"must begin with FRAME, found {found!r}"
@@ -138,13 +138,13 @@ def _no_frame(line: bytes) -> str:
 
 
 def _name_of(file: BinaryIO) -> str:
-    """What to call a file that the caller opened."""
+    """The name in messages of a file that the caller opened."""
     name = getattr(file, "name", "the output")
     return "standard output" if name == "<stdout>" else str(name)
 
 
 class Y4mWriter(VideoWriter):
-    """Writes y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
+    """A writer of y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
 
     Parameters
     ----------
