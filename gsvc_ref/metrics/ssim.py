@@ -108,29 +108,12 @@ def halve(plane: F8) -> F8:
     return np.asarray((even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]) / 4)
 
 
-def mean_similarity_plain(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: float) -> tuple[float, float]:
-    """Means of l * cs and of cs over all places where the window lies inside two (H, W) f8 planes: the definition."""
-    from scipy.ndimage import correlate1d  # here, so that no command waits for what only the definition needs
-
-    def filtered(plane: F8) -> F8:
-        rows, columns = (
-            slice(len(w) // 2, len(w) // 2 + size - len(w) + 1)
-            for w, size in zip((vertical, horizontal), plane.shape, strict=True)
-        )
-        return np.asarray(correlate1d(correlate1d(plane, vertical, axis=0), horizontal, axis=1)[rows, columns])
-
-    plus, minus = x + y, x - y
-    mean_plus, mean_minus = filtered(plus), filtered(minus)
-    variance_plus = filtered(plus**2) - mean_plus**2
-    variance_minus = filtered(minus**2) - mean_minus**2
-    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)  # (11-6)
-    contrast_structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
-    return float((luminance * contrast_structure).mean()), float(contrast_structure.mean())
-
-
 @kernel(contract=True)
 def mean_similarity(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: float) -> tuple[float, float]:
-    """Compute :func:`mean_similarity_plain` row by row, so that the moments stay in the cache."""
+    """Means of l * cs and of cs over all places where the window lies inside two (H, W) f8 planes.
+
+    Computed row by row, so that the moments stay in the processor's cache.
+    """
     height, width = x.shape
     taps = len(horizontal)
     rows, columns = height - len(vertical) + 1, width - taps + 1
