@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
-from gsvc_lab.benchmarks.clips import clip
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_lab.benchmarks.results import Section, Table
 from gsvc_lab.benchmarks.timing import Spread
+from gsvc_lab.clips import packaged
 from gsvc_ref import Settings
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
@@ -47,7 +47,7 @@ def ball() -> Iterator[Frame]:
 
 def head() -> Iterator[Frame]:
     """A man who talks in a driving car."""
-    with open_video(clip("carphone_pristine.mp4")) as reader:
+    with open_video(packaged("carphone_pristine")) as reader:
         for _, frame in zip(range(FRAMES), reader, strict=False):
             yield np.asarray(frame, np.uint8)
 

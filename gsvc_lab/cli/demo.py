@@ -75,7 +75,7 @@ class Demo:
     def run(self) -> int:
         """Do all steps; an exit code."""
         from gsvc_lab.cli.demo_report import report_data
-        from gsvc_lab.pages import write_report
+        from gsvc_lab.pages.report import write_report
 
         begin = time.perf_counter()
         self.folder.mkdir(exist_ok=True)

@@ -8,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.clips import Clip, packaged_clip
 from gsvc_lab.experiments.change import Change
-from gsvc_lab.experiments.clips import Clip, given_clips, packaged_clip
 from gsvc_lab.experiments.encodes import (
     PAPER_ITERATIONS,
     PAPER_RATE,
@@ -26,6 +26,7 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Tabl
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.fitting import scales_missing
 from gsvc_lab.experiments.key_frames import detect
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import Effects
 

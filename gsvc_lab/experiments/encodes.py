@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.experiments.clips import Clip
+from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.prediction import pruning_as_many

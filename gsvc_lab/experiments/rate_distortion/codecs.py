@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_lab.experiments.rate_distortion import ffmpeg
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.video.color import Plane
 
 SCAN: Final = 8192

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.experiments.clips import as_frame, as_picture
+from gsvc_lab.clips import as_frame, as_picture
 from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video import Frame, VideoFormat, VideoReader, frame_to_planes, open_video, planes_to_frame
