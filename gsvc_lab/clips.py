@@ -28,7 +28,7 @@ PAPER_SEQUENCES: Final = ("Beauty", "HoneyBee", "Jockey")
 """The sequences of UVG that the paper takes: slow, medium and fast motion."""
 
 UVG_NAME: Final = re.compile(r"(?P<name>[A-Za-z]+)_(?P<width>\d+)x(?P<height>\d+)_(?P<rate>\d+)fps_420_8bit_YUV\.yuv")
-"""How UVG names its raw 8-bit files, such as Beauty_1920x1080_120fps_420_8bit_YUV.yuv."""
+"""Pattern of the names of UVG's raw 8-bit files, such as Beauty_1920x1080_120fps_420_8bit_YUV.yuv."""
 
 UVG_COLOR: Final = ColorDescription(primaries=1, transfer=1, matrix=1, full_range=False, chroma_location=0)
 """BT.709 in limited range; the raw files do not say."""
@@ -43,7 +43,7 @@ class Clip:
     name
         For tables and figures.
     about
-        What it is, for people: a noun phrase.
+        A noun phrase that describes it to people.
     format
         Size, frame rate and colour; `format.frame_count` where it is known.
     read

@@ -12,7 +12,7 @@ PACKAGES: Final = ("gsvc_ref", "numpy", "numba", "llvmlite", "torch")
 
 
 def environment(threads: int) -> dict[str, Any]:
-    """What a reader has to know of the machine to make sense of numbers."""
+    """The machine as far as a reader has to know it to make sense of numbers."""
     return {
         "cpu": cpu_model(),
         "cores": processors(),

@@ -1,4 +1,4 @@
-"""What accuracy costs in time, measured with the codec's own kernels on the machine that it runs on.
+"""The cost of accuracy in time, measured with the codec's own kernels on the machine that it runs on.
 
 `groups` says what is varied, `work` what is timed for each setting and how its outcome is assessed, `measure` takes
 times and errors, `runner` measures it all into `results`, and `tables` and `page` show them.

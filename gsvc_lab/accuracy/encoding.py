@@ -19,7 +19,7 @@ OnTime = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Curve:
-    """How the PSNR of an I-frame rose.
+    """The PSNR of an I-frame over the time of encoding it.
 
     Attributes
     ----------

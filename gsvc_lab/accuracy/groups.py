@@ -1,4 +1,4 @@
-"""What is measured: groups of settings, each group an ablation that varies one thing with all others fixed."""
+"""Groups of settings to measure, each an ablation that varies one thing with all others fixed."""
 
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -47,7 +47,7 @@ class Group:
     name
         Its name for ``--group``.
     title
-        What is varied.
+        The thing that is varied.
     kind
         Whether the work renders the fitted splats, codes them, or fits them.
     against
@@ -67,7 +67,7 @@ class Group:
 
     @property
     def cost(self) -> str:
-        """What is weighed against the RMS error: ``bytes`` of what is coded, else ``seconds``."""
+        """The cost that is weighed against the RMS error: ``bytes`` where frames are coded, else ``seconds``."""
         return "bytes" if self.kind == "coding" else "seconds"
 
 

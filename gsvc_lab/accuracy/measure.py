@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a picture is from another over all samples, in steps of 8 bits.
+    """The distance of a picture from another over all samples, in steps of 8 bits.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[bool]:
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float]:
-    """What the work returns, and its seconds."""
+    """The return value of the work, and its seconds."""
     begin = time.perf_counter()
     result = work()
     return result, time.perf_counter() - begin

@@ -38,7 +38,7 @@ ORDERED: Final = {"cutoff", "position", "cholesky", "splats", "iterations"}
 """Groups whose settings go from coarse to fine, so that a line joins them."""
 
 MAX_SHOWN_PIXELS: Final = 270_000
-"""Of a larger picture the middle is shown, so that the page stays light."""
+"""Maximum number of pixels that are shown; of a larger picture the middle, so that the page stays light."""
 
 Value = Callable[[Measurement], float]
 
@@ -64,7 +64,7 @@ def accuracy_html(report: AccuracyReport, command: str = "") -> str:
 
 
 def _cards(report: AccuracyReport) -> list[Figure]:
-    """What stands out, as far as it was measured."""
+    """The key numbers, as far as they were measured."""
     found = {(result.group.name, one.setting.name): one for result in report.groups for one in result.measurements}
     cards = []
     exact = found.get(("precision", "exact"))

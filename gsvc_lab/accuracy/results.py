@@ -74,7 +74,7 @@ class AccuracyReport:
     machine
         Names and values that describe the machine.
     seconds
-        How long it took.
+        Seconds that all of it took.
     """
 
     source: Source

@@ -27,7 +27,7 @@ ASSESSED_WITH: Final[Precision] = "deterministic"
 
 @dataclass(frozen=True)
 class Quality:
-    """How good an outcome is.
+    """The quality of an outcome.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class Training:
     start
         ``image``, or ``random`` as in the paper, with its weight w folded into the colours.
     fit
-        How they are fitted.
+        Settings of the fit.
     precision
         Precision of the loss and its gradient: ``fast`` or ``deterministic``.
     """

@@ -79,7 +79,7 @@ class Work:
     Attributes
     ----------
     sentence
-        What it is.
+        Description of it.
     stage
         Whose function is called.
     inputs

@@ -57,7 +57,7 @@ class Run:
     note
         JSON: iterations, psnr, curve (pairs of iteration and PSNR), and wall and CPU seconds with the start.
     population
-        As fitted.
+        The splats as fitted.
     kept
         CHECKPOINTS that were passed, with the parameters (N, 8) f4.
     """
@@ -99,7 +99,7 @@ class Case:
         self.paper, self.quick = (preset(splats=self.total) for preset in (Settings.paper, Settings.quick))
 
     def rng(self, number: int) -> np.random.Generator:
-        """As `FrameEncoder` seeds a frame."""
+        """The generator of a frame, seeded as `FrameEncoder` does it."""
         return np.random.default_rng([self.seed, number])
 
     def intra(self, settings: Settings, fit_settings: FitSettings, *, keep: bool = False) -> Run:
@@ -235,12 +235,12 @@ def paper_inter(case: Case, path: Path) -> Run:
 
 
 def quick_intra(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
-    """How to make quick's I-frame, and its settings."""
+    """A function that makes quick's I-frame, and its settings."""
     return lambda settings: case.intra(case.quick, settings), case.quick.intra.fit
 
 
 def quick_inter(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
-    """How to make quick's P-frame, and its settings."""
+    """A function that makes quick's P-frame, and its settings."""
     before = case.intra(case.quick, case.quick.intra.fit).population.splats()
     return lambda settings: case.inter(case.quick, settings, before), case.quick.inter.fit
 

@@ -1,4 +1,4 @@
-"""What the benchmarks work on: trained populations and encoded streams, made once and kept in its cache.
+"""The material of the benchmarks: trained populations and encoded streams, made once and kept in its cache.
 
 `python -m gsvc_lab.benchmarks.material` makes all of it (some minutes); the benchmarks make what is missing. Nothing is
 drawn again when the training changes: remove the folder for that.
@@ -86,7 +86,7 @@ def trained(width: int, height: int, count: int) -> Case:
 
 
 def trained_path(width: int, height: int, count: int) -> Path:
-    """Where a population is kept, as (N, 8) f4 in the columns of `Splats.to_array`."""
+    """The file of a population, which holds (N, 8) f4 in the columns of `Splats.to_array`."""
     return CACHE / f"trained_{width}x{height}_{count}.npy"
 
 

@@ -1,4 +1,4 @@
-"""What a section of the benchmarks hands out: tables to read, goals, and the numbers behind them."""
+"""The results of a section of the benchmarks: tables to read, goals, and the numbers behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,9 +27,9 @@ class Goal:
     Attributes
     ----------
     work
-        What the goal is about.
+        The work that the goal is about.
     unit
-        Of the numbers, such as ``times`` or ``frames/s``.
+        Unit of the numbers, such as ``times`` or ``frames/s``.
     must, aim
         The goals; a larger number is better if `more_is_better`.
     measured

@@ -1,4 +1,4 @@
-"""What the report of ``gsvc demo`` tells, put together from the encode, the comparison and the file."""
+"""The contents of the report of ``gsvc demo``, put together from the encode, the comparison and the file."""
 
 from collections.abc import Mapping
 from itertools import islice
@@ -39,7 +39,7 @@ def report_data(
     seconds
         Wall time of the steps of the demo, `encode` among them.
     encoded, comparison, stream
-        What the encoder, the comparison and the file tell.
+        The results of the encoder, the comparison and the file.
     """
     header = stream.header
     return ReportData(

@@ -38,7 +38,7 @@ FOLDER: Final = Path("experiments/results")
 
 def load(name: str) -> Experiment:
     """The experiment of a name."""
-    experiment: Experiment = import_module(f"experiments.{name}").EXPERIMENT
+    experiment: Experiment = import_module(f"gsvc_lab.experiments.{name}").EXPERIMENT
     return experiment
 
 

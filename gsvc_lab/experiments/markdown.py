@@ -21,9 +21,9 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
     Parameters
     ----------
     records
-        As `results.read_all` returns them.
+        Records as `results.read_all` returns them.
     folder
-        Where the figures are.
+        Folder of the figures.
     target
         Such as ``docs/experiments.md``.
     say

@@ -10,7 +10,7 @@ from gsvc_ref.video.format import Frame
 
 
 def given_clips(run: Run) -> list[Clip]:
-    """What the user gave by --clip and --uvg, each with a name of its own; empty if neither."""
+    """The clips that the user gave by --clip and --uvg, each with a name of its own; empty if neither."""
     clips = [file_clip(path) for path in run.clips]
     if run.uvg is not None:
         clips += [uvg_clip(path, run.say) for path in uvg_paths(run.uvg)]
@@ -28,7 +28,7 @@ class Still:
     Attributes
     ----------
     name, about
-        As of a clip.
+        Name and description, as of a clip.
     frame
         (H, W, 3) u1.
     """

@@ -1,4 +1,4 @@
-"""What an experiment leaves on disk: ``NAME.json`` with its numbers beside the claim and the verdict."""
+"""The record of an experiment on disk: ``NAME.json`` with its numbers beside the claim and the verdict."""
 
 import json
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
 
 FORMAT: Final = 1
-"""Of the JSON."""
+"""Version of the JSON."""
 
 KEYS: Final[dict[str, type]] = {
     "format": int,
@@ -29,7 +29,7 @@ KEYS: Final[dict[str, type]] = {
     "seconds": float,
     "environment": dict,
 }
-"""What a record has, and of which type."""
+"""The keys of a record, and their types."""
 
 
 def record(experiment: Experiment, result: Result, run: Run, seconds: float) -> dict[str, Any]:

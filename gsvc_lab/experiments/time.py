@@ -30,14 +30,14 @@ NOTICED: Final = 0.05
 
 @dataclass(frozen=True)
 class Plan:
-    """How large the experiment is.
+    """The size of the experiment.
 
     Attributes
     ----------
     size
         Width and height; None: those of each clip.
     frames
-        Of each clip.
+        Number of frames of each clip.
     splats
         N.
     quick, paper
@@ -89,7 +89,7 @@ def row(clip: Clip, settings: Settings, count: int, say: Say, what: str) -> dict
 
 
 def rises(rows: Sequence[dict[str, float]]) -> list[float]:
-    """What each step to more iterations adds, in dB."""
+    """The gain in dB by each step to more iterations."""
     return [after["psnr"] - before["psnr"] for before, after in pairwise(rows)]
 
 
@@ -174,7 +174,7 @@ def draw(numbers: dict[str, Any], folder: Path) -> dict[str, str]:
 
 
 def chosen(run: Run, plan: Plan) -> list[Clip]:
-    """What the user gave, or a talking head and a cartoon."""
+    """The clips that the user gave, or a talking head and a cartoon."""
     clips = given_clips(run) or [packaged_clip(name) for name in ("carphone_pristine", "bigbuckbunny")]
     sizes = [plan.size or (clip.format.width, clip.format.height) for clip in clips]
     return [held(excerpt(clip, 0, plan.frames, *size)) for clip, size in zip(clips, sizes, strict=True)]

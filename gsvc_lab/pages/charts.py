@@ -127,7 +127,7 @@ def plot(series: Sequence[Series], x: Axis, y: Axis, label: str) -> str:
     x, y
         The axes.
     label
-        What the chart shows, in words for those who cannot see it.
+        Description of the chart for those who cannot see it.
     """
     points = [point for one in series for point in one.points]
     ends = [value for point in points for value in (point.x, point.low, point.high) if value is not None]
@@ -214,7 +214,7 @@ def _inside(box: Box) -> bool:
 
 
 def _places(x: float, y: float, wide: float) -> list[tuple[float, float]]:
-    """Where the label of a mark may stand, left and top, best first."""
+    """The places where the label of a mark may stand, left and top, best first."""
     middle, above, below = y - LINE / 2, y - LINE - 6, y + 6
     near = [(x + 9, middle), (x - 6 - wide, middle), (x - wide / 2, above), (x - wide / 2, below)]
     slanted = [(x + 6, above), (x + 6, below), (x - 3 - wide, above), (x - 3 - wide, below)]

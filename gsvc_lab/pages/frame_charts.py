@@ -75,7 +75,7 @@ STATES: Final = {
 
 
 def choices_chart(frames: Sequence[FrameRecord]) -> str:
-    """What was decided: a row for each effect, a column for each frame, the reason as what the pointer shows."""
+    """The decisions: a row for each effect, a column for each frame, the reason under the pointer."""
     effects = [choice.effect for choice in frames[0].choices]
     row = 20
     height = TOP + row * len(effects) + BOTTOM
@@ -113,7 +113,7 @@ def _mark(frame: FrameRecord, x: float, y: float) -> str:
 
 
 def _title(frame: FrameRecord) -> str:
-    """What the pointer shows over a frame."""
+    """The text under the pointer over a frame."""
     return f"<title>frame {frame.number}, {frame.type}: {decibels(frame.psnr)}, {thousands(frame.bits)} bits</title>"
 
 

@@ -35,7 +35,7 @@ def _card(figure: Figure) -> str:
 
 
 def notes_section(sentences: Sequence[str], environment: Mapping[str, str]) -> str:
-    """What a reader must know, and what it ran on."""
+    """Sentences that a reader must know, and the machine."""
     notes = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
     table = html_table((), list(environment.items()), ("text", "text long"))
     return (f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "") + (

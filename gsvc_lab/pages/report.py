@@ -139,7 +139,7 @@ def _time(data: ReportData) -> str:
 
 
 def _choices(data: ReportData) -> str:
-    """What the encoder did and left out, frame by frame."""
+    """The steps that the encoder took and left out, frame by frame."""
     if not data.frames[0].choices:
         return ""
     used = {choice.state for frame in data.frames for choice in frame.choices}

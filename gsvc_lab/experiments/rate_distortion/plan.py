@@ -56,7 +56,7 @@ class Job:
 
 
 def jobs(run: Run) -> list[Job]:
-    """What the run asks for: the user's clips, or else those that are at hand."""
+    """The jobs of a run: the user's clips, or else those that are at hand."""
     given = [*_files(run), *_uvg(run)]
     if given:
         return given

@@ -32,7 +32,7 @@ class PlanarClip:
     title
         For tables and figures.
     note
-        Where the planes come from, and what was done to them.
+        Origin of the planes, and what was done to them.
     path
         Raw planes, frame after frame.
     format
@@ -46,7 +46,7 @@ class PlanarClip:
 
     @property
     def frame_count(self) -> int:
-        """How many frames there are."""
+        """Number of frames."""
         assert self.format.frame_count is not None
         return self.format.frame_count
 
@@ -95,7 +95,7 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     path
         Anything `open_video` reads.
     target
-        Where the raw planes go.
+        File for the raw planes.
     frames
         The most frames.
     crop
