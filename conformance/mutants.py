@@ -19,7 +19,7 @@ import numpy as np
 
 from conformance import spec
 from conformance.expectations import Expectation, Judgement
-from conformance.stage import Stage, Values
+from conformance.operation import Operation, Values
 from conformance.vectors import Vector
 
 SECONDS: Final = 10.0
@@ -111,15 +111,15 @@ def _names(code: types.CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
-def called(stage: Stage, inputs: Values) -> frozenset[str]:
-    """The functions of spec.md that the inputs of a stage lead to: only mutants that touch one can answer otherwise."""
+def called(operation: Operation, inputs: Values) -> frozenset[str]:
+    """The functions of spec.md that some inputs of an operation reach: only mutants that touch one answer otherwise."""
     names = set()
 
     def note(frame: types.FrameType, event: str, argument: object) -> None:
         if event == "call":
             names.add(frame.f_code.co_qualname.partition(".<locals>")[0])
 
-    function = spec.namespace()[stage.name]
+    function = spec.namespace()[operation.name]
     sys.setprofile(note)
     try:
         with np.errstate(all="ignore"):
@@ -149,12 +149,12 @@ def time_limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def answer(mutant: Mutant, stage: Stage, inputs: Values) -> Values | None:
-    """What a mutant gives for the inputs of a stage; None if it crashes or hangs."""
+def answer(mutant: Mutant, operation: Operation, inputs: Values) -> Values | None:
+    """What a mutant gives for the inputs of an operation; None if it crashes or hangs."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"), time_limit(SECONDS):
             warnings.simplefilter("ignore")
-            given: Values = mutant.namespace()[stage.name](**inputs)
+            given: Values = mutant.namespace()[operation.name](**inputs)
             return given
     except Exception:
         return None
@@ -167,7 +167,7 @@ def judge(expected: Mapping[str, Expectation], outputs: Mapping[str, Any]) -> It
 
 def kills(vector: Vector, mutant: Mutant) -> bool:
     """Whether a vector finds a mutant."""
-    outputs = answer(mutant, vector.stage, vector.inputs)
+    outputs = answer(mutant, vector.operation, vector.inputs)
     return outputs is None or not all(verdict.passed for verdict in judge(vector.expected, outputs))
 
 
@@ -176,7 +176,7 @@ def killed_by(vectors: Iterable[Vector], mutants: Iterable[Mutant]) -> dict[str,
     mutants = list(mutants)
     table = {}
     for vector in vectors:
-        run = called(vector.stage, vector.inputs)
+        run = called(vector.operation, vector.inputs)
         able = (mutant for mutant in mutants if run & mutant.touched())
         table[vector.id] = [mutant.name for mutant in able if kills(vector, mutant)]
     return table

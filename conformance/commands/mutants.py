@@ -95,7 +95,7 @@ def runs(vector: Vector) -> frozenset[str]:
     """The functions of spec.md that a vector runs: only mutants of these can answer it differently."""
     from conformance.mutants import called
 
-    return called(vector.stage, vector.inputs)
+    return called(vector.operation, vector.inputs)
 
 
 def describe(found: dict[str, list[str]]) -> list[str]:

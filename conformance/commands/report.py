@@ -52,7 +52,7 @@ def _pictures(report: Report, kept: Path, vectors: Path) -> PictureBook:
     book = PictureBook()
     for vector in VectorFolder(vectors).read(list(results)):
         try:
-            outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.stage.outputs}
+            outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.operation.outputs}
         except ValueError as error:
             raise UsageError(f"{kept / vector.id / 'out'}: {error}; keep the outputs again") from None
         book.add(vector, outputs, results[vector.id])

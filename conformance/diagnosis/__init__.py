@@ -20,13 +20,13 @@ from conformance.diagnosis.ratios import spread
 from conformance.diagnosis.streams import kind_sentence, refusal_sentence
 from conformance.diagnosis.verdicts import bugs_by_verdicts
 from conformance.expectations import Bounded, Exact, Refusal
-from conformance.stage import input_size
+from conformance.operation import input_size
 from conformance.vectors import Vector
 
 __all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
 
 EXAMINED: Final = 12
-"""Failures of a stage that are looked at, from the smallest inputs to the largest."""
+"""Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """How sentences begin that say where errors are, not what they are."""
@@ -67,16 +67,16 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
 def diagnose(
     failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
 ) -> dict[str, list[str]]:
-    """What the failures of one stage look like.
+    """What the failures of one operation look like.
 
     Parameters
     ----------
     failures
-        All of the stage; those that `examined` chooses are looked at.
+        All of the operation; those that `examined` chooses are looked at.
     passed
-        Vectors of the stage that were answered rightly.
+        Vectors of the operation that were answered rightly.
     errors
-        Vectors of the stage that ended with an error.
+        Vectors of the operation that ended with an error.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Known bugs that an implementation looks like, asked both ways.
 
 A bug *explains* a failure if it gives nearly all elements that are wrong, and nearly all elements that it gets wrong
-were given. Small numbers agree by chance, so a bug must fit the whole stage: one that would fail vectors that the
+were given. Small numbers agree by chance, so a bug must fit the whole operation: one that would fail vectors that the
 implementation passes fits badly. Where a failure is only a refusal or a few wrong elements, bugs that have nothing in
 common agree: then it is told that they end in the same refusal, not that one of them is there.
 """
@@ -16,11 +16,11 @@ import numpy as np
 from conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
 from conformance.expectations import Exact, Refusal
 from conformance.mutants import Mutant, all_mutants, answer, called
-from conformance.stage import Values
+from conformance.operation import Values
 from conformance.vectors import Vector
 
 MIN_FIT: Final = 0.5
-"""Bugs that fit the stage worse are not named."""
+"""Bugs that fit the operation worse are not named."""
 
 MIN_FIT_OF_FEW: Final = 0.9
 """The same of bugs that explain only failures that tell little."""
@@ -59,7 +59,7 @@ CAPACITY: Final = "capacity"
 def named(
     failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()
 ) -> dict[str, list[str]]:
-    """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each.
+    """Sentences of the bugs that the failures of one operation look like, by the id of a vector; at most two each.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def bugs_for(vector: Vector) -> list[Mutant]:
     kills = vector.manifest.get("kills")
     if kills is not None:
         return [mutant for mutant in all_mutants() if mutant.name in kills]
-    run = called(vector.stage, vector.inputs)
+    run = called(vector.operation, vector.inputs)
     return [mutant for mutant in all_mutants() if run & mutant.touched()]
 
 
@@ -227,4 +227,4 @@ def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
 
 @lru_cache(maxsize=4096)
 def _answer(mutant: Mutant, vector: Vector) -> Values | None:
-    return answer(mutant, vector.stage, vector.inputs)
+    return answer(mutant, vector.operation, vector.inputs)

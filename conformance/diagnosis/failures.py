@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
-from conformance.stage import Stage, Values
+from conformance.operation import Operation, Values
 from conformance.vectors import Vector
 
 Array = NDArray[Any]
@@ -42,7 +42,7 @@ class Part:
 
     Attributes
     ----------
-    stage, name
+    operation, name
         Whose output it is.
     right, mine
         What is expected and what was given.
@@ -54,7 +54,7 @@ class Part:
         As they are.
     """
 
-    stage: Stage
+    operation: Operation
     name: str
     right: F8
     mine: F8
@@ -107,7 +107,7 @@ def parts(failure: Failure) -> list[Part]:
         right = expectation.value.astype(np.float64)
         found.append(
             Part(
-                failure.vector.stage,
+                failure.vector.operation,
                 name,
                 right,
                 given.astype(np.float64),

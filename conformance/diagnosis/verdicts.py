@@ -1,8 +1,8 @@
 """Known bugs by the vectors that they fail: for what ends with an error, or has outputs that tell too little.
 
 A vector that ends with an error has no outputs to compare, and a single small number agrees with many bugs. What tells
-more is which vectors of the stage are right and which are wrong: a bug is named if it fails the same ones, and in the
-same way, with an error where there was one, and otherwise with the outputs that were given.
+more is which vectors of the operation are right and which are wrong: a bug is named if it fails the same ones, and in
+the same way, with an error where there was one, and otherwise with the outputs that were given.
 """
 
 from collections import defaultdict
@@ -32,7 +32,7 @@ def bugs_by_verdicts(failures: Sequence[Failure], errors: Sequence[Vector], pass
     Parameters
     ----------
     failures
-        Wrong outputs of a stage, all of them.
+        Wrong outputs of an operation, all of them.
     errors
         Vectors that ended with an error.
     passed

@@ -33,9 +33,9 @@ def test_a_layout_comes_before_the_bugs():
 def test_one_empty_picture_among_others_may_be_a_bug():
     names = ["core/render_sum/a_determinant_that_cancels", MIDDLE, CORNERS]
     dropping = mutant("determinant-by-cancellation")
-    failures = [(v, answer(dropping, v.stage, v.inputs)) for v in FOLDER.read(names[:1])]
+    failures = [(v, answer(dropping, v.operation, v.inputs)) for v in FOLDER.read(names[:1])]
     shifted = mutant("pixel-centre-at-integer")
-    failures += [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names[1:])]
+    failures += [(v, answer(shifted, v.operation, v.inputs)) for v in FOLDER.read(names[1:])]
     assert not failures[0][1]["sum"].any()
     told = diagnose(failures)
     assert not any("nothing was written to" in sentence for sentence in told[names[0]])
@@ -45,7 +45,7 @@ def test_one_empty_picture_among_others_may_be_a_bug():
 def test_what_explains_more_is_preferred_to_what_explains_a_pixel():
     shifted = mutant("pixel-centre-at-integer")
     names = ["core/render_sum/a_determinant_that_cancels", CORNERS]
-    failures = [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names)]
+    failures = [(v, answer(shifted, v.operation, v.inputs)) for v in FOLDER.read(names)]
     alone = diagnose(failures[:1], [vector_of(MIDDLE)])[names[0]]
     assert shifted.sentence not in alone
     assert diagnose(failures)[names[0]] == [shifted.sentence]
@@ -55,7 +55,7 @@ def test_what_explains_more_is_preferred_to_what_explains_a_pixel():
 def test_two_bugs_at_once(pair):
     both = _both(*map(mutant, pair))
     vector = vector_of(CORNERS)
-    (sentences,) = diagnose([(vector, answer(both, vector.stage, vector.inputs))]).values()
+    (sentences,) = diagnose([(vector, answer(both, vector.operation, vector.inputs))]).values()
     assert set(sentences[0].split(", and ")) == {mutant(name).sentence for name in pair}
 
 
@@ -63,7 +63,7 @@ def test_few_wrong_elements_are_no_pair():
     vector = vector_of(CORNERS)
     right = vector.expected["sum"].value.astype(np.float32)
     both = _both(mutant("pixel-centre-at-integer"), mutant("support-without-end"))
-    theirs = answer(both, vector.stage, vector.inputs)["sum"]
+    theirs = answer(both, vector.operation, vector.inputs)["sum"]
     place = np.unravel_index(abs(theirs - right).argmax(), right.shape)
     right[place] = theirs[place]
     told = diagnose([(vector, {"sum": right})])[CORNERS]
@@ -98,12 +98,12 @@ def test_not_a_number():
     assert "infinity" in sentence
 
 
-def failures_of(bug, stage):
-    """The failures of an implementation with this bug, and the vectors of the stage that it passes."""
+def failures_of(bug, operation):
+    """The failures of an implementation with this bug, and the vectors of the operation that it passes."""
     failures, passed = [], []
-    for vector in FOLDER.read([name for name in FOLDER.names if name.split("/")[1] == stage]):
-        if called(vector.stage, vector.inputs) & bug.touched() and kills(vector, bug):
-            failures.append((vector, answer(bug, vector.stage, vector.inputs)))
+    for vector in FOLDER.read([name for name in FOLDER.names if name.split("/")[1] == operation]):
+        if called(vector.operation, vector.inputs) & bug.touched() and kills(vector, bug):
+            failures.append((vector, answer(bug, vector.operation, vector.inputs)))
         else:
             passed.append(vector)
     return failures, passed

@@ -27,7 +27,7 @@ def test_the_lists_are_large_and_parts_were_held_back():
 
 def test_every_planted_bug_can_be_made():
     for bug in planted.all_bugs():
-        assert set(bug.functions()) == set(bug.stages)
+        assert set(bug.functions()) == set(bug.operations)
 
 
 def test_planted_bugs_are_named_rightly(capsys):

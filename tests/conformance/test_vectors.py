@@ -59,14 +59,14 @@ def test_the_code_of_the_spec_passes(vectors):
 
 
 class Careless:
-    """Answers every stage with zeros of the right form, and accepts every stream."""
+    """Answers every operation with zeros of the right form, and accepts every stream."""
 
     name, in_full = "careless", False
 
     def __init__(self, expected):
         self.expected = expected
 
-    def run(self, stage, inputs, turn=0):
+    def run(self, operation, inputs, turn=0):
         return {name: zeros(expectation) for name, expectation in next(self.expected).items()}
 
 
@@ -81,8 +81,8 @@ class Refusing:
 
     name, in_full = "refusing", False
 
-    def run(self, stage, inputs, turn=0):
-        if stage.name == "reconstruct_stream":
+    def run(self, operation, inputs, turn=0):
+        if operation.name == "reconstruct_stream":
             return {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32), "error": "malformed"}
         return Unsupported("nothing is")
 
@@ -112,10 +112,10 @@ def test_who_refuses_everything_passes_in_no_class(vectors):
 def test_a_bug_is_recognised(vectors, name, vector):
     mutant = next(mutant for mutant in all_mutants() if mutant.name == name)
     found = [v for v in vectors if name in v.manifest["kills"] and vector in (None, v.id)]
-    stage = found[0].stage.name
-    answers = [(v, answer(mutant, v.stage, v.inputs)) for v in found if v.stage.name == stage]
+    operation = found[0].operation.name
+    answers = [(v, answer(mutant, v.operation, v.inputs)) for v in found if v.operation.name == operation]
     failures = [(v, outputs) for v, outputs in answers if outputs is not None]
-    passed = [v for v in vectors if v.stage.name == stage and name not in v.manifest["kills"]]
+    passed = [v for v in vectors if v.operation.name == operation and name not in v.manifest["kills"]]
     told = diagnose(failures, passed)
     named = [any(mutant.sentence in sentence for sentence in sentences) for sentences in told.values()]
     assert named == [True] * min(len(failures), EXAMINED)

@@ -51,19 +51,19 @@ class Planted:
     ----------
     name, area
         A name and the folder of reports that it belongs to.
-    stages
-        The stages that it is judged by; it is in no other.
+    operations
+        The operations that it is judged by; it is in no other.
     right
         A pattern that a right name or place has.
     functions
-        Makes the functions of these stages, afresh.
+        Makes the functions of these operations, afresh.
     new
         Whether it is of the newer list.
     """
 
     name: str
     area: str
-    stages: tuple[str, ...]
+    operations: tuple[str, ...]
     right: str
     functions: Callable[[], dict[str, Function]]
     new: bool = False
@@ -90,34 +90,40 @@ class Said:
     lines: tuple[str, ...]
 
 
-def patched(area: str, name: str, stages: str, right: str, *patches: tuple[str, str]) -> Planted:
+def patched(area: str, name: str, operations: str, right: str, *patches: tuple[str, str]) -> Planted:
     """A bug as changes of spec.md's code."""
-    names = tuple(stages.split())
-    return Planted(name, area, names, right, lambda: {stage: spec.namespace(patches)[stage] for stage in names})
+    names = tuple(operations.split())
+    return Planted(
+        name, area, names, right, lambda: {operation: spec.namespace(patches)[operation] for operation in names}
+    )
 
 
 def after(
-    area: str, name: str, stages: str, right: str, change: Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]]
+    area: str,
+    name: str,
+    operations: str,
+    right: str,
+    change: Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]],
 ) -> Planted:
     """A bug that changes the right outputs, as `change(outputs, inputs)` does."""
 
-    def wrapped(stage: str) -> Function:
-        function = spec.namespace()[stage]
+    def wrapped(operation: str) -> Function:
+        function = spec.namespace()[operation]
         return lambda **inputs: {**(out := function(**inputs)), **change({k: _own(v) for k, v in out.items()}, inputs)}
 
-    names = tuple(stages.split())
-    return Planted(name, area, names, right, lambda: {stage: wrapped(stage) for stage in names})
+    names = tuple(operations.split())
+    return Planted(name, area, names, right, lambda: {operation: wrapped(operation) for operation in names})
 
 
-def before(area: str, name: str, stages: str, right: str, change: Callable[..., dict[str, Any]]) -> Planted:
+def before(area: str, name: str, operations: str, right: str, change: Callable[..., dict[str, Any]]) -> Planted:
     """A bug that changes the inputs, as `change(inputs)` does."""
 
-    def wrapped(stage: str) -> Function:
-        function = spec.namespace()[stage]
+    def wrapped(operation: str) -> Function:
+        function = spec.namespace()[operation]
         return lambda **inputs: function(**{**inputs, **change({k: _own(v) for k, v in inputs.items()})})
 
-    names = tuple(stages.split())
-    return Planted(name, area, names, right, lambda: {stage: wrapped(stage) for stage in names})
+    names = tuple(operations.split())
+    return Planted(name, area, names, right, lambda: {operation: wrapped(operation) for operation in names})
 
 
 def _own(value: Any) -> Any:
@@ -125,17 +131,19 @@ def _own(value: Any) -> Any:
 
 
 @cache
-def vectors_of(stage: str) -> tuple[Vector, ...]:
-    """The vectors of a stage."""
+def vectors_of(operation: str) -> tuple[Vector, ...]:
+    """The vectors of an operation."""
     folder = VectorFolder(VECTORS)
-    return tuple(folder.read([name for name in folder.names if name.split("/")[1] == stage]))
+    return tuple(folder.read([name for name in folder.names if name.split("/")[1] == operation]))
 
 
 def judged(bug: Planted) -> list[Judged]:
-    """The bug, judged by the vectors of its stages in their order."""
+    """The bug, judged by the vectors of its operations in their order."""
     implementation = ModuleImplementation(bug.name, bug.functions())
     with np.errstate(all="ignore"):
-        return [judge_vector(implementation, vector) for stage in bug.stages for vector in vectors_of(stage)]
+        return [
+            judge_vector(implementation, vector) for operation in bug.operations for vector in vectors_of(operation)
+        ]
 
 
 def said(bug: Planted) -> Said:

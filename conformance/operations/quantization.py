@@ -1,4 +1,4 @@
-"""The stages of quantisation in training: LSQ+, residual vector quantisation, and how its codebooks move."""
+"""The operations of quantisation in training: LSQ+, residual vector quantisation, and how its codebooks move."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from conformance.distinct import distinct
 from conformance.expectations import Decision, Expectation
+from conformance.operation import Values, operation, paired
+from conformance.operations.codebooks import books_of, residual, rvq_update_oracle
 from conformance.running_error import Computed, expected, given, rounded_once, stack
-from conformance.stage import Values, operation, stage
-from conformance.stages.codebooks import books_of, residual, rvq_update_oracle
 from gsvc_ref.quantization import rvq
 
 F4 = NDArray[np.float32]
@@ -45,7 +45,7 @@ def lsq_quantize_oracle(x: F4, scale: F4, offset: F4, bits: int) -> Expected:
     return {"codes": Decision(*both, float(to_tie[inside].min()), float(t.error[inside].max()))}
 
 
-operation(
+paired(
     "lsq_quantize",
     "quantization",
     "LSQ+ codes of values.",
@@ -57,7 +57,7 @@ operation(
 )
 
 
-operation(
+paired(
     "lsq_dequantize",
     "quantization",
     "Values of LSQ+ codes: a rounded product, then a rounded sum.",
@@ -97,7 +97,7 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     }
 
 
-operation(
+paired(
     "lsq_gradients",
     "quantization",
     "Straight-through gradients of LSQ+.",
@@ -139,7 +139,7 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
     return {"indices": Decision(indices, None, *((margin, guard) if guard else (None, None)))}
 
 
-@stage(
+@operation(
     "quantization",
     inputs="x: f4 (N, 3); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="indices: u2 (N, M)",
@@ -152,7 +152,7 @@ def rvq_assign(x: F4, codebook_sizes: I8, codebooks: F4) -> Values:
     return {"indices": rvq.assign(x, books_of(codebook_sizes, codebooks))}
 
 
-operation(
+paired(
     "rvq_update",
     "quantization",
     "One step of the codebooks' moving averages, with dead codewords replaced.",
@@ -188,7 +188,7 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
     }
 
 
-@stage(
+@operation(
     "quantization",
     inputs="x: f4 (N, 3); indices: u2 (N, M); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="loss: f8 (); grad_x: f4 (N, 3)",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.stage import Values, operation, stage
+from conformance.operation import Values, operation, paired
 from gsvc_ref.bitstream import crc
 from gsvc_ref.quantization import half
 from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, SplatBlock, State, reconstruct, work
@@ -24,7 +24,7 @@ def _from_half_plain(bits: Array) -> Oracle:
     return {"values": Exact(np.array([half.half_value(int(b)) for b in bits], np.float32))}
 
 
-operation(
+paired(
     "from_half",
     "reconstruction",
     "The values of binary16 patterns.",
@@ -40,7 +40,7 @@ def _to_half_plain(values: Array) -> Oracle:
     return {"bits": Exact(np.array([half.half_bits(float(v)) for v in values], np.uint16))}
 
 
-operation(
+paired(
     "to_half",
     "reconstruction",
     "The binary16 patterns nearest to values, ties to even.",
@@ -96,7 +96,7 @@ def _books(codebook_sizes: Array, codewords: Array) -> tuple[Array, ...]:
     return tuple(np.split(codewords.view(np.float16), np.cumsum(codebook_sizes)[:-1]))
 
 
-@stage(
+@operation(
     "reconstruction",
     inputs="width: int; height: int; positions: u2 (N, 2); cholesky: u2 (N, 3); scale: f4 (3,); offset: f4 (3,); "
     "color_indices: u2 (N, M); codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
@@ -115,7 +115,7 @@ def reconstruct_intra(
     return {"parameters": state.splats.to_array()}
 
 
-@stage(
+@operation(
     "reconstruction",
     inputs="width: int; height: int; reference: f4 (N, 8); survivors: u1 (N,); positions: u2 (n or 0, 2); "
     "cholesky: u2 (n or 0, 3); scale: f4 (3,); offset: f4 (3,); color_indices: u2 (n or 0, M); "
@@ -148,7 +148,7 @@ def _checksum_plain(parameters: Array) -> Oracle:
     return {"checksum": Exact(np.array(crc.crc32c_plain(data), np.int64))}
 
 
-operation(
+paired(
     "parameter_checksum",
     "reconstruction",
     "The checksum of a frame's parameters.",
@@ -165,7 +165,7 @@ def _work_plain(parameters: Array, width: int, height: int) -> Oracle:
     return {"work": Exact(np.array(pairs, np.int64))}
 
 
-operation(
+paired(
     "rendering_work",
     "reconstruction",
     "How many (splat, pixel) pairs the boxes of splats hold.",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 import gsvc_ref
 from conformance.expectations import Expectation, Interval, Refusal
-from conformance.stage import Values, exactly, operation, stage, stages
+from conformance.operation import Values, exactly, operation, operations, paired
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.planes import plane
@@ -30,7 +30,7 @@ CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5",
 """Rules that every stream exercises."""
 
 
-@stage(
+@operation(
     "bitstream",
     inputs="stream: stream",
     outputs="header: i8 (22,); frame_types: u1 (T,); counts: i8 (T,); survivors: u1 (S,); blocks: i8 (K, 8); "
@@ -90,7 +90,7 @@ def _joined(parts: list[Any], empty: Array) -> Array:
     return np.concatenate([empty, *(part.astype(empty.dtype) for part in parts if part is not None)])
 
 
-@stage(
+@operation(
     "bitstream",
     inputs="data: u1 (n,); count: int; alphabet: int; entropy_precision: int; lane_count: int",
     outputs="symbols: u2 (count,)",
@@ -103,7 +103,7 @@ def decode_plane(data: Array, count: int, alphabet: int, entropy_precision: int,
     return {"symbols": plane(Reader(data.tobytes()), header, "colors", "plane", count, alphabet)}
 
 
-operation(
+paired(
     "encode_plane",
     "bitstream",
     "The states and words with which a decoder finds the symbols again, by the encoder of section 7.",
@@ -120,7 +120,7 @@ def _refused(**inputs: Any) -> dict[str, Expectation]:
     return {**expected, "error": Refusal(reconstruct_stream(**inputs)["error"], in_full=True)}
 
 
-@stage(
+@operation(
     "bitstream",
     inputs="stream: stream",
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
@@ -147,14 +147,14 @@ def _intervals(stream: bytes) -> dict[str, Expectation]:
     """Each frame's interval, derived from the exact sum and its bound."""
     header = StreamReader(stream).header
     size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
-    rendered = stages()["render_frame"].oracle
+    rendered = operations()["render_frame"].oracle
     frames = [rendered(parameters=frame.splats.to_array(), **size)["frame"] for frame in StreamReader(stream)]
     return {
         "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
     }
 
 
-@stage(
+@operation(
     "rendering",
     inputs="stream: stream",
     outputs="frames: u1|u2 (T, H, W, 3)",
@@ -167,7 +167,7 @@ def decode_stream(stream: bytes) -> Values:
     return {"frames": np.stack(list(gsvc_ref.decode(stream)))}
 
 
-@stage(
+@operation(
     "deterministic",
     inputs="stream: stream",
     outputs="frames: u1|u2 (T, H, W, 3)",
