@@ -11,7 +11,7 @@ globalThis.GSVC ??= {};
 
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-  GSVC.Stage = class {
+  GSVC.Screen = class {
     /**
      * @param {HTMLElement} element
      * @param {HTMLCanvasElement} marks what lies over the picture
