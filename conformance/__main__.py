@@ -24,7 +24,7 @@ COMMANDS: Final = {
     "spec": "run the decoder inside spec.md over the vectors",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",
-    "mutants": "check the suite: every named bug must be found",
+    "mutants": "check the suite: every mutant must be found",
     "streams": "write random legal streams with what they decode to",
 }
 

@@ -15,7 +15,7 @@ from conformance.capacities import limit, symbols
 from conformance.case import LEVELS
 from conformance.cases import FLAGS
 from conformance.elements import element_rows, uncovered_elements
-from conformance.mutants import all_mutants
+from conformance.mutants import MUTANTS
 from conformance.operation import Operation, operations
 from conformance.spec import SPEC
 from conformance.vectors import SUMS, VECTORS
@@ -65,7 +65,7 @@ def coverage_page(folder: Path = VECTORS) -> str:
             "## Equations\n\n" + _index("equation", equations, there, "equations"),
             "## Syntax elements\n\nOf all streams of the vectors: values of legal ones, and faults.\n\n"
             + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
-            "## Mutants\n\nEach is the decoder inside spec.md with one bug; every one must be found.\n\n"
+            "## Mutants\n\nEach is the decoder inside spec.md with one mistake; every one must be found.\n\n"
             + _kill_table(there),
             "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
             "fail one;\n`python -m conformance capacities` tries them all.\n\n" + _sizes(there),
@@ -106,7 +106,7 @@ def _manifest_problems(folder: Path, there: list[dict[str, Any]]) -> Iterable[st
 
     validator = Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
     known = {"rules": stated()[0], "equations": stated()[1], "flags": list(FLAGS)}
-    names = {mutant.name for mutant in all_mutants()}
+    names = {mutant.name for mutant in MUTANTS}
     for manifest in there:
         name = manifest["id"]
         yield from (f"{name}: {error.json_path} {error.message}" for error in validator.iter_errors(manifest))
@@ -139,7 +139,7 @@ def _page_problems(folder: Path) -> Iterable[str]:
 
 
 def _names() -> list[str]:
-    return [mutant.name for mutant in all_mutants()]
+    return [mutant.name for mutant in MUTANTS]
 
 
 def _counts(there: list[dict[str, Any]]) -> str:
@@ -168,7 +168,7 @@ def _some(names: list[str], value: str) -> list[str]:
 
 def _kill_table(there: list[dict[str, Any]]) -> str:
     rows = []
-    for mutant in all_mutants():
+    for mutant in MUTANTS:
         killers = [m["id"] for m in there if mutant.name in m["kills"]]
         rows.append([mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers, mutant.name)])
     return _table(["area", "mutant", "it looks like", "killed by", "such as"], rows)
@@ -197,8 +197,8 @@ def _shapes(manifest: Manifest, operation: Operation) -> list[tuple[list[str], l
 
 def _flags(there: list[dict[str, Any]]) -> str:
     count = Counter(flag for m in there for flag in m["flags"])
-    rows = [[f"`{flag}`", bug, effect, str(count[flag])] for flag, (bug, effect) in sorted(FLAGS.items())]
-    return _table(["flag", "class of bug", "effect", "vectors"], rows)
+    rows = [[f"`{flag}`", mistake, effect, str(count[flag])] for flag, (mistake, effect) in sorted(FLAGS.items())]
+    return _table(["flag", "class of mistakes", "effect", "vectors"], rows)
 
 
 def _table(head: list[str], rows: Iterable[list[str]]) -> str:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import get_args
 
 from conformance.operation import Group, operations
-from conformance.selection import ALL_LEVELS, Selection
 from conformance.spelling import question
+from conformance.vector_folder import ALL_LEVELS, Selection
 from conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
@@ -38,7 +38,7 @@ def add_selection(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="for this class of bugs: needle; vectors/COVERAGE.md lists them",
+        help="for this class of mistakes: needle; vectors/COVERAGE.md lists them",
     )
 
 

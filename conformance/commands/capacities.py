@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from conformance.capacities import CAPACITIES, Row, rows
 from conformance.commands import add_selection, add_vectors, selection
 from conformance.operation import operations
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from gsvc_ref.cli.text import show
 
 

@@ -26,7 +26,7 @@ from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
-from conformance.selection import Selection, VectorFolder, matches
+from conformance.vector_folder import Selection, VectorFolder, matches
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
@@ -197,7 +197,7 @@ class Causes:
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""
-        from conformance.diagnosis import EXAMINED, bugs_for, diagnose, examined
+        from conformance.diagnosis import EXAMINED, diagnose, examined, mutants_for
 
         causes: dict[str, list[str]] = {}
         notes = []
@@ -206,9 +206,9 @@ class Causes:
             causes |= diagnose(failures, self._passed[operation], self._errors[operation])
             seen = [failure.vector for failure in examined(failures)]
             if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
-                tried = len({bug.name for vector in open_ones for bug in bugs_for(vector)})
+                tried = len({mutant.name for vector in open_ones for mutant in mutants_for(vector)})
                 notes.append(
-                    f"{operation}: no known bug gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
+                    f"{operation}: no mutant gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
                     f"gave ({tried} tried)"
                 )
             if len(failures) > EXAMINED:
@@ -219,7 +219,7 @@ class Causes:
 
 
 def _right_types(judged: Judged) -> bool:
-    """Whether arrays have the types that they must have; if not, that is told, and no bug is looked for behind it."""
+    """Whether arrays have the types that they must have; if not, that is told, and no cause is looked for behind it."""
     given = judged.outputs or {}
     mine = {port: given.get(port.name) for port in judged.vector.operation.outputs if port.type in DTYPES}
     return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))

@@ -9,7 +9,7 @@ from typing import Any
 from conformance.case import Case, cases
 from conformance.commands import add_selection, add_vectors, put_between, selection
 from conformance.operation import Operation, Port, operations
-from conformance.selection import Selection, VectorFolder
+from conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref.cli.text import print_json, show
 from gsvc_ref.errors import UsageError
 

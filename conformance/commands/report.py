@@ -11,7 +11,7 @@ from conformance.report.console import describe, last_line
 from conformance.report.json import read
 from conformance.report.pictures import PictureBook
 from conformance.results import Report
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text

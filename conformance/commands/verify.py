@@ -6,7 +6,7 @@ from importlib import import_module
 
 from conformance.commands import add_vectors
 from conformance.operation import operations
-from conformance.selection import ALL_LEVELS, VectorFolder
+from conformance.vector_folder import ALL_LEVELS, VectorFolder
 from conformance.vectors import set_hash
 from gsvc_ref.cli.text import plural, show, table
 

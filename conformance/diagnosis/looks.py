@@ -35,7 +35,7 @@ Key = tuple[str, str]
 
 @dataclass
 class Look:
-    """What is told of one failure: accounts of all that is wrong, and mere places; `whole` if no bug need be asked."""
+    """What a failure looks like: accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
 
     strong: list[str] = field(default_factory=list)
     weak: list[str] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Look:
 
 
 def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, Look]:
-    """What the failures of one operation look like without a bug in mind, by the id of a vector."""
+    """What the failures of one operation look like without a mutant in mind, by the id of a vector."""
     told = {failure.vector.id: Look() for failure in failures}
     empty = _empty(failures, passed)
     strong: dict[Key, list[Candidate]] = {}

@@ -52,7 +52,7 @@ class Candidate(NamedTuple):
         How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
         number agrees with one of many accounts by chance.
     single
-        Whether it names single terms, which many other bugs spoil in some vector: then most failures must have such.
+        Whether it names single terms, which many other mutants spoil in some vector: then most failures must have such.
     """
 
     sentence: str

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 import gsvc_ref
 from conformance.expectations import Expectation, Interval, Refusal
 from conformance.operation import Values, exactly, operation, operations, paired
+from conformance.spec import namespace
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.planes import plane
@@ -17,12 +18,7 @@ from gsvc_ref.stream import StreamReader
 
 Array = NDArray[Any]
 
-HEADER_ELEMENTS: Final = (
-    "profile", "level", "flags", "width", "height", "frame_rate_numerator", "frame_rate_denominator",
-    "sample_aspect_numerator", "sample_aspect_denominator", "frame_count", "bit_depth", "chroma_format",
-    "color_primaries", "transfer_characteristics", "matrix_coefficients", "video_full_range_flag",
-    "chroma_sample_loc_type", "cholesky_bits", "color_stages", "color_codewords", "entropy_precision", "lane_count",
-)  # fmt: skip
+HEADER_ELEMENTS: Final = tuple(name for name, *_ in namespace()["HEADER"])
 """The elements of the sequence header, in order."""
 
 CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",

@@ -9,7 +9,7 @@ import pytest
 from conformance.implementations import load_module
 from conformance.results import FAULTS
 from conformance.runner import run_suite
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS
 
 ADAPTERS = Path(__file__).parents[2] / "conformance" / "adapters"

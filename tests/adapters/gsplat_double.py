@@ -21,7 +21,7 @@ import torch
 
 from conformance.implementations import load_module
 from conformance.runner import judge_vector
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS
 
 FAULTS = {

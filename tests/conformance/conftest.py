@@ -7,8 +7,8 @@ import pytest
 import toy_operations
 
 USERS = (
-    "vectors", "results", "selection", "report.comparison", "commands", "commands.list", "commands.verify", "reference",
-    "implementations",
+    "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.list", "commands.verify",
+    "reference", "implementations",
 )  # fmt: skip
 """Modules that have `operations` by name."""
 

@@ -13,7 +13,7 @@ from conformance.__main__ import main
 from conformance.commands.judging import shuffled
 from conformance.process import ProcessImplementation
 from conformance.report.json import read
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 
 HALVE = Selection(operations=("halve",))
 NAME = "core/halve/one_to_six"

@@ -16,7 +16,7 @@ from conformance import reference
 from conformance.__main__ import COMMANDS, main
 from conformance.commands import list as listing
 from conformance.report.json import from_object
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
@@ -350,17 +350,17 @@ def test_without_a_package_no_command_works(package, words):
 
 def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, capsys):
     name = toy_module(scale=lambda values, factor: {"scaled": np.full_like(values, 9)}, halve=wrong_halves)
-    bugs = [ToyMutant(name, {"scale"}) for name in "abc"]
-    monkeypatch.setattr("conformance.diagnosis.bugs_for", lambda vector: bugs)
+    toys = [ToyMutant(name, {"scale"}) for name in "abc"]
+    monkeypatch.setattr("conformance.diagnosis.mutants_for", lambda vector: toys)
     known = {"core/scale/by_two": ["a nine"], "core/scale/by_a_third": []}
     monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed, errors: known)
     assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
     out = capsys.readouterr().out
     assert "Probable cause: a nine (scale: 1 of 2 examined)\n" in out
-    assert "note: scale: no known bug gives exactly what 1 of 2 failures gave (3 tried)\n" in out
-    assert "note: halve: no known bug gives exactly what 1 of 1 failure gave (3 tried)\n" in out
+    assert "note: scale: no mutant gives exactly what 1 of 2 failures gave (3 tried)\n" in out
+    assert "note: halve: no mutant gives exactly what 1 of 1 failure gave (3 tried)\n" in out
     assert main(["run", "--module", name, "--vectors", str(folder), *QUIET]) == 1
-    assert "no known bug" not in capsys.readouterr().out
+    assert "no mutant" not in capsys.readouterr().out
 
 
 def test_arrays_of_another_type_are_not_taken_for_bad_arithmetic(folder, toy_module, capsys):
@@ -369,7 +369,7 @@ def test_arrays_of_another_type_are_not_taken_for_bad_arithmetic(folder, toy_mod
     out = capsys.readouterr().out
     assert "output scaled has type float64; it must be float32" in out
     assert "Probable cause" not in out
-    assert "no known bug" not in out
+    assert "no mutant" not in out
 
 
 def test_a_report_of_something_else(tmp_path, capsys):
@@ -457,7 +457,7 @@ def test_generate(folder, monkeypatch, capsys):
 
 class ToyMutant:
     def __init__(self, name, functions) -> None:
-        self.name, self.sentence, self._functions = name, f"a bug called {name}", frozenset(functions)
+        self.name, self.sentence, self._functions = name, f"a mutant called {name}", frozenset(functions)
 
     def touched(self) -> frozenset[str]:
         return self._functions
@@ -470,13 +470,13 @@ def test_mutants(folder, monkeypatch, capsys):
         ToyMutant("alive", {"paint"}),
     )
     killed = {"found-early": "core/scale/by_two", "found-late": "faulty/parse/bad_letter"}
-    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
+    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
     monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
     monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     words = ["mutants", "--vectors", str(folder), "--quiet"]
     assert main(words) == 1
     assert capsys.readouterr().out.splitlines() == [
-        "alive SURVIVES: a bug called alive",
+        "alive SURVIVES: a mutant called alive",
         "found-early: core/scale/by_two",
         "found-late: faulty/parse/bad_letter",
         "",
@@ -498,7 +498,7 @@ def test_mutants_of_a_selection_are_those_that_it_is_to_find(folder, monkeypatch
         ToyMutant("alive", {"halve"}),
     )
     killed = {"of-both": "core/halve/one_to_six"}
-    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
+    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
     monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
     monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     monkeypatch.setattr(

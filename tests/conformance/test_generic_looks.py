@@ -1,4 +1,4 @@
-"""The looks that know no bug: places, factors, terms of sums, what was left behind; also on outputs of 70,000 rows."""
+"""Looks that know no mutant: places, factors, terms of sums, what was left behind; also on outputs of 70,000 rows."""
 
 import time
 
@@ -15,8 +15,8 @@ from conformance.diagnosis.terms import pixel_gradients
 from conformance.expectations import Bounded
 from conformance.names import element, told
 from conformance.operation import operations
-from conformance.selection import VectorFolder
 from conformance.spec import complexity, namespace
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS, Vector
 
 FOLDER = VectorFolder(VECTORS)

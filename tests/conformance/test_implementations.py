@@ -10,7 +10,7 @@ import toy_operations
 from toy_operations import judge, module
 
 from conformance.expectations import Bounded, Decision, Exact, Interval
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,7 +12,7 @@ from toy_operations import good_program, judge, write_program
 from conformance.implementations import Failure, Unsupported
 from conformance.operation import Port
 from conformance.process import MAX_BYTES, ProcessImplementation, read_output
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 from conformance.vectors import npy
 from gsvc_ref.errors import UsageError
 

@@ -25,8 +25,8 @@ from conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementati
 from conformance.report.console import CONCLUSIONS
 from conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from conformance.runner import judge_vector, run_suite
-from conformance.selection import SCHEMA, matches
 from conformance.streams import PARTS
+from conformance.vector_folder import SCHEMA, matches
 from conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]

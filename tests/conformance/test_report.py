@@ -23,7 +23,7 @@ from conformance.report.page import MAX_FAULTS, report_html
 from conformance.report.pictures import NOT_FINITE, WORST_OF_OPERATION, PictureBook, error_ratios, pictures_of, ramp
 from conformance.results import OutputResult, Report, Result
 from conformance.runner import judge_vector
-from conformance.selection import Selection, VectorFolder
+from conformance.vector_folder import Selection, VectorFolder
 from conformance.vectors import Vector
 from gsvc_ref.errors import UsageError
 

@@ -10,7 +10,7 @@ from toy_operations import INPUTS, REFERENCE, good_program, judge, module, outco
 
 from conformance.implementations import ModuleImplementation, from_namespace, load_module
 from conformance.process import ProcessImplementation
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 from gsvc_ref.errors import UsageError
 
 

@@ -11,7 +11,7 @@ from conformance.diagnosis import EXAMINED, diagnose
 from conformance.expectations import Bounded, Refusal
 from conformance.generate import differences, make
 from conformance.implementations import Unsupported, from_namespace
-from conformance.mutants import Mutant, all_mutants, answer, bug, killed_by
+from conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
 from conformance.reference import namespace as reference
 from conformance.results import Report
 from conformance.runner import run_suite
@@ -109,8 +109,8 @@ def test_who_refuses_everything_passes_in_no_class(vectors):
         ("r-6.2-2-unchecked", None),
     ],
 )
-def test_a_bug_is_recognised(vectors, name, vector):
-    mutant = next(mutant for mutant in all_mutants() if mutant.name == name)
+def test_a_mutant_is_recognised(vectors, name, vector):
+    mutant = next(mutant for mutant in MUTANTS if mutant.name == name)
     found = [v for v in vectors if name in v.manifest["kills"] and vector in (None, v.id)]
     operation = found[0].operation.name
     answers = [(v, answer(mutant, v.operation, v.inputs)) for v in found if v.operation.name == operation]
@@ -121,7 +121,7 @@ def test_a_bug_is_recognised(vectors, name, vector):
     assert named == [True] * min(len(failures), EXAMINED)
 
 
-def test_an_unknown_bug_is_not_given_a_name(vectors):
+def test_an_unknown_mutant_is_not_given_a_name(vectors):
     vector = next(v for v in vectors if v.id == "core/render_sum/corners_of_tiles")
     rng = np.random.default_rng(1)
     noise = rng.normal(0, 1, vector.expected["sum"].value.shape).astype(np.float32)
@@ -129,7 +129,7 @@ def test_an_unknown_bug_is_not_given_a_name(vectors):
 
 
 def test_a_patch_that_changes_nothing_is_found_by_no_vector(vectors):
-    same_code = bug("test", "none", "nothing", ("LOWEST_STATE = 2**16", "LOWEST_STATE = 1 << 16"))
+    same_code = mutant("test", "none", "nothing", ("LOWEST_STATE = 2**16", "LOWEST_STATE = 1 << 16"))
     assert same_code.touched() == frozenset()
     assert killed_by(vectors[:3], [same_code]) == {vector.id: [] for vector in vectors[:3]}
 
@@ -140,5 +140,5 @@ def test_a_patch_that_does_not_fit_is_an_error():
 
 
 def test_names_of_mutants_are_unique():
-    names = [mutant.name for mutant in all_mutants()]
+    names = [mutant.name for mutant in MUTANTS]
     assert len(names) == len(set(names))

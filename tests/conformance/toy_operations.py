@@ -12,7 +12,7 @@ from conformance.implementations import ModuleImplementation
 from conformance.operation import Operation, Values, _ports
 from conformance.results import Report
 from conformance.runner import run_suite
-from conformance.selection import Selection, VectorFolder
+from conformance.vector_folder import Selection, VectorFolder
 from conformance.vectors import files_of, write
 
 

@@ -1,4 +1,4 @@
-"""Bugs of render_gradients: reductions over pixels, warps and tiles, and formulas."""
+"""Mutants of render_gradients: reductions over pixels, warps and tiles, and formulas."""
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def column(name, factor):
     )[1]
 
 
-BUGS = (
+PLANTED = (
     after(AREA, "first 64 rows", OPERATION, "splats from 64", lambda out, i: (out["gradients"].__setitem__(np.s_[64:], 0), out)[1]),
     after(AREA, "last splat", OPERATION, "last of the splats", lambda out, i: (out["gradients"].__setitem__(np.s_[-1:], 0), out)[1]),
     after(AREA, "partial block of splats", OPERATION, "partial block of (4|8|16|32|64|128|256) of the splats",

@@ -12,7 +12,7 @@ from toy_operations import INPUTS
 
 from conformance.__main__ import main
 from conformance.expectations import Exact
-from conformance.selection import Selection, VectorFolder, check_manifest
+from conformance.vector_folder import Selection, VectorFolder, check_manifest
 from conformance.vectors import SUMS, files_of, from_files
 from gsvc_ref.errors import UsageError
 
