@@ -5,7 +5,7 @@ globalThis.GSVC ??= {};
 {
   const { element, number } = GSVC.words;
   const FOLDER = "../vectors/"; // in a checkout
-  const CHECKS = { // of spec.md 13.2: what is accepted
+  const CHECKS = { // the answers that spec.md 13.2 accepts
     exact: "the same bits",
     decision: "the same number, or the recorded alternative",
     bounded: "within the bound of each element",

@@ -167,7 +167,7 @@ globalThis.GSVC ??= {};
     return new Uint8Array(await response.arrayBuffer());
   });
 
-  /** What is shown, as a PNG file with the samples of deterministic decoding: the same on every machine. */
+  /** Save the frame that is shown as a PNG file, with the samples of deterministic decoding: the same on every machine. */
   async function save() {
     if (!screen.frame) return;
     const { width, height, bitDepth } = screen.video;
