@@ -47,8 +47,8 @@ def test_only_folders_of_the_same_installation_are_stale(monkeypatch, tmp_path):
 def test_kernels_are_kept_there_and_numba_keeps_its_own_settings():
     script = (
         "import numba\nfrom gsvc_ref._kernel_folder import kernel_folder\n"
-        "from gsvc_ref.rendering.fast.lists import prepare\n"
-        "print(prepare._cache.cache_path.startswith(str(kernel_folder())) and not numba.config.CACHE_DIR)"
+        "from gsvc_ref.rendering.fast.projection import project_task\n"
+        "print(project_task._cache.cache_path.startswith(str(kernel_folder())) and not numba.config.CACHE_DIR)"
     )
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment)
@@ -127,7 +127,7 @@ def test_a_number_of_threads_that_is_none_is_wrong_use(tmp_path, command):
 
 LAYER = """
 from gsvc_ref.cli.errors import guarded
-from gsvc_ref.rendering.fast.workspace import parallel_region
+from gsvc_ref.rendering.fast.threads import parallel_region
 def work():
     with parallel_region(1):
         return 0

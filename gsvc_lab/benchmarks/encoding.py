@@ -30,7 +30,7 @@ from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
 from gsvc_ref.encoder.settings import Settings, scaled
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
-from gsvc_ref.rendering.fast.workspace import thread_count
+from gsvc_ref.rendering.fast.threads import thread_count
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit

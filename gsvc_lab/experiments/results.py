@@ -10,7 +10,7 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
-from gsvc_ref.rendering.fast.workspace import thread_count
+from gsvc_ref.rendering.fast.threads import thread_count
 
 FORMAT: Final = 1
 """Of the JSON."""

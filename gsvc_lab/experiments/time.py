@@ -15,7 +15,7 @@ from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figur
 from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.settings import with_iterations
-from gsvc_ref.rendering.fast.workspace import thread_count
+from gsvc_ref.rendering.fast.threads import thread_count
 
 PAPER_SECONDS: Final = (197.58, 221.45)
 """Seconds per frame of 1920x1080 at the lowest and the highest rate on a V100 (paper, section 4.2)."""
