@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
-from gsvc_ref.rendering.definition import footprint
-from gsvc_ref.rendering.fast.exponential import exp_minus
+from gsvc_ref.rendering.definition import exp_minus, footprint
 from gsvc_ref.splats import Splats
 
 F8 = NDArray[np.float64]

@@ -19,7 +19,7 @@ from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 F4 = NDArray[np.float32]
 
 TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
-"""How eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
+"""The order in which eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:

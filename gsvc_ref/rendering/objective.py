@@ -99,7 +99,7 @@ class Objective:
         Parameters
         ----------
         parameters
-            (N, 8) f4, as for `evaluate`, which from now on wants N splats and ignores what it is told of frozen ones.
+            (N, 8) f4, as for `evaluate`, which from now on needs N splats and ignores the parameters of frozen ones.
         frozen
             (N,) bool; all False is `thaw`.
 
@@ -108,15 +108,15 @@ class Objective:
         UsageError
             A shape does not fit, or a parameter is not finite.
         """
-        packed, still = _checked(parameters), np.asarray(frozen)
-        if still.dtype != np.bool_ or still.shape != (len(packed),):
-            raise UsageError(f"frozen is {still.dtype} of shape {still.shape}; it must be bool of shape (N,)")
+        packed, held = _checked(parameters), np.asarray(frozen)
+        if held.dtype != np.bool_ or held.shape != (len(packed),):
+            raise UsageError(f"frozen is {held.dtype} of shape {held.shape}; it must be bool of shape (N,)")
         self.thaw()
-        if still.any():
+        if held.any():
             self._count = len(packed)
-            self._rasterizer.binning.load(packed[still])
+            self._rasterizer.binning.load(packed[held])
             self._base = to_tiles(self._draw(EMPTY, clamp=False))
-            self._moving = np.flatnonzero(~still)
+            self._moving = np.flatnonzero(~held)
 
     def thaw(self) -> None:
         """Hold no splat fixed."""

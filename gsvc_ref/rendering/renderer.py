@@ -61,7 +61,7 @@ class Renderer:
         self._all = Regions.all_of(tile_count(width), height, min(region_rows or height, height))
 
     def picture(self, splats: Splats, *, clamp: bool = True) -> NDArray[np.float32]:
-        """What `render` returns, or `render_sum` without the clamp (but f4 for ``exact`` as well): (H, W, 3) f4."""
+        """The picture that `render` returns, or `render_sum` without the clamp: (H, W, 3) f4, for ``exact``, too."""
         height, width, _ = self._shape
         if self.precision == "exact":
             C = definition.exact_sum(splats, width, height)
@@ -73,7 +73,7 @@ class Renderer:
         return picture
 
     def frame(self, splats: Splats, bit_depth: int) -> NDArray[Any]:
-        """What `render_frame` returns: (H, W, 3) u1 for 8 bits, else u2."""
+        """The frame that `render_frame` returns: (H, W, 3) u1 for 8 bits, else u2."""
         if self.precision == "exact":
             return to_frame(self.picture(splats), bit_depth)
         frame = np.empty(self._shape, frame_type(bit_depth))  # (H, W, 3) u1 or u2
@@ -82,7 +82,7 @@ class Renderer:
         return frame
 
     def gradients(self, splats: Splats, residual: ArrayLike) -> NDArray[np.float32]:
-        """What `render_gradients` returns (but f4 for ``exact`` as well): (N, 8) f4."""
+        """The gradients that `render_gradients` returns: (N, 8) f4, for ``exact``, too."""
         height = self._shape[0]
         e = np.require(residual, np.float32, ["C", "W"])  # (H, W, 3) f4; writeable, since a job may write pictures
         if e.shape != self._shape:
@@ -191,7 +191,7 @@ def render_gradients(
 def covered_pixels(
     splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.int64]:
-    """How many pixels of the frame each splat covers, as (N,) i8; all but ``exact`` decide by (9-4), in binary32."""
+    """The number of pixels of the frame that each splat covers, (N,) i8; ``exact`` alone does not decide by (9-4)."""
     check_precision(precision)
     _check_size(width, height)
     if precision == "exact":

@@ -103,7 +103,7 @@ SPECIAL = {
     "cancellation": single(9.5, 3e38, 1.0, 3e38, 2.0),
     "minus zero": single(-0.0, -0.0, 3.0, -0.0, 3.0, (-0.0, 0.0, 1.0)),
 }
-"""What a machine that flushes subnormals to zero, or orders products otherwise, gets wrong."""
+"""Splats that a machine gets wrong if it flushes subnormals to zero, or orders products otherwise."""
 
 
 @pytest.mark.parametrize("name", SPECIAL)
@@ -183,7 +183,7 @@ def test_the_objective_adds_in_a_stated_order():
     np.testing.assert_allclose(gradient, scaled, rtol=1e-6)  # scaled before it is rounded once, not after
 
 
-# What a process prints of itself: hashes of sums, gradients, loss and frames.
+# A process that prints the hashes of its sums, gradients, loss and frames.
 PROGRAM = """
 import hashlib, json, sys
 import numpy as np
@@ -213,7 +213,7 @@ GENERIC = {
 
 
 def hashes(folder, environment, threads, region_rows):
-    """What another process computes."""
+    """The hashes that another process computes."""
     program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, rows=region_rows)
     result = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],

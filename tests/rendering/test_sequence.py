@@ -1,4 +1,4 @@
-"""Only what changed is rendered or evaluated again, and nobody can tell from the result."""
+"""Only what changed is rendered or evaluated again, and the result is the same."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 """Binning: which splats touch which tile, sorted by tile.
 
-Splats come from strangers, and one splat may touch every tile. So the intersections of all tiles are listed at once
+A stream may come from anyone, and one splat may touch every tile. So the intersections of all tiles are listed at once
 only while they are few. Otherwise they are listed for one window of neighbouring tiles after the other, which changes
 no bit, as tiles have nothing in common.
 """
@@ -23,7 +23,7 @@ SPLATS_KEPT: Final = 1 << 16
 """Memory of more splats than this is given back to the system between two frames."""
 
 SPLATS_PER_THREAD: Final = 4096
-"""Fewer splats than this are not worth waking another thread for."""
+"""Minimum number of splats that another thread is woken for."""
 
 ROWS_FOR_INTERSECTION: Final = 4.0
 ROWS_FOR_ROW: Final = 1.5
@@ -32,7 +32,7 @@ to."""
 
 
 class Bins(NamedTuple):
-    """Which splats touch which tile, and what the inner loops need of them.
+    """The intersections of splats and tiles, and what the inner loops need of the splats.
 
     An *intersection* is a pair of a splat and a tile that it touches.
 
@@ -121,7 +121,7 @@ class Binning:
     Parameters
     ----------
     width, height
-        Of the frame in pixels.
+        Size of the frame in pixels.
     threads
         Maximum number of threads.
 

@@ -32,7 +32,7 @@ class Job(NamedTuple):
     Attributes
     ----------
     width, height
-        Of the frame in pixels.
+        Size of the frame in pixels.
     strict
         Whether the kernels without contraction sum.
     kind
@@ -86,7 +86,7 @@ def tiles_of_task(task: int, tasks: int, bins: Bins) -> tuple[int, int]:
     return max(first, bins.window[0]), min(end, bins.window[1])
 
 
-@kernel()
+@kernel(inline=True)
 def sum_region(tile: F4, t: int, top: int, end: int, bins: Bins, batch: Batch, count: int, job: Job) -> None:
     """Sum the splats of the rows top to end - 1 of tile t; the rows below are spoiled as far as `add_batch` says.
 
@@ -105,7 +105,7 @@ def sum_region(tile: F4, t: int, top: int, end: int, bins: Bins, batch: Batch, c
         count += gathered
 
 
-@kernel()
+@kernel(inline=True)
 def render_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, regions: Regions, job: Job) -> None:
     """Sum the dirty regions of tile t, and write them into the picture or the frame.
 
@@ -123,7 +123,7 @@ def render_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, regions:
                 write_frame(tile, t, top, end, job.frame, job.peak)
 
 
-@kernel()
+@kernel(inline=True)
 def grad_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, lane_sums: F4, job: Job) -> None:
     """`grad_add_batch` for all intersections of tile t, of which `count` are in the batch: all of them, or any."""
     done = 0

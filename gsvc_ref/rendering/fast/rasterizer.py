@@ -31,7 +31,7 @@ class Rasterizer:
     Parameters
     ----------
     width, height
-        Of the frame in pixels.
+        Size of the frame in pixels.
     threads
         None for one per CPU.
 

@@ -15,7 +15,7 @@ from gsvc_ref.rendering.fast.tiles import F4, F8, I8
 
 
 class Regions(NamedTuple):
-    """Which regions of a frame are to be rendered.
+    """The regions of a frame, and which of them must be rendered.
 
     Attributes
     ----------

@@ -28,12 +28,12 @@ g e (10-9)."""
 
 LANE_SUMS: Final = 6 * TILE_WIDTH
 Q, QU2, QU2U2, GE_RED, GE_GREEN, GE_BLUE = range(0, LANE_SUMS, TILE_WIDTH)
-"""The lane sums of the backward loop, and where the lanes of each begin: the sums of q, q u2, q u2 u2 and the three of
+"""The places where the lanes of each sum of the backward loop begin: the sums of q, q u2, q u2 u2 and the three of
 g e. Within a tile u1 is constant per lane, so that the moments with u1 follow from these."""
 
 EIGHT: Final = TILE_WIDTH // 2
 QU1, QU1U1, QU1U2 = Q, Q + EIGHT, QU2 + EIGHT
-"""Where `fold_lanes` puts the sums with u1, once lanes k and k + 8 have been added: eight lanes each."""
+"""The places where `fold_lanes` puts the sums with u1, once lanes k and k + 8 have been added: eight lanes each."""
 
 
 @kernel(contract=True, inline=True)
