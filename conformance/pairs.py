@@ -66,7 +66,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "reconstruct_intra": Other("gsvc_ref.reconstruction:reconstruct", CODES),
     "reconstruct_inter": Other("gsvc_ref.reconstruction:reconstruct", CODES),
     "parameter_checksum": OfSplats("gsvc_ref.bitstream.crc"),
-    "rendering_work": OfSplats("gsvc_ref.reconstruction.work"),
+    "rendering_work": OfSplats("gsvc_ref.rendering"),
     "render_sum": OfSplats("gsvc_ref.rendering"),
     "render_sum_deterministic": Other("gsvc_ref.rendering:render_sum", "the precision is an argument"),
     "to_frame": Twin("gsvc_ref.rendering"),

@@ -12,7 +12,8 @@ from conformance.expectations import Exact, Expectation
 from conformance.operation import Values, operation, paired
 from gsvc_ref.bitstream import crc
 from gsvc_ref.quantization import half
-from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, SplatBlock, State, reconstruct, work
+from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, SplatBlock, State, reconstruct
+from gsvc_ref.rendering import work
 from gsvc_ref.splats import Splats
 
 Array = NDArray[Any]

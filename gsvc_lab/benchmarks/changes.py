@@ -98,7 +98,7 @@ def encoded(frames: list[Frame], threads: int, *, freeze: bool) -> Encoded:
 
 
 def rendering(data: bytes, threads: int) -> tuple[list[float], list[float], list[float]]:
-    """For every frame after the first: share of tiles rendered, and seconds as a sequence and as a whole, medians."""
+    """For every frame after the first: share of regions rendered, and seconds as a sequence and as a whole, medians."""
     with gsvc_ref.open(data) as stream:
         size = stream.header.width, stream.header.height
         frames = [(frame.type, frame.splats, frame.codes.origins) for frame in stream]

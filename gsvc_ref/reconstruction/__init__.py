@@ -6,7 +6,6 @@ drift from its decoders.
 
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, FrameType, Quantizer, SplatBlock
 from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct
-from gsvc_ref.reconstruction.work import rendering_work
 
 __all__ = [
     "BlockKind",
@@ -18,5 +17,4 @@ __all__ = [
     "SplatBlock",
     "State",
     "reconstruct",
-    "rendering_work",
 ]

@@ -12,7 +12,8 @@ from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import State, reconstruct, rendering_work
+from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.source import Source, SourceReader
 

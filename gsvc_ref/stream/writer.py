@@ -13,7 +13,8 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.errors import UsageError
-from gsvc_ref.reconstruction import FrameCodes, State, reconstruct, rendering_work
+from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
+from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from gsvc_ref.constants import SUPPORT_SQUARED
-from gsvc_ref.reconstruction.work import rendering_work, rendering_work_plain
-from gsvc_ref.rendering import SequenceRenderer, covered_pixels, render_exact_with_bound, render_gradients, render_sum
+from gsvc_ref.rendering import (
+    SequenceRenderer,
+    covered_pixels,
+    render_exact_with_bound,
+    render_gradients,
+    render_sum,
+    rendering_work,
+)
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, whitened
+from gsvc_ref.rendering.work import rendering_work_plain
 from gsvc_ref.splats import Splats
 
 ORDINARY = [8.25, 4.5, 3, 0.5, 2, 1, -1, 0.5]

@@ -1,4 +1,4 @@
-"""How much a frame asks of a renderer: the work that a level limits (spec.md section 5)."""
+"""The work that a frame asks of a renderer, which a level limits (spec.md section 5)."""
 
 from math import ceil, floor
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.reconstruction import rendering_work
-from gsvc_ref.reconstruction.work import rendering_work_plain
+from gsvc_ref.rendering import rendering_work
+from gsvc_ref.rendering.work import rendering_work_plain
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing import splat_sets
 
