@@ -13,9 +13,10 @@ from codec_cases import Counting, encoded, fast, flat, video_format, waves
 
 from gsvc_ref.encoder import IncompleteEncodeError, encode
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import PartialFile
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import StreamWriter, decode
-from gsvc_ref.video import PartialFile, VideoReader
+from gsvc_ref.video import VideoReader
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 5)
