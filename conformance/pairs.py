@@ -1,7 +1,7 @@
 """What gsvc_ref has for each operation of spec.md: the table that ``run --reference`` answers by.
 
 An operation whose name and arguments gsvc_ref has too is a `Twin`, or `OfSplats`: its answer is that function's, as it
-stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.stages` translates it.
+stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
 """
 
 from collections.abc import Callable, Mapping
@@ -95,7 +95,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "frame_to_planes": Other("gsvc_ref.video.color:frame_to_planes", VIDEO),
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of their own"),
 }
-"""By name of the operation, in the order of spec.md section 13.9."""
+"""By name of the operation, in the order of spec.md section 4.3."""
 
 
 @cache

@@ -14,8 +14,8 @@ import pytest
 
 from conformance.cases.building import HEADER, intra_block, operated
 from conformance.elements import ELEMENTS
+from conformance.operations.bitstream import reconstruct_stream
 from conformance.spec import namespace
-from conformance.stages.bitstream import reconstruct_stream
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.reconstruction import FrameCodes

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import cases
-from conformance.stage import Values, stages
+from conformance.operation import Values, operations
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
 from gsvc_ref.splats import Splats
@@ -47,7 +47,7 @@ def _of_thousands() -> Measurement:
     parameters = cases()["full/render_sum/hard_splats_on_a_pixel_2048"].run()[0]["parameters"]
     inputs = {"parameters": parameters, "residual": np.array([[[1.0, -2.0, 0.5]]], np.float32)}
     ours = implementations("render_gradients")
-    expected = stages()["render_gradients"].oracle(**inputs)
+    expected = operations()["render_gradients"].oracle(**inputs)
     return measure(inputs, expected, render_gradients(**inputs), ours, naive.of_the_first_256)
 
 

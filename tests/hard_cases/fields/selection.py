@@ -33,7 +33,7 @@ class KeyFrames(HardCase):
             inputs,
             {"key_frames": Exact(flags({"key_frames": expected["key_frames"].value})["key_frames"])},
             {"key_frames": Truth(exactly(flags({"key_frames": numbers})["key_frames"]))},
-            {name: flagged(variant) for name, variant in implementations(self.stage).items()},
+            {name: flagged(variant) for name, variant in implementations(self.operation).items()},
             flagged(self.naive[1]),
         )
 

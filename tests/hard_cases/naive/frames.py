@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.operation import Values
 from conformance.spec import Patch, namespace
-from conformance.stage import Values
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]
@@ -47,9 +47,9 @@ def by_moments(a: Frame, b: Frame, bit_depth: int) -> Values:
     return _metrics(a, b, bit_depth, mse=mse, psnr=_psnr(mse, bit_depth))
 
 
-def _patched(stage: str, *patches: Patch) -> Variant:
+def _patched(operation: str, *patches: Patch) -> Variant:
     """The code of spec.md with other lines in it."""
-    return lambda **inputs: namespace(patches)[stage](**inputs)
+    return lambda **inputs: namespace(patches)[operation](**inputs)
 
 
 without_constants = _patched(

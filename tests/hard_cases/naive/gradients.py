@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.operation import Values
 from conformance.spec import namespace
-from conformance.stage import Values
 from tests.hard_cases.naive.rendering import LN_255, covariance, forward_substitution, renderer
 
 F4 = NDArray[np.float32]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.stage import Values
+from conformance.operation import Values
 
 F4 = NDArray[np.float32]
 

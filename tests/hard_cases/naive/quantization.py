@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.operation import Values
+from conformance.operations.codebooks import books_of
 from conformance.spec import namespace
-from conformance.stage import Values
-from conformance.stages.codebooks import books_of
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]

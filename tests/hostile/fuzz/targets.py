@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
+from conformance.operations.bitstream import decode_stream_deterministic, read_stream, reconstruct_stream
 from conformance.spec import namespace
-from conformance.stages.bitstream import decode_stream_deterministic, read_stream, reconstruct_stream
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import rendering_work
 from gsvc_ref.rendering import Precision

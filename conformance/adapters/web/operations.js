@@ -1,0 +1,193 @@
+// The operations of conformance/protocol.md that this decoder has, by name.
+"use strict";
+globalThis.GSVC ??= {};
+{
+  const { Bits, Fault, readPlane, encodeSymbols, halfValues, halfBits, reconstructIntra, reconstructInter } = GSVC;
+  const { parameterChecksum, renderingWork, readStart, readFrames, toFrame, scaleParameters } = GSVC;
+  const { renderSumDeterministic, toFrameDeterministic } = GSVC;
+
+  /** An operation can't do what its inputs ask for. */
+  class Unsupported extends Error {}
+
+  const TYPES = {
+    "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i8": BigInt64Array, "<f4": Float32Array,
+    "<f8": Float64Array,
+  };
+
+  /** An array of an operation: {data: a typed array, shape, dtype}; whole numbers may be given as numbers for <i8. */
+  function array(dtype, shape, values) {
+    if (values instanceof TYPES[dtype]) return { data: values, shape, dtype };
+    if (dtype !== "<i8") return { data: TYPES[dtype].from(values), shape, dtype };
+    return { data: BigInt64Array.from(values, BigInt), shape, dtype };
+  }
+
+  const numbers = (given) => Array.from(given.data, Number);
+  const rows = (values, columns, dtype) => array(dtype, [values.length / columns, columns], values);
+  const list = (values, dtype) => array(dtype, [values.length], values);
+  const single = (value, dtype) => array(dtype, [], [value]);
+  const sampleType = (bitDepth) => (bitDepth === 8 ? "|u1" : "<u2");
+
+  /** All values of arrays, one array after the other. */
+  function joined(dtype, parts) {
+    const values = new TYPES[dtype](parts.reduce((length, part) => length + part.length, 0));
+    parts.reduce((at, part) => (values.set(part, at), at + part.length), 0);
+    return values;
+  }
+
+  /** The inputs of reconstruct_intra and reconstruct_inter as reconstruction.js has them. */
+  const codesOf = (inputs) => ({
+    positions: inputs.positions.data,
+    cholesky: inputs.cholesky.data,
+    scale: inputs.scale.data,
+    offset: inputs.offset.data,
+    colorIndices: inputs.color_indices.data,
+    codebookSizes: numbers(inputs.codebook_sizes),
+    codewords: inputs.codewords.data,
+  });
+
+  const operations = {
+    async read_stream({ stream }) {
+      const { s, state } = readStart(stream);
+      return described(state.header, [...readFrames(s, state)]);
+    },
+
+    async decode_plane({ data, count, alphabet, entropy_precision, lane_count }) {
+      const symbols = readPlane(new Bits(data.data), { entropy_precision, lane_count }, count, alphabet);
+      return { symbols: list(symbols, "<u2") };
+    },
+
+    async encode_plane({ symbols, frequencies, entropy_precision, lane_count }) {
+      const coded = encodeSymbols(symbols.data, numbers(frequencies), entropy_precision, lane_count);
+      return { lane_states: list(coded.laneStates, "<u4"), words: list(coded.words, "<u2") };
+    },
+
+    async reconstruct_stream({ stream }) {
+      const frames = [];
+      let error = "";
+      try {
+        const { s, state } = readStart(stream);
+        for (const frame of readFrames(s, state)) frames.push(frame.parameters);
+      } catch (fault) {
+        if (!(fault instanceof Fault)) throw fault;
+        error = fault.message;
+      }
+      const counts = list(frames.map((parameters) => parameters.length / 8), "<i8");
+      return { counts, parameters: rows(joined("<f4", frames), 8, "<f4"), error };
+    },
+
+    async decode_stream({ stream }) {
+      return decoded(stream, boundedFrame);
+    },
+
+    async decode_stream_deterministic({ stream }) {
+      return decoded(stream, (parameters, { width, height, bit_depth }) =>
+        toFrameDeterministic(renderSumDeterministic(parameters, width, height), bit_depth));
+    },
+
+    async from_half({ bits }) {
+      return { values: list(halfValues(bits.data), "<f4") };
+    },
+
+    async to_half({ values }) {
+      return { bits: list(Uint16Array.from(values.data, halfBits), "<u2") };
+    },
+
+    async reconstruct_intra(inputs) {
+      const { width, height } = inputs;
+      return { parameters: rows(reconstructIntra(width, height, codesOf(inputs)), 8, "<f4") };
+    },
+
+    async reconstruct_inter(inputs) {
+      const { width, height, reference, survivors } = inputs;
+      const parameters = reconstructInter(width, height, reference.data, survivors.data, codesOf(inputs));
+      return { parameters: rows(parameters, 8, "<f4") };
+    },
+
+    async parameter_checksum({ parameters }) {
+      return { checksum: single(parameterChecksum(parameters.data), "<i8") };
+    },
+
+    async rendering_work({ parameters, width, height }) {
+      return { work: single(renderingWork(parameters.data, width, height), "<i8") };
+    },
+
+    async render_sum({ parameters, width, height }) {
+      return { sum: array("<f4", [height, width, 3], await boundedSum(parameters.data, width, height)) };
+    },
+
+    async render_sum_deterministic({ parameters, width, height }) {
+      return { sum: array("<f4", [height, width, 3], renderSumDeterministic(parameters.data, width, height)) };
+    },
+
+    async to_frame({ sum, bit_depth }) {
+      return { frame: array(sampleType(bit_depth), sum.shape, toFrame(sum.data, bit_depth)) };
+    },
+
+    async to_frame_deterministic({ sum, bit_depth }) {
+      return { frame: array(sampleType(bit_depth), sum.shape, toFrameDeterministic(sum.data, bit_depth)) };
+    },
+
+    async render_frame({ parameters, width, height, bit_depth }) {
+      const frame = await boundedFrame(parameters.data, { width, height, bit_depth });
+      return { frame: array(sampleType(bit_depth), [height, width, 3], frame) };
+    },
+
+    async scale_parameters({ parameters, width, height, new_width, new_height }) {
+      return { parameters: rows(scaleParameters(parameters.data, width, height, new_width, new_height), 8, "<f4") };
+    },
+  };
+
+  /** What is judged within bounds comes from the GPU: the page sets GSVC.renderer to what GSVC.createRenderer makes. */
+  function boundedSum(parameters, width, height) {
+    if (!GSVC.renderer) throw new Unsupported(GSVC.noRenderer ?? "this page has no renderer");
+    return GSVC.renderer.sum(parameters, width, height);
+  }
+
+  async function boundedFrame(parameters, { width, height, bit_depth }) {
+    return toFrame(await boundedSum(parameters, width, height), bit_depth);
+  }
+
+  /** All frames of a stream, rendered one after the other. */
+  async function decoded(stream, render) {
+    const { s, state } = readStart(stream);
+    const { width, height, bit_depth } = state.header;
+    const frames = [];
+    for (const { parameters } of readFrames(s, state)) frames.push(await render(parameters, state.header));
+    const dtype = sampleType(bit_depth);
+    return { frames: array(dtype, [frames.length, height, width, 3], joined(dtype, frames)) };
+  }
+
+  /** What read_stream lists (12.4). */
+  function described(header, frames) {
+    const blocksOf = (frame) => [frame.inter, frame.intra].filter(Boolean);
+    const blocks = frames.flatMap((frame) => blocksOf(frame).map((block) => ({ number: frame.number, ...block })));
+    const own = blocks.filter((block) => block.flags.codebooks);
+    const quantizers = blocks.filter((block) => block.flags.quantizer).map(({ scale, offset }) =>
+      [0, 1, 2].flatMap((channel) => [scale[channel], offset[channel]]));
+    const row = ({ number, kind, count, flags }) =>
+      [number, kind === "inter" ? 1 : 0, count, flags.positions, flags.cholesky, flags.quantizer, flags.colors,
+        flags.codebooks];
+    return {
+      header: list(Object.values(header), "<i8"),
+      frame_types: list(frames.map((frame) => frame.type.charCodeAt(0)), "|u1"),
+      counts: list(frames.map((frame) => frame.parameters.length / 8), "<i8"),
+      survivors: list(joined("|u1", frames.map((frame) => frame.survivors ?? [])), "|u1"),
+      blocks: rows(blocks.flatMap(row), 8, "<i8"),
+      positions: rows(joined("<u2", blocks.map((block) => block.positions)), 2, "<u2"),
+      cholesky: rows(joined("<u2", blocks.map((block) => block.cholesky)), 3, "<u2"),
+      quantizers: array("<f4", [quantizers.length, 3, 2], quantizers.flat()),
+      codebook_sizes: list(own.flatMap((block) => block.codebookSizes), "<i8"),
+      codewords: rows(joined("<u2", own.map((block) => block.codewords)), 3, "<u2"),
+      color_indices: list(joined("<u2", blocks.map(stageByStage)), "<u2"),
+    };
+  }
+
+  /** The colour indices of a block, all of a stage before the next one. */
+  function stageByStage({ colorIndices, codebookSizes, count }) {
+    if (colorIndices.length === 0) return [];
+    return codebookSizes.flatMap((_, k) =>
+      Array.from({ length: count }, (_, n) => colorIndices[codebookSizes.length * n + k]));
+  }
+
+  Object.assign(GSVC, { operations, TYPES, Unsupported });
+}

@@ -1,0 +1,108 @@
+"use strict";
+// The panels beside the picture: facts about the file, the frame, a splat, and the drawing.
+globalThis.GSVC ??= {};
+
+{
+  const { number, bytes, parameter, element } = GSVC.words;
+  const CHROMA = ["R′G′B′", "4:2:0", "4:2:2", "4:4:4"];
+  const TYPES = { I: "I, a whole picture", P: "P, predicted from the one before", R: "R, the one before again" };
+  const PARTS = { // parts of a frame, in the order in which they are stacked
+    positions: "positions", cholesky: "shapes", colors: "colours", codebooks: "codebooks", survivors: "survivors",
+    other: "other",
+  };
+
+  /** The number of a frame among those that there are. */
+  const numbered = (n, frames) => (frames.length > 1 ? `${number(n)} of 0–${number(frames.length - 1)}` : `${n}`);
+
+  /** How samples that are not square are shown; null: they are, or it is unknown. */
+  function aspect({ sample_aspect_numerator: wide, sample_aspect_denominator: high }) {
+    if (wide === high) return null;
+    return ["samples", `${wide}:${high}, shown square`];
+  }
+
+  /** Facts about a file with at least one frame. */
+  function fileFacts({ name, size, header, frames, fault }) {
+    const rate = header.frame_rate_numerator / header.frame_rate_denominator;
+    const seconds = frames.length / rate;
+    const used = fault ? frames.reduce((sum, { byteLength }) => sum + byteLength, 0) : size;
+    const told = header.frame_count > frames.length ? ` of ${number(header.frame_count)}` : ""; // the others are lost
+    const pixels = header.width * header.height * frames.length;
+    const count = (type) => frames.filter((frame) => frame.type === type).length;
+    return [
+      ["name", name],
+      ["size", bytes(size)],
+      ["picture", `${header.width} × ${header.height}, ${header.bit_depth} bits`],
+      ["frames", `${number(frames.length)}${told} at ${number(rate, 3)} a second: ${number(seconds, 2)} s`],
+      ["of these", `${number(count("I"))} I, ${number(count("P"))} P, ${number(count("R"))} R`],
+      ["rate", `${number((8 * used) / pixels, 4)} bits a pixel, ${number(used / 125 / seconds, 1)} kbit/s`],
+      ["level", `${header.level}: at most ${number(GSVC.LEVELS[header.level].pixels)} pixels, ` +
+        `${number(GSVC.LEVELS[header.level].splats)} splats`],
+      ["source", `${CHROMA[header.chroma_format]}${header.flags & 1 ? "; splats have checksums" : ""}`],
+      ["quantisers", `shapes ${header.cholesky_bits} bits; colours ${header.color_stages} × ${header.color_codewords}`],
+      ["coder", `${header.lane_count} ${header.lane_count === 1 ? "lane" : "lanes"}, ${header.entropy_precision} bits`],
+      aspect(header),
+    ].filter(Boolean);
+  }
+
+  function frameFacts(frame, frames, rate) {
+    const { type, splatCount, newCount, survivorCount, byteLength } = frame;
+    const before = type === "P" ? frames[frame.number - 1].splatCount : 0;
+    const gone = before - survivorCount;
+    const facts = [
+      ["number", `${numbered(frame.number, frames)}, at ${number(frame.number / rate, 2)} s`],
+      ["type", element("span", { class: `key ${type}` }), ` ${TYPES[type]}`],
+      ["splats", `${number(splatCount)}`],
+      ["bytes", `${number(byteLength)}, from byte ${number(frame.byteOffset)}`],
+    ];
+    if (type === "P") {
+      facts[2][1] += `: ${number(survivorCount)} kept, ${number(newCount)} new; ${number(gone)} gone`;
+    }
+    if (splatCount > 0) facts.push(["bits a splat", number((8 * byteLength) / splatCount, 1)]);
+    return facts;
+  }
+
+  /** Where the bits of a frame went: a bar of parts, and a list of them. */
+  function showParts(bar, legend, { planeBits, byteLength }) {
+    const parts = Object.entries(PARTS).filter(([key]) => planeBits[key] > 0);
+    const share = (key) => (100 * planeBits[key]) / (8 * byteLength);
+    bar.replaceChildren(...parts.map(([key, name]) => {
+      const part = element("span", { class: `part-${key}`, title: `${name}: ${number(planeBits[key])} bits` });
+      part.style.width = `${share(key)}%`;
+      return part;
+    }));
+    const told = parts.map(([key, name]) => `${name} ${number(share(key))} %`);
+    bar.setAttribute("aria-label", `Where its bits went: ${told.join(", ")}`);
+    legend.replaceChildren(...parts.map(([key], i) =>
+      element("li", {}, element("span", { class: `key part-${key}` }), told[i])));
+  }
+
+  /** A patch of a colour, as far as a screen can show it. */
+  function patch(color) {
+    const made = element("span", { class: "patch" });
+    made.style.background = `rgb(${color.map((c) => Math.round(255 * Math.min(Math.max(c, 0), 1))).join(" ")})`;
+    return made;
+  }
+
+  function splatFacts(parameters, index, isNew) {
+    const [x, y, l11, l21, l22, ...color] = parameters.subarray(8 * index, 8 * index + 8);
+    const { large, small, angle } = GSVC.splats.axes(l11, l21, l22);
+    return [
+      ["splat", `${number(index)} of ${number(parameters.length / 8)}, ${isNew ? "new" : "kept"}`],
+      ["centre x, y", `${parameter(x)}, ${parameter(y)}`],
+      ["l11, l21, l22", `${parameter(l11)}, ${parameter(l21)}, ${parameter(l22)}`],
+      ["deviations", `${parameter(large)} and ${parameter(small)} px, ${number(angle, 1)}°`],
+      ["R, G, B", patch(color), ` ${color.map(parameter).join(", ")}`],
+    ];
+  }
+
+  /** Facts about a place (x, y) of the frame: its pixel, and the splats there. */
+  function placeFacts(found, { x, y }) {
+    return [
+      ["pixel", `${Math.floor(x)}, ${Math.floor(y)}`],
+      ["covered by", `${number(found.covering)} ${found.covering === 1 ? "splat" : "splats"}`],
+      ["sum", patch(found.sum), ` ${found.sum.map(parameter).join(", ")}`],
+    ];
+  }
+
+  GSVC.panels = { numbered, fileFacts, frameFacts, showParts, splatFacts, placeFacts };
+}

@@ -1,0 +1,82 @@
+"use strict";
+// Words of the viewer: numbers, and faults of files for people who do not know the specification by heart.
+globalThis.GSVC ??= {};
+
+{
+  const format = (digits) => new Intl.NumberFormat("en", { maximumFractionDigits: digits });
+
+  /** A number with at most so many digits behind the point. */
+  const number = (value, digits = 0) => format(digits).format(value);
+
+  /** Bytes as people say them. */
+  function bytes(count) {
+    if (count < 10_000) return `${number(count)} bytes`;
+    return count < 1e6 ? `${number(count / 1e3, 1)} kB` : `${number(count / 1e6, 2)} MB`;
+  }
+
+  /** A parameter of a splat: enough digits to tell it from another. */
+  function parameter(value) {
+    const size = Math.abs(value);
+    const told = size === 0 || (size >= 1e-3 && size < 1e5) ? value.toFixed(3) : value.toExponential(3);
+    return told.replaceAll("-", "−");
+  }
+
+  const RULES = { // the most likely rules; the others are about elements with values that they may not have
+    "R-6.1-1": "This is no GSVC file: its first bytes are not those of one.",
+    "R-6.1-2": "The file is of a later version of the format, which this viewer does not know.",
+    "R-6.2-4": "The file breaks off: its end is missing.",
+    "R-6.2-2": "Bytes were changed: the checksum of a chunk is wrong.",
+    "R-6.2-1": "Bytes were changed: where a chunk should begin there is none.",
+    "R-6.1-3": "The header is not where it must be.",
+    "R-6.1-4": "There are bytes behind the end of the stream.",
+    "R-6.1-5": "The file has no frame.",
+    "R-6.3-2": "The number of frames is not the one that the header tells.",
+    "R-6.4-1": "A frame is missing, or frames are out of order.",
+    "R-6.4-2": "The stream does not begin with an I-frame.",
+    "R-6.4-3": "The splats of a frame are not those that the encoder had: their checksum differs.",
+    "R-6.8-1": "The number of frames is not the one that the end of the stream tells.",
+    "R-5-1": "The picture is larger than the stream's level allows.",
+    "R-5-2": "A frame has more splats than the stream's level allows.",
+    "R-5-3": "A chunk is longer than the stream's level allows.",
+    "R-5-4": "A frame takes more work than the stream's level allows.",
+    "R-8-1": "A splat has a parameter that is no finite number.",
+  };
+
+  const KINDS = {
+    malformed: "The file is damaged, or was written wrongly.",
+    invalid: "The file breaks a rule of the format: its encoder is at fault, or something changed it.",
+    unsupported: "The file uses something that the format does not define yet.",
+    limit: "The file asks for more than its level allows.",
+  };
+
+  /**
+   * What is wrong with a stream, as sentences.
+   *
+   * @param {{kind: string, rule: string, bit: number}} fault
+   * @param {number} size of the file in bytes
+   * @param {number} frames how many are whole
+   */
+  function faultInWords({ kind, rule, bit }, size, frames) {
+    const what = size === 0 ? "The file is empty." : RULES[rule] ?? KINDS[kind];
+    const rest = frames === 0 ? "No frame can be shown."
+      : frames === 1 ? "The frame before it is whole and is shown."
+        : `The ${number(frames)} frames before it are whole and are shown.`;
+    const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).`;
+    return [what, rest, where];
+  }
+
+  /** An element with attributes and children; children that are texts stay texts. */
+  function element(name, attributes = {}, ...children) {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    made.append(...children);
+    return made;
+  }
+
+  /** Fill a list of facts: rows of a term and what is said about it. */
+  function tell(list, facts) {
+    list.replaceChildren(...facts.flatMap(([term, ...told]) => [element("dt", {}, term), element("dd", {}, ...told)]));
+  }
+
+  GSVC.words = { number, bytes, parameter, faultInWords, element, tell };
+}
