@@ -25,6 +25,7 @@ import numpy as np
 from gsvc_lab.benchmarks.encoding_tables import report
 from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
 from gsvc_lab.machine import processors
+from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
@@ -32,7 +33,7 @@ from gsvc_ref.encoder.settings import Settings, scaled
 from gsvc_ref.files import write_text
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
 

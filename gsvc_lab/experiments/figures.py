@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_lab.clips import as_frame, as_picture, resized
+from gsvc_ref.arrays import F4
 from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import F4
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

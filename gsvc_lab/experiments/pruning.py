@@ -13,12 +13,12 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.pruning import PruningSchedule
-from gsvc_ref.video.format import Frame
 
 SIZE: Final = (160, 96)
 """Size of the small version in pixels."""

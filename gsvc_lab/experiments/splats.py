@@ -9,9 +9,9 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.format import Frame
 
 COUNTS: Final = (10, 100, 1000, 10_000)
 """N, as in the paper's figure."""

@@ -4,15 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
-
-Frame = NDArray[np.unsignedinteger[Any]]
-"""(H, W, 3) u1 or u2, full-range R'G'B'."""
 
 FrameType = Literal["I", "P", "R"]
 

@@ -29,8 +29,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import Checked
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
 

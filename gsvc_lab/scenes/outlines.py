@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import Box, polygon_distance
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import arctan2, cos, hypot, sin
 
 Corners = Sequence[tuple[float, float]]

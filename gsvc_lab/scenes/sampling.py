@@ -9,9 +9,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import exp
-
-F8 = NDArray[np.float64]
 
 _POLE: Final = math.sqrt(3) - 2
 """Pole of the recursive filters that find the coefficients of a cubic spline."""

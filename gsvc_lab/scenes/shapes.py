@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.portable import hypot
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import segment_distance
+from gsvc_ref.arrays import F8
 from gsvc_ref.errors import UsageError
 
 Line = tuple[tuple[float, float], ...]

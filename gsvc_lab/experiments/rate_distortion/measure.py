@@ -14,8 +14,9 @@ from gsvc_lab.experiments.rate_distortion import codecs
 from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_ref.arrays import Frame
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
-from gsvc_ref.video import Frame, frame_to_planes, planes_to_frame
+from gsvc_ref.video import frame_to_planes, planes_to_frame
 from gsvc_ref.video.color import Plane
 
 METRICS: Final = {
