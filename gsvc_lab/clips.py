@@ -40,7 +40,7 @@ class Clip:
     Attributes
     ----------
     name
-        For tables and figures.
+        Name for tables and figures.
     about
         A noun phrase that describes it to people.
     format

@@ -30,7 +30,7 @@ class Setting:
         Whether the ratios of the group are to this setting: that of the codec, or the finest one where frames are
         coded and splats fitted.
     usual
-        Who works with it: ``reference``, ``quick``, ``paper`` or nothing.
+        Name of the preset or code that works with it: ``reference``, ``quick``, ``paper`` or nothing.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Group:
     against
         The picture that errors and PSNR are against.
     settings
-        From coarse to fine where there is an order; one is the base.
+        The settings, from coarse to fine where there is an order; one is the base.
     note
         A sentence that a reader must know, or nothing.
     """

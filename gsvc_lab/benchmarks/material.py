@@ -49,7 +49,7 @@ class Case:
     Attributes
     ----------
     origin
-        Who trained it.
+        Name of who trained it.
     width, height, splats, target
         The frame size, the splats, and the picture (H, W, 3) f4 that they were trained on, or random numbers.
     """

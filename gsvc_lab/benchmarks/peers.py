@@ -129,7 +129,7 @@ class Limit:
     stick
         Its `Limit` object, or None.
     reason
-        Why it is None.
+        Reason for its absence.
     """
 
     def __init__(self, folder: Path | None) -> None:

@@ -31,7 +31,7 @@ PAPER_RATE: Final = 1e-3
 """The learning rate at the start (paper, implementation details)."""
 
 QUIET_SECONDS: Final = 8.0
-"""An encode tells where it is after so many seconds of silence."""
+"""Seconds of silence after which an encode reports its progress."""
 
 HELD_BYTES: Final = 2**29
 """Longer clips are not kept in memory (`held`)."""

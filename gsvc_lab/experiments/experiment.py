@@ -52,7 +52,7 @@ class Verdict:
     Attributes
     ----------
     holds
-        In a word.
+        Verdict in a word.
     sentence
         Why, with the numbers it rests on and the distance where it falls short.
     """
@@ -77,11 +77,11 @@ class Result:
     numbers
         Everything measured, for the JSON.
     tables
-        For people.
+        Tables for people.
     figures
         Names of the figures drawn into `Run.folder`, without suffix, with a caption each.
     verdict
-        On the paper's claim.
+        Verdict on the paper's claim.
     """
 
     setting: str
@@ -98,7 +98,7 @@ class Experiment:
     Attributes
     ----------
     name
-        By which it is called: ``python -m gsvc_lab.experiments NAME``.
+        Name on the command line: ``python -m gsvc_lab.experiments NAME``.
     title
         A heading.
     claim

@@ -23,7 +23,7 @@ COLORS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9
 """Okabe and Ito's palette, which the colour-blind can tell apart; in the order to take them."""
 
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "*")
-"""So that lines differ by more than colour."""
+"""Marks of lines, which so differ by more than colour."""
 
 STYLE: Final[Any] = {
     "axes.axisbelow": True,

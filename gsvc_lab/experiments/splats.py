@@ -145,12 +145,12 @@ def run(settings: Run) -> Result:
         f"splats cannot cover the frame. quick starts from the picture and makes "
         f"{Settings.quick().intra.fit.iterations} iterations.{scales_missing(still.size)}"
     )
-    told = verdict(fits).about(
+    conclusion = verdict(fits).about(
         settings,
         f"one picture of {width}x{height} and up to {iterations:,} iterations of the paper's schedule",
         "--full --uvg DIR takes the paper's frame and up to 50,000",
     )
-    return Result(setting, numbers, (table(fits),), draw(still, fits, settings), told)
+    return Result(setting, numbers, (table(fits),), draw(still, fits, settings), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

@@ -79,7 +79,7 @@ class FrameRecord:
     seconds
         Wall time of its encoding.
     reason
-        Why it became a frame of this type; may be empty.
+        Reason for the type of the frame; may be empty.
     choices
         Decisions about each effect; the same effects in the same order for all frames, or none.
     """
@@ -123,7 +123,7 @@ class PictureRow:
     cholesky
         (N, 3) f4, their (l11, l21, l22) in pixels; None draws no ellipses.
     caption
-        Why this frame is shown; may be empty.
+        Reason for showing this frame; may be empty.
     """
 
     number: int

@@ -106,7 +106,7 @@ class Base(Checked):
 
     @property
     def name(self) -> str:
-        """In one word or two, for people."""
+        """Its name for people, in one word or two."""
         if self.color is not None:
             return "colour"
         return (

@@ -108,7 +108,7 @@ class TransitionEffect(Effect):
 
     @abstractmethod
     def shown(self, bases: "tuple[Base, ...]", canvas: Canvas, time: float) -> "tuple[Base, ...]":
-        """Which bases are to be seen at a time, given those that are without this effect."""
+        """The bases that are to be seen at a time, given those that are without this effect."""
 
 
 class ObjectEffect(Effect):

@@ -42,7 +42,7 @@ from gsvc_ref.files import check_parent, complete_file
 Move = Callable[[F8, F8, Canvas, int], tuple[F8, F8] | None]
 
 TOLERANCE: Final = 1e-9
-"""In pixels: how exactly a place before a warp is found."""
+"""Tolerance in pixels of a place before a warp."""
 MAX_STEPS: Final = 200
 MAX_TRUTH_BYTES: Final = 2**31
 

@@ -109,7 +109,7 @@ def read_at(coefficients: F8, rows: F8, columns: F8) -> F8:
 
 
 def _times(weights: F8, more: int) -> F8:
-    """Weights (N,) as a factor of arrays (N, ...) with so many dimensions more."""
+    """Weights (N,) as a factor of arrays (N, ...) with this number of further dimensions."""
     return weights.reshape(-1, *[1] * more)
 
 

@@ -22,7 +22,7 @@ class Ball:
     x, y
         Its centre in pixels; (0.5, 0.5) is the centre of the first pixel.
     radius
-        In pixels.
+        Radius in pixels.
     color
         (R, G, B) of its lit side, 1.0 = full scale.
     """

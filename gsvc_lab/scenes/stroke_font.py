@@ -101,7 +101,7 @@ def check_text(text: str) -> None:
 
 
 def text_width(text: str, weight: float) -> float:
-    """From the left edge of the first stroke to the right edge of the last, in heights of a capital.
+    """Width from the left edge of the first stroke to the right edge of the last, in heights of a capital.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ class PlanarClip:
     Attributes
     ----------
     title
-        For tables and figures.
+        Title for tables and figures.
     note
         Origin of the planes, and what was done to them.
     path
