@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from gsvc_lab.pages.tables import Table as Table
+
 Holds = Literal["yes", "partly", "no", "cannot be compared"]
 
 
@@ -34,15 +36,6 @@ class Run:
     clips: tuple[Path, ...] = ()
     uvg: Path | None = None
     threads: int | None = None
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of a result: a heading, column names with units, and rows of text."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
