@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
+from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.encoder.prediction import Past, Prediction, block_errors
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, uniform_numbers
 from gsvc_ref.training.fit import Population, fit
-from gsvc_ref.video.format import Frame
 
 SCENE: Final = "jumping-circle"
 
