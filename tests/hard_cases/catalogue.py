@@ -5,7 +5,9 @@ beside it
 
 - the *truth*: the same outputs from the same inputs in 60 digits, written from the equations of spec.md, which shares
   nothing with gsvc_ref nor with the kit's own oracles (`tests.hard_cases.oracle`);
-- a *naive* formula that loses the case, as proof that the bound is not idle (`tests.hard_cases.naive`).
+- a *naive* formula that loses the case, as proof that the bound is not idle: one of the kit's mutants
+  (`conformance.mutants`) where there is one, else a formula of `tests.hard_cases.naive`, because it needs binary32 or
+  binary16 throughout, or another algorithm, which no patch of spec.md's code makes.
 
 What no vector can hold, such as a hundred thousand steps, is a `LongRun`. Each module of `tests.hard_cases.fields` has
 a tuple CASES of both.

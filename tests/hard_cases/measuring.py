@@ -10,6 +10,7 @@ from mpmath import mpf, workdps
 from numpy.typing import ArrayLike, NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
+from conformance.mutants import MUTANTS
 from conformance.operation import Values, operations
 from conformance.spec import namespace
 
@@ -127,6 +128,12 @@ class Measurement:
 def implementations(operation: str) -> dict[str, Variant]:
     """What the project has of an operation."""
     return {"gsvc_ref": operations()[operation].reference, "spec.md": namespace()[operation]}
+
+
+def mutated(operation: str, name: str) -> Variant:
+    """An operation by one of the kit's mutants."""
+    (mutant,) = (mutant for mutant in MUTANTS if mutant.name == name)
+    return lambda **inputs: mutant.namespace()[operation](**inputs)
 
 
 def measure(
