@@ -1,4 +1,4 @@
-"""The generic looks, and what of them is told: of several accounts of one failure that which most failures share."""
+"""The generic looks, and the choice among several accounts of one failure: the one that most failures share."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ from conformance.names import columns
 from conformance.vectors import Vector
 
 MIN_SHARE: Final = 0.5
-"""Of the vectors that would show an account, the fraction that must show it."""
+"""Fraction of the vectors that could show an account that must show it."""
 
 MIN_SINGLES: Final = 0.75
-"""Of the failures with few splats, the fraction of which single splats must account: not few of many."""
+"""Fraction of the failures with few splats that single splats must account for: not few of many."""
 
 SMALL: Final = 16
 """In an output with fewer elements a place says little."""
@@ -35,7 +35,7 @@ Key = tuple[str, str]
 
 @dataclass
 class Look:
-    """What a failure looks like: accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
+    """One failure's accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
 
     strong: list[str] = field(default_factory=list)
     weak: list[str] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Look:
 
 
 def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, Look]:
-    """What the failures of one operation look like without a mutant in mind, by the id of a vector."""
+    """Describe the failures of one operation without a mutant in mind, by the id of a vector."""
     told = {failure.vector.id: Look() for failure in failures}
     empty = _empty(failures, passed)
     strong: dict[Key, list[Candidate]] = {}
@@ -137,7 +137,7 @@ def _placed(part: Part) -> list[Candidate]:
 
 
 def _places(failure: Failure, part: Part) -> list[Candidate]:
-    """What tells only where to look."""
+    """The sentences that only say where to look."""
     return [*place_candidates(failure, part), *column_candidates(part), *region_candidates(part)]
 
 
@@ -162,7 +162,7 @@ def _varied(value: object) -> bool:
 
 
 def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
-    """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
+    """For each output the account that most outputs share and fewest vectors speak against."""
     support: Counter[str] = Counter()
     telling: defaultdict[str, float] = defaultdict(float)
     foresees, least = {}, dict[str, float]()

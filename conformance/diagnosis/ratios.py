@@ -14,13 +14,13 @@ LEAST: Final = 0.95
 """Fraction of the elements large enough to tell that must have the factor."""
 
 FEWEST: Final = 3
-"""So many elements must tell it, of one column; a single number tells its factor only if that has a name."""
+"""Minimum number of elements of one column with the same factor; a single number needs a factor that has a name."""
 
 TELLING: Final = 8.0
-"""So many times what may differ a number must be to tell a factor."""
+"""Minimum size of a number that shows a factor, as a multiple of the difference that is allowed."""
 
 MIN_SINGLE: Final = 0.75
-"""Of outputs of one integer so many must be off by the same number."""
+"""Minimum fraction of the outputs of one integer that must be off by the same number."""
 
 NAMED: Final[Mapping[float, str]] = {
     -1.0: "the other sign", 2.0: "twice", 0.5: "half", 4.0: "4 times", 0.25: "a quarter of", 3.0: "3 times",
@@ -73,7 +73,7 @@ def _row_by_row(part: Part) -> bool:
 
 
 def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:
-    """What the elements of a mask have in common with the right ones: a factor, or an offset; '' if nothing."""
+    """The factor or offset between the elements of a mask and the right ones, in words; '' if there is none."""
     right, mine, allowed = part.right[where], part.mine[where], np.minimum(part.slack(part.right)[where], 1e300)
     if not (np.isfinite(mine).all() and np.isfinite(right).all()):
         return ""

@@ -9,11 +9,11 @@ from conformance.expectations import Refusal
 from conformance.vectors import Vector
 
 MIN_KINDS: Final = 2
-"""Kinds of errors that must be told as another one."""
+"""Kinds of errors that must be reported as another one."""
 
 
 def refusal_sentence(failure: Failure) -> str:
-    """What was refused, and at which element; '' where the refusals are right or tell too little."""
+    """The rule and the element of a wrong refusal, in words; '' where refusals are right or say too little."""
     for name, expectation in failure.vector.expected.items():
         given = failure.outputs.get(name)
         if not isinstance(expectation, Refusal) or not isinstance(given, str) or expectation.judge(given).passed:
@@ -29,7 +29,7 @@ def refusal_sentence(failure: Failure) -> str:
 
 
 def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
-    """Whether every error is told as of one kind, whatever it is; '' if not, or if too few are."""
+    """The kind that every error is reported as, whatever it is, in words; '' if there is none, or too few errors."""
     pairs = [(expectation.value.split()[0], given.split()[0])
              for vector, outputs, _ in failures for name, expectation in vector.expected.items()
              if isinstance(expectation, Refusal) and expectation.value

@@ -166,7 +166,7 @@ SELECTION: tuple[Mutant, ...] = (
 )  # fmt: skip
 
 _MOMENTS = tuple(f'"{name}": {name}[survivors],' for name in ("m", "v", "n", "previous"))
-"""How the code of spec.md compacts what Adan knows of a splat, but for its steps."""
+"""The code of spec.md that compacts Adan's moments of a splat."""
 
 
 def _moments(becomes: str) -> tuple[tuple[str, str], ...]:

@@ -13,7 +13,7 @@ from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.page import cards_section, document, notes_section
 
 MAX_FAULTS: Final = 200
-"""How many wrong vectors are described; all of them stand in the table of vectors."""
+"""Maximum number of wrong vectors that are described; all of them stand in the table of vectors."""
 
 COLORS: Final = {"passed": "good", "incomplete": "warn", "failed": "bad"}
 """Classes of style of verdicts and conclusions."""
@@ -27,7 +27,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
     report
         The report.
     pictures
-        Of wrong vectors, by id.
+        The pictures of wrong vectors, by id.
     """
     title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
     sections = [
