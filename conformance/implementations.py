@@ -1,6 +1,6 @@
 """Implementations that the kit can judge: functions of a Python module; a command is in `process`.
 
-A module may have a function ``environment() -> dict[str, str]`` that tells what it runs on; reports show it.
+A module may have a function ``environment() -> dict[str, str]`` that says what it runs on; reports show it.
 """
 
 import importlib
@@ -169,15 +169,15 @@ def _environment_of(name: str, function: Callable[[], object] | None) -> dict[st
         return {}
     try:
         with kept_streams():
-            told = function()
+            given = function()
     except (Exception, SystemExit) as error:
         raise UsageError(f"{name}.environment() fails: {_last_line(error)}") from None
-    if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
-        raise UsageError(f"{name}.environment() must return a dict of texts by name, not {told!r}")
-    return checked_environment(told, f"{name}.environment()")
+    if not isinstance(given, Mapping) or not all(isinstance(text, str) for pair in given.items() for text in pair):
+        raise UsageError(f"{name}.environment() must return a dict of texts by name, not {given!r}")
+    return checked_environment(given, f"{name}.environment()")
 
 
-def checked_environment(told: Mapping[str, str], source: str) -> dict[str, str]:
+def checked_environment(given: Mapping[str, str], source: str) -> dict[str, str]:
     """Names and values for a report, each on one line.
 
     Raises
@@ -185,7 +185,7 @@ def checked_environment(told: Mapping[str, str], source: str) -> dict[str, str]:
     UsageError
         A name or value is empty.
     """
-    lines = {" ".join(key.split()): " ".join(value.split()) for key, value in told.items()}
+    lines = {" ".join(key.split()): " ".join(value.split()) for key, value in given.items()}
     for key, value in lines.items():
         if not key or not value:
             raise UsageError(f"{source} has {key!r}: {value!r}; neither may be empty")

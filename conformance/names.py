@@ -105,7 +105,9 @@ def element(operation: Operation, output: str, place: tuple[int, ...], shape: tu
     return ", ".join(parts) or str(list(place))
 
 
-def told(operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:
+def with_names(
+    operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]
+) -> str:
     """A judgement's sentence with names in place of indices."""
     if place:
         message = message.replace(f"at {list(place)}", f"at {element(operation, output, place, shape)}")

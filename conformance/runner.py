@@ -11,7 +11,7 @@ import numpy as np
 
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
-from conformance.names import told
+from conformance.names import with_names
 from conformance.operation import Operation, Values, input_size
 from conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from conformance.side_by_side import comparison
@@ -123,8 +123,8 @@ def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = F
     worst = judged[wrong[0]] if wrong else judged[0]
     seconds = sum(one.result.seconds for one in judged)
     keys = [_key(answer.answer) for answer in answers]
-    told = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
-    message = "; ".join(part for part in (told, worst.result.message) if part)
+    difference = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
+    message = "; ".join(part for part in (difference, worst.result.message) if part)
     return replace(worst, result=replace(worst.result, message=message, seconds=seconds))
 
 
@@ -191,7 +191,7 @@ def _judge(operation: Operation, name: str, expectation: Expectation, actual: ob
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
-    message = told(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
         _refused(expectation, actual),

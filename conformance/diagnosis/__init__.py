@@ -1,8 +1,8 @@
-"""What wrong outputs look like: a diagnosis that says what it can tell, and nothing else.
+"""What wrong outputs look like: a diagnosis that says what it knows, and nothing else.
 
 The generic looks come first, since they need to know no mutant: an output that nothing was written to, what the vector
 before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
-the catalogue of mutants is asked, both ways. Where neither says anything, it is told where the errors are.
+the catalogue of mutants is asked, both ways. Where neither says anything, the report says where the errors are.
 """
 
 import math
@@ -31,7 +31,7 @@ EXAMINED: Final = 12
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """Beginnings of sentences that say where errors are, not what they are."""
 
-TOLD: Final = 3
+MAX_SENTENCES: Final = 3
 """Maximum number of sentences about one failure."""
 
 COARSE: Final = 2.0**-6
@@ -81,7 +81,7 @@ def diagnose(
     Returns
     -------
     dict[str, list[str]]
-        At most `TOLD` sentences by the id of a vector, the better ones first.
+        At most `MAX_SENTENCES` sentences by the id of a vector, the better ones first.
     """
     chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
     looks = generic_looks(chosen, passed)
@@ -94,12 +94,12 @@ def diagnose(
     common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
     open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
-    told = {
-        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
+    said = {
+        failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
     }
     never = [] if passed or failures or not errors else [_simplest(errors)]
-    return told | {vector.id: alike or ([common] if common else never) for vector in errors}
+    return said | {vector.id: alike or ([common] if common else never) for vector in errors}
 
 
 def _simplest(errors: Sequence[Vector]) -> str:
@@ -108,17 +108,17 @@ def _simplest(errors: Sequence[Vector]) -> str:
     return f"every vector ends with an error, the smallest too, which is {first.id}"
 
 
-def _told(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
+def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
     """The sentences of one failure: what it is, or at least where."""
-    told = [*look.strong[:2], *mutants]
-    if not told:
-        found = parts(failure)
-        compared = found if len(found) == len(wrong_outputs(failure.vector, failure.outputs)) else []
-        told = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
-        told = told or _one_step(compared) or _imprecision(failure)
-    if not told or told == look.weak[:1]:
-        told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
-    return list(dict.fromkeys(told))[:TOLD]
+    found = [*look.strong[:2], *mutants]
+    if not found:
+        given = parts(failure)
+        compared = given if len(given) == len(wrong_outputs(failure.vector, failure.outputs)) else []
+        found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
+        found = found or _one_step(compared) or _imprecision(failure)
+    if not found or found == look.weak[:1]:
+        found += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
+    return list(dict.fromkeys(found))[:MAX_SENTENCES]
 
 
 def _outputs(failure: Failure) -> str:

@@ -175,8 +175,10 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
     if isinstance(expectation, Refusal):
         if not isinstance(mine, str) or not isinstance(theirs, str):
             return 0.0
-        told = min(mine.split(), theirs.split(), key=len)  # the kind, and the rule and the bit if they are told
-        return float(told == mine.split()[: len(told)] == theirs.split()[: len(told)] and bool(mine) == bool(theirs))
+        common = min(mine.split(), theirs.split(), key=len)  # the kind, and the rule and the bit if both have them
+        return float(
+            common == mine.split()[: len(common)] == theirs.split()[: len(common)] and bool(mine) == bool(theirs)
+        )
     if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
         return 0.0
     if mine.shape != theirs.shape or mine.dtype != theirs.dtype:

@@ -34,8 +34,8 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
     """A factor or an offset of everything, then of single columns."""
     sizes = _sizes(part, inputs)
     everywhere = np.ones(part.right.shape, np.bool_)
-    if told := _relation(part, everywhere, sizes):
-        yield Candidate(f"{told}, everywhere")
+    if relation := _relation(part, everywhere, sizes):
+        yield Candidate(f"{relation}, everywhere")
         return
     if part.right.size == 1 and part.given.dtype.kind in "iu":
         offset = int(part.mine.flat[0] - part.right.flat[0])
@@ -55,7 +55,7 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
         if (part.wrong & column).any():
             relations.setdefault(_relation(part, column, sizes), []).append(name)
     if "" not in relations:
-        yield Candidate("; ".join(f"{told} in {', '.join(where)}" for told, where in relations.items()))
+        yield Candidate("; ".join(f"{relation} in {', '.join(where)}" for relation, where in relations.items()))
 
 
 def _row_by_row(part: Part) -> bool:

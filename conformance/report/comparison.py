@@ -174,8 +174,8 @@ def _measured(report: Report, measured: Sequence[Mapping[str, Any]]) -> Mapping[
     return same[0] if len(same) == 1 else None
 
 
-def _on_one_line(told: Mapping[str, str]) -> dict[str, str]:
-    return {" ".join(name.split()): " ".join(value.split()) for name, value in told.items()}
+def _on_one_line(entries: Mapping[str, str]) -> dict[str, str]:
+    return {" ".join(name.split()): " ".join(value.split()) for name, value in entries.items()}
 
 
 def _name(measured: Mapping[str, Any]) -> str:

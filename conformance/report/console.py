@@ -96,12 +96,12 @@ def cause_lines(report: Report) -> list[str]:
 
 
 def refusal_lines(report: Report) -> list[str]:
-    """In how many refusals the rule and the bit are right; advice only, since the kind alone is judged."""
-    told = [output.refused for result in report.results for output in result.outputs if output.refused]
-    rule = sum(what in REFUSED[:2] for what in told)
-    bit = sum(what == REFUSED[0] for what in told)
-    line = f"refusals: rule right in {rule} of {len(told)}, bit in {bit} of {len(told)} (only the kind is judged)"
-    return [line] if told else []
+    """Counts of refusals whose rule and bit are right: advice only, since the kind alone is judged."""
+    refused = [output.refused for result in report.results for output in result.outputs if output.refused]
+    rule = sum(what in REFUSED[:2] for what in refused)
+    bit = sum(what == REFUSED[0] for what in refused)
+    line = f"refusals: rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)} (only the kind is judged)"
+    return [line] if refused else []
 
 
 def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:

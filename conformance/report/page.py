@@ -59,13 +59,13 @@ def _causes(report: Report) -> str:
     return f'<h2>Probable cause</h2><ul class="causes">{items}</ul>' if items else ""
 
 
-def _runs_on(told: Mapping[str, str]) -> str:
+def _runs_on(entries: Mapping[str, str]) -> str:
     rows = "".join(
         f'<tr><td class="text">{html.escape(name)}</td><td class="text long">{html.escape(value)}</td></tr>'
-        for name, value in told.items()
+        for name, value in entries.items()
     )
     table = f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>'
-    return f"<h2>What the implementation runs on</h2>{table}" if told else ""
+    return f"<h2>What the implementation runs on</h2>{table}" if entries else ""
 
 
 def _cards(report: Report) -> list[Figure]:

@@ -15,7 +15,7 @@ SOURCES = sorted(
     [
         *(KIT / "operations").glob("*.py"),
         *(KIT / name for name in ("distinct.py", "elementary.py", "expansions.py", "running_error.py")),
-        *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "exponential.py")),
+        *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "fast/exponential.py")),
         CODEC / "rendering" / "deterministic.py",
     ]
 )
