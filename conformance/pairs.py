@@ -95,7 +95,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "frame_to_planes": Other("gsvc_ref.video.color:frame_to_planes", VIDEO),
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of their own"),
 }
-"""By name of the operation, in the order of spec.md section 13.9."""
+"""By name of the operation, in the order of spec.md section 4.3."""
 
 
 @cache
