@@ -103,7 +103,7 @@ def _bits(array: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The same bits."""
+    """An output that is fixed to the bit."""
 
     value: Array
     check: ClassVar[CheckClass] = "exact"

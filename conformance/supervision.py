@@ -28,7 +28,7 @@ PATIENCE_S: Final = 2.0
 MARK: Final = "GSVC_CONFORMANCE_RUN"
 """Variable of the environment that marks the processes of a program."""
 PR_SET_CHILD_SUBREAPER: Final = 36
-"""Of Linux, see prctl(2)."""
+"""A constant of Linux, see prctl(2)."""
 
 _starting = threading.Lock()
 _programs: set[int] = set()

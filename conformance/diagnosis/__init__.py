@@ -1,4 +1,4 @@
-"""What wrong outputs look like: a diagnosis that says what it knows, and nothing else.
+"""Diagnosis of wrong outputs: it says what it knows, and nothing else.
 
 The generic looks come first, since they need to know no mutant: an output that nothing was written to, what the vector
 before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
