@@ -19,7 +19,7 @@ Samples = NDArray[np.unsignedinteger[Any]]
 Expected = Mapping[str, Expectation]
 
 CHROMA_FORMATS: Final[dict[int, ChromaFormat]] = {1: "420", 2: "422", 3: "444"}
-"""By chroma_format (spec.md section 6.3)."""
+"""Names of chroma formats by chroma_format (spec.md section 6.3)."""
 
 
 def _video(

@@ -5,7 +5,9 @@ beside it
 
 - the *truth*: the same outputs from the same inputs in 60 digits, written from the equations of spec.md, which shares
   nothing with gsvc_ref nor with the kit's own oracles (`tests.hard_cases.oracle`);
-- a *naive* formula that loses the case, as proof that the bound is not idle (`tests.hard_cases.naive`).
+- a *naive* formula that loses the case, as proof that the bound is not idle: one of the kit's mutants
+  (`conformance.mutants`) where there is one, else a formula of `tests.hard_cases.naive`, because it needs binary32 or
+  binary16 throughout, or another algorithm, which no patch of spec.md's code makes.
 
 What no vector can hold, such as a hundred thousand steps, is a `LongRun`. Each module of `tests.hard_cases.fields` has
 a tuple CASES of both.
@@ -52,7 +54,7 @@ class HardCase:
 
     @property
     def name(self) -> str:
-        """What the table calls it: the slug of its vector."""
+        """The name in the table: the slug of its vector."""
         return self.vector.rpartition("/")[2]
 
     @property
@@ -62,7 +64,7 @@ class HardCase:
 
     @property
     def naive_name(self) -> str:
-        """What the naive formula does."""
+        """The naive formula in words."""
         return self.naive[0]
 
     def case(self) -> Case:
@@ -78,14 +80,14 @@ class HardCase:
 
 @dataclass(frozen=True)
 class LongRun:
-    """What is hard because it lasts, and has no vector.
+    """A run that is hard because it lasts, and has no vector.
 
     Attributes
     ----------
     name, operation, danger, condition
         As for `HardCase`.
     naive_name
-        What the naive formula does.
+        The naive formula in words.
     run
         Measures everything.
     """
@@ -98,7 +100,7 @@ class LongRun:
     run: Callable[[], Measurement]
 
     def measure(self) -> Measurement:
-        """What the run finds."""
+        """The measurement of the run."""
         return self.run()
 
 

@@ -26,14 +26,6 @@ def clamped_after_the_square(picture: F4, target: F4) -> Values:
     return _of(picture, np.sum(np.minimum(difference * difference, np.float32(1))), difference)
 
 
-def differentiating_the_clamp(picture: F4, target: F4) -> Values:
-    """The residual times the derivative of the clamp."""
-    x = np.clip(picture, 0, 1)
-    difference = x - target
-    inside = (picture > 0) & (picture < 1)
-    return _of(picture, np.sum(difference * difference), np.where(inside, difference, np.float32(0)))
-
-
 def in_binary16(values: F4, gradients: F4) -> Values:
     """Weights, colours and their gradients in binary16."""
     w, color, by_product = (part.astype(np.float16) for part in (values[:, 8:], values[:, 5:8], gradients[:, 5:]))
