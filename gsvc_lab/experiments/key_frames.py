@@ -12,8 +12,8 @@ from gsvc_lab.experiments.encodes import PAPER_ITERATIONS, PAPER_RATE, NowAndThe
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.frame_types import Pretraining
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
+from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.errors import UsageError
 
 RULES: Final[tuple[Rule, ...]] = ("paper", "robust")

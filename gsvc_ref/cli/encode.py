@@ -258,10 +258,7 @@ def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFor
         "interrupted": report.interrupted,
         "fault": report.fault,
         "header": report.header,
-        "frames": [
-            to_json(frame) | {"decisions": [to_json(one) | {"reason": one.reason} for one in frame.decisions]}
-            for frame in report.frames
-        ],
+        "frames": report.frames,
         "notes": report.notes,
         "settings": to_json(report.settings),
     }

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.encoder.decisions import Decision, decision
-from gsvc_ref.encoder.prediction import SAME_RATIO, Past, Prediction, errors_left
+from gsvc_ref.encoder.blocks import errors_left
+from gsvc_ref.encoder.log import Decision, FrameLog
+from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import with_best_quantizer
 from gsvc_ref.encoder.rate import hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
@@ -120,7 +121,7 @@ class _FrameWork:
         self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
         self.seconds: dict[str, float] = {}
         self.iterations = 0
-        self.decisions: list[Decision] = []
+        self.log = FrameLog()
         self.worse: NDArray[np.bool_] | None = None  # the blocks of a P-frame that were not as good as they were left
 
     def remembered(self, result: EncodedFrame) -> Past:
@@ -152,7 +153,7 @@ class _FrameWork:
             population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
         if fit_settings.pruning is not None:
             pruned = sum(fit_settings.pruning.counts(self.total, fit_settings.iterations).values())
-            self.decisions.append(decision("gsp", "pruned", pruned, done=True))
+            self.log.add("gsp", f"{pruned:,} splats removed during the fit", done=True)
         return self._encode(population, replace(settings, fit=fit_settings), self.before.forget())
 
     def inter(self) -> EncodedFrame:
@@ -162,19 +163,20 @@ class _FrameWork:
         with self._timed("start"):
             reference = self.before.splats
             total = self.total if self.settings.psnr is None else len(reference)
-            prediction = Prediction(
-                self.settings, self.objective, self.picture, reference, past, total, self.encoder.most, self.rng
-            )
-            self.decisions += prediction.decisions
+            frame = PFrame(
+                self.settings, self.picture, self.objective, reference, past, total, self.encoder.most, self.rng
+            )  # fmt: skip
+            prediction = predict(frame, self.log)
             self.worse = prediction.worse
         if effects.frames == "auto" and self.settings.psnr is None:
-            if prediction.is_still:
-                self.decisions.append(decision("frames", "at rest", done=False, saved=_steps(settings)))
+            if prediction.is_static:
+                static = "all splats are static, so the frame before is repeated"
+                self.log.add("frames", static, done=False, saved=_steps(settings))
                 return self.repeat()
             if prediction.growth <= SAME_RATIO:
                 less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
-                saved = _steps(settings) - _steps(less)
-                self.decisions.append(decision("frames", "same", prediction.growth, done=True, saved=saved))
+                same = f"fewer iterations: predicted with {prediction.growth:.2f} times the error of the frame before"
+                self.log.add("frames", same, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before)
         return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
 
@@ -210,11 +212,11 @@ class _FrameWork:
         assert best is not None  # there is at least one round
         fewer_splats = fitted - len(best.state.splats)
         if self.settings.effects.gsp == "auto":
-            spared = fewer_splats > 0
-            self.decisions.append(
-                decision("gsp", *(("spare", fewer_splats) if spared else ("nothing to spare",)), done=spared)
+            spare = f"{fewer_splats:,} splats fewer hold the quality"
+            self.log.add(
+                "gsp", spare if fewer_splats > 0 else "the quality has nothing to spare", done=fewer_splats > 0
             )
-        return replace(best, iterations=self.iterations, decisions=tuple(self.decisions))
+        return replace(best, iterations=self.iterations, decisions=self.log.decisions)
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
@@ -229,7 +231,7 @@ class _FrameWork:
         with self._timed("check"):
             decoded = self.encoder.renderer.frame(state.splats, self.bit_depth)
             quality = psnr(self.frame, decoded, self.peak)
-        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, tuple(self.decisions))
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, self.log.decisions)
 
     def _report(self, stage: str) -> OnIteration:
         return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))

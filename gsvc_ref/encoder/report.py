@@ -1,4 +1,4 @@
-"""What an encode tells: progress while it runs, a report when it is done."""
+"""The progress of an encode while it runs, and its report when it is done."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.encoder.decisions import Decision
+from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import ErrorKind, GsvcError
 from gsvc_ref.reconstruction import FrameType

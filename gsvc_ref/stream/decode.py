@@ -85,8 +85,8 @@ class Stream:
     def info(self, *, salvage: bool = False) -> StreamSummary:
         """All frames and where every bit of the stream went; a fault is in it, not raised.
 
-        With `salvage`, of a damaged file, everything that is left and all gaps. What the encoder wrote about its
-        decisions is in `ancillary`, for `gsvc_ref.encoder.decision_chunk.unpack`.
+        With `salvage`, of a damaged file, everything that is left and all gaps. `ancillary` is the log of the encoder's
+        decisions, for `gsvc_ref.encoder.log.read_log`.
         """
         return self._reader.summary(salvage=salvage, ancillary=DECISIONS)
 

@@ -73,12 +73,6 @@ class Gap:
     missing_count: int | None
     predicted_from: int | None = None
 
-    def __str__(self) -> str:
-        fault, others = self.faults[0], self.fault_count - 1
-        more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
-        joint = ", but" if self.missing_count == 0 else f"{self._predicted}:"
-        return f"{self.frames_missing}{joint} {str(fault).removeprefix(f'{fault.kind}: ')}{more}; {self.bytes_skipped}"
-
     def clipped(self, start: int, stop: int | None) -> "Gap":
         """What it misses of frames `start` to `stop` - 1."""
         if self.missing_count == 0:
@@ -93,35 +87,6 @@ class Gap:
     def reaches(self, start: int) -> bool:
         """Whether it lies behind the frame before `start`, or misses frames from there on."""
         return self.missing_count is None or self.first_missing + max(self.missing_count, 1) > start
-
-    @property
-    def frames_missing(self) -> str:
-        """Which frames are missing, in words."""
-        first, count = self.first_missing, self.missing_count
-        if count is None:
-            return f"frames from {first} on are missing, if there were any"
-        if count == 0:
-            return "no frame is missing"
-        return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
-
-    @property
-    def _predicted(self) -> str:
-        """Which of the missing frames are sound, in words."""
-        begin, last = self.predicted_from, self.first_missing + (self.missing_count or 0) - 1
-        if begin is None or begin > last:
-            return ""
-        which = "" if begin <= self.first_missing else f" {last}" if begin == last else f" {begin} to {last}"
-        return f",{which} because predicted from missing ones"
-
-    @property
-    def bytes_skipped(self) -> str:
-        """Which bytes were skipped, in words."""
-        if self.skipped == 0:
-            return "no bytes skipped"
-        last = self.offset + self.size - 1
-        if self.skipped == self.size:
-            return f"bytes {self.offset:,} to {last:,} skipped"
-        return f"{self.skipped:,} of the bytes {self.offset:,} to {last:,} skipped"
 
 
 @dataclass(frozen=True, slots=True)

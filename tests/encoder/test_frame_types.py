@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.encoder import Effects, Settings, encode
-from gsvc_ref.encoder.frame_types import Pretraining, block_means_plain, reduced, typed_frames
+from gsvc_ref.encoder.frame_types import typed_frames
+from gsvc_ref.encoder.pretraining import Pretraining
+from gsvc_ref.encoder.reduction import block_means_plain, reduced
 from gsvc_ref.stream import Stream
 from gsvc_ref.video import VideoReader
 
