@@ -19,7 +19,7 @@ SIGNALS: Final = (signal.SIGINT, *TERMINATION)
 """Signals that may be handled as Ctrl-C: SIGINT by default, the others inside of `termination_as_ctrl_c`."""
 
 INSISTING_S: Final = 1.0
-"""A second interrupt so long after the first gets through a hold: a pipe may never take what is being written."""
+"""Seconds from the first interrupt until a second gets through a hold: a pipe may never take what is written."""
 
 
 class Interrupts:

@@ -65,7 +65,7 @@ def _missing_frames(gap: "Gap") -> str:
 
 
 def _sound_frames(gap: "Gap") -> str:
-    """Which of the missing frames are sound; nothing if none is."""
+    """The missing frames that are sound; nothing if none is."""
     begin, last = gap.predicted_from, gap.first_missing + (gap.missing_count or 0) - 1
     if begin is None or begin > last:
         return ""
@@ -89,11 +89,11 @@ class Gaps:
     found
         The gaps so far, of which the first `MAX_GAPS` are kept: a hostile stream may have one in every few bytes.
     count
-        How many there are.
+        The number of gaps.
     missing
-        How many frames are missing so far, as far as is known.
+        The number of frames that are missing so far, as far as is known.
     more_may_be_missing
-        Whether the stream does not tell how many frames it had.
+        Whether the number of frames that the stream had is unknown.
     """
 
     def __init__(self) -> None:
@@ -122,7 +122,7 @@ class Gaps:
         return [*lines, f"and {plural(others, 'more gap')}"] if others else lines
 
     def total(self, count: int) -> str:
-        """How many frames are missing, of those that were found, `count`, and the missing ones."""
+        """The number of missing frames, of these and the `count` frames that were found."""
         verb = "is" if self.missing == 1 else "are"
         if self.more_may_be_missing:
             known = f"{plural(self.missing, 'frame')} {verb} missing, and " if self.missing else ""

@@ -13,8 +13,8 @@ BLOCK: Final = 16
 """Side of a block in pixels."""
 
 MAX_ERROR: Final = 0.009486832980505138  # 3 * 10^-2.5
-"""Error per pixel, summed over the channels, beyond which a block counts as left with no more: 25 dB. A block that is
-worse is never good enough to be left alone, whatever it was before."""
+"""Maximum error per pixel, summed over the channels, that a block counts as left with: 25 dB. A block that is worse is
+never good enough to be left alone, whatever it was before."""
 
 MIN_ERROR: Final = 1e-6
 """Error per pixel, summed over the channels, that is too small to count: rounding to 8 bits leaves four times that."""
@@ -35,7 +35,7 @@ def errors_left(residual: F4) -> F8:
 
 
 def worse_blocks(now: F8, left: F8, ratio: float) -> NDArray[np.bool_]:
-    """Which blocks have an error above `ratio` times the error left, (rows, columns) bool."""
+    """Whether the error of each block exceeds `ratio` times the error left, (rows, columns) bool."""
     return np.asarray(now > ratio * left + MIN_ERROR * BLOCK * BLOCK)
 
 

@@ -55,11 +55,11 @@ def encode(
         Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
         can be decoded up to its last complete frame. Its header does not tell the number of frames.
     progress
-        Called now and then with where the encode is.
+        Called now and then with the place where the encode is.
 
     Returns
     -------
-    What was encoded and how; `interrupted` is True if Ctrl-C stopped it after at least one complete frame.
+    The report; its `interrupted` is True if Ctrl-C stopped the encode after at least one complete frame.
 
     Raises
     ------
@@ -68,11 +68,11 @@ def encode(
     UsageError
         The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
     IncompleteEncodeError
-        One of these two came after at least one complete frame; `report` tells what was saved.
+        One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError
         The target cannot be written; what stood under its name still does, unless `live`.
     Exception
-        What the caller's frames or `progress` raise passes through, with a note if frames were saved.
+        Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
     if same_file(source, target):
@@ -105,7 +105,7 @@ class _Encode:
     Attributes
     ----------
     fault
-        What ended it early, other than Ctrl-C; None if nothing did.
+        The fault that ended it early, other than Ctrl-C; None if nothing did.
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class _Encode:
     def _typed(self) -> Iterator[TypedFrame]:
         """The frames with their types; the time between them is that of reading and detecting."""
         typed = typed_frames(
-            self._frames(), self.settings, self.format.peak, lambda number: self._tell("detect", number)
+            self._frames(), self.settings, self.format.peak, lambda number: self._show_progress("detect", number)
         )
         while True:
             with self._timed("read and detect"):
@@ -223,7 +223,7 @@ class _Encode:
         before = len(self.encoder.state.splats)
         encoded = self.encoder.encode(
             item.frame, item.type, item.number,
-            lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
+            lambda stage, done, iterations, psnr: self._show_progress(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
         self.interrupts.held = True
         with self._timed("write"):
@@ -258,7 +258,9 @@ class _Encode:
             encoded.psnr, bits, seconds, log.completed(self.settings.effects, codes.type),
         )  # fmt: skip
 
-    def _tell(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
+    def _show_progress(
+        self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None
+    ) -> None:
         if self.progress:
             elapsed = time.perf_counter() - self.begin
             if self.frame_count is not None and frame >= self.frame_count:

@@ -33,10 +33,10 @@ SAFETY: Final = 0.05
 """Constant quality: dB aimed above the goal after an attempt that missed it."""
 
 QUALITY_ROUNDS: Final = 8
-"""Constant quality: most attempts to hold the quality of the decoded frame."""
+"""Constant quality: maximum number of attempts to hold the quality of the decoded frame."""
 
 FEWER: Final = 1 / 3
-"""The fraction of the iterations that a P-frame gets which is predicted about as well as the frame before was left."""
+"""The fraction of its iterations that a P-frame gets if it is predicted about as well as the frame before was left."""
 
 OnStage = Callable[[str, int, int, float], None]
 """Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
@@ -44,22 +44,22 @@ OnStage = Callable[[str, int, int, float], None]
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """What came of one frame.
+    """A frame as it is encoded.
 
     Attributes
     ----------
     codes
-        To be written.
+        The codes to be written.
     state
         The decoder's state after the frame, with the reconstructed splats.
     psnr
-        Of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+        PSNR of the decoded frame at its bit depth, in dB; infinite if equal to the source.
     iterations
-        Of all fits and fine-tuning together.
+        The number of iterations of all fits and fine-tuning together.
     seconds
         Time by stage: start, fit, choose, rate, quantize, check.
     decisions
-        What was decided on the way.
+        The decisions made on the way.
     """
 
     codes: FrameCodes
@@ -78,16 +78,16 @@ class FrameEncoder:
     settings
         All settings.
     width, height, bit_depth
-        Of the frames.
+        The size of the frames in pixels, and the bits of a sample.
 
     Attributes
     ----------
     settings
-        Those given; from the first frame on with the quantisers that were chosen for the stream.
+        The settings given; from the first frame on with the quantisers that were chosen for the stream.
     state
         The decoder's state after the frames so far.
     total, most
-        The splats that a frame is meant to have, and the most that it may get.
+        The number of splats that a frame is meant to have, and the maximum that it may get.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -109,7 +109,7 @@ class FrameEncoder:
 
 
 class _FrameWork:
-    """The work on one frame: what its steps share, and the time that each takes."""
+    """The work on one frame: the objects that its steps share, and the time that each takes."""
 
     def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
         self.encoder, self.settings = encoder, encoder.settings
@@ -122,10 +122,10 @@ class _FrameWork:
         self.seconds: dict[str, float] = {}
         self.iterations = 0
         self.log = FrameLog()
-        self.worse: NDArray[np.bool_] | None = None  # the blocks of a P-frame that were not as good as they were left
+        self.worse: NDArray[np.bool_] | None = None  # (rows, columns) of blocks, as of Prediction
 
     def remembered(self, result: EncodedFrame) -> Past:
-        """What the next frame needs to know of this one."""
+        """The past of the next frame."""
         past = self.encoder.past
         if result.codes.type == "R" and past is not None:
             return Past(self.picture, past.left)

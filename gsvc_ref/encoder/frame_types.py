@@ -134,7 +134,7 @@ class _Everywhere:
         self.waiting: deque[tuple[int, Frame, float | None, int, float]] = deque()
 
     def push(self, number: int, frame: Frame) -> Iterator[_Judged]:
-        """Take a frame; those that can be decided now."""
+        """Take a frame; the frames that can be decided now."""
         begin, before = time.perf_counter(), self.pretraining.iterations
         intra, inter = self.pretraining.losses(frame.astype(np.float32) / np.float32(self.peak))
         ratio = None if inter is None else _ratio(inter, intra)
@@ -143,7 +143,7 @@ class _Everywhere:
         yield from self._release(self.selector.push(intra, inter))
 
     def flush(self) -> Iterator[_Judged]:
-        """No frame follows: those that wait."""
+        """The frames that wait, since no other follows."""
         yield from self._release(self.selector.flush())
 
     def _release(self, decisions: list[bool]) -> Iterator[_Judged]:
@@ -165,7 +165,7 @@ class _Seen(NamedTuple):
 
 
 class _WhereSuspected:
-    """Ours: only frames that a cheap measure suspects are pre-trained."""
+    """Our way: only frames that a cheap measure suspects are pre-trained."""
 
     def __init__(self, settings: Settings, peak: int) -> None:
         self.settings, self.peak = settings, np.float32(peak)
@@ -189,7 +189,7 @@ class _WhereSuspected:
             yield self._decide()
 
     def flush(self) -> Iterator[_Judged]:
-        """No frame follows: those that wait."""
+        """The frames that wait, since no other follows."""
         while self.waiting:
             yield self._decide()
 
@@ -217,7 +217,7 @@ class _WhereSuspected:
         return _Judged(seen.number, seen.frame, is_key, "scene change", dks)
 
     def _pretrained(self, frame: Frame) -> tuple[float, int]:
-        """How many times worse a frame is pre-trained from the frame before than from scratch, and the iterations."""
+        """The loss from the frame before over that from scratch, and the iterations that both took."""
         assert self.before is not None
         pretraining = Pretraining(self.settings)
         for picture in (self.before, frame):
@@ -231,7 +231,7 @@ def _verdict(is_key: bool, ratio: float) -> str:
 
 
 def _ratio(inter: float, intra: float) -> float:
-    """How many times worse a prediction is; at most a million, as where a black frame leaves no loss from scratch."""
+    """The quotient of both losses, at most a million, as where a black frame leaves no loss from scratch."""
     return min(inter / max(intra, 1e-12), 1e6)
 
 

@@ -37,7 +37,7 @@ THRESHOLD: Final = 3.0
 """k, standard deviations; paper section 3.6."""
 
 GUARD_RATIO: Final = 2.0
-"""g: a key frame by the robust rule is at least so many times worse when predicted; ours."""
+"""g: a key frame by the robust rule is worse by this factor when predicted; ours."""
 
 
 class KeyFrameSelector:
@@ -116,7 +116,7 @@ class KeyFrameSelector:
         return [self._decide()] if len(self._waiting) > look_ahead else []
 
     def flush(self) -> list[bool]:
-        """No frame follows: the decisions for all that wait, whose windows end with the last frame."""
+        """The decisions for all frames that wait, whose windows end with the last frame, since no other follows."""
         return [self._decide() for _ in range(len(self._waiting))]
 
     def _decide(self) -> bool:
@@ -150,9 +150,9 @@ def select_key_frames(
     losses_p
         Loss P of each frame but the first, T - 1.
     window, threshold, guard_ratio, causal
-        As for `KeyFrameSelector`.
+        The parameters of `KeyFrameSelector`.
     robust
-        Whether its rule is ``robust``, not ``paper``.
+        Whether the rule is ``robust``, not ``paper``.
 
     Raises
     ------

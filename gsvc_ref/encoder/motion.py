@@ -1,4 +1,4 @@
-"""How far splats move from one frame to the next: a dense optical flow of reduced frames, read at the splats' centres.
+"""The motion of splats from one frame to the next: a dense optical flow of reduced frames, read at their centres.
 
 A P-frame may begin with it; ours, not the paper's. Decoders know nothing of it.
 
@@ -41,7 +41,7 @@ REGULARISATION: Final = 1e-5
 
 
 def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
-    """How far splats of the frame before should move, (N, 2) f4 in pixels.
+    """The distance by which splats of the frame before should move, (N, 2) f4 in pixels.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
 
 
 def optical_flow(first: F8, second: F8) -> F8:
-    """How far each pixel of the first picture (h, w) f8 moves, (2, h, w) f8: to the right and down, in pixels."""
+    """The distance by which each pixel of the first picture (h, w) f8 moves right and down, (2, h, w) f8 in pixels."""
     if min(first.shape) >= 2 * SMALLEST_SIDE:
         coarse = optical_flow(halved(first), halved(second))
         flow = np.empty((2, *first.shape))

@@ -38,14 +38,14 @@ SAME_RATIO: Final = 1.05
 
 @dataclass(frozen=True)
 class Past:
-    """What the encoder remembers of the frame before.
+    """The frame before, as far as its successor needs it.
 
     Attributes
     ----------
     picture
         The source, (H, W, 3) f4.
     left
-        The error of each block when its splats were last optimised, as of `errors_left`.
+        The error of each block when its splats were last optimised, by `errors_left`.
     """
 
     picture: F4
@@ -67,7 +67,7 @@ class PFrame:
     reference
         The decoded splats of the frame before.
     past
-        What else is known of the frame before.
+        The source and the errors of the frame before.
     total, most
         N, the number of splats that the frame is meant to have, and the maximum that it may get.
     rng
@@ -93,7 +93,7 @@ class Prediction:
     population
         The splats to fit.
     fit
-        How to fit them.
+        The settings of their fit.
     worse
         The blocks that are not as good as they were left, (rows, columns) bool.
     growth

@@ -1,4 +1,4 @@
-"""What a reader hands out: frames, and the account of a whole stream."""
+"""The results of reading: frames, gaps, and the account of a whole stream."""
 
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -9,7 +9,7 @@ from gsvc_ref.reconstruction import FrameCodes, FrameType
 from gsvc_ref.splats import Splats
 
 MAX_FAULTS: Final = 8
-"""Faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
+"""Maximum number of faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class DecodedFrame:
     type
         ``I``, ``P`` or ``R``.
     codes
-        What the bytes say.
+        The codes that the bytes hold.
     splats
-        What they stand for, bit for bit what the encoder had.
+        The splats that the codes stand for, bit for bit those of the encoder.
     bits
-        How many bits of the chunk went to each of `CATEGORIES`; together 8 · `size`.
+        The number of bits of the chunk by category (`CATEGORIES`); together 8 · `size`.
     offset, size
-        Where the chunk begins, in bytes from the start of the stream, and its bytes.
+        The offset of the chunk in bytes from the start of the stream, and its size in bytes.
     """
 
     number: int
@@ -50,16 +50,16 @@ class Gap:
     faults
         The rules that are broken in it, in the order of the stream; the first `MAX_FAULTS` only.
     fault_count
-        How many faults there are.
+        The number of faults.
     offset, size
-        Where the first chunk at fault begins, in bytes from the start of the stream, and the bytes from there to the
-        end of what was skipped; 0 bytes where frames are missing without a trace.
+        The offset of the first chunk at fault in bytes from the start of the stream, and the number of bytes from there
+        to the end of what was skipped; 0 where frames are missing without a trace.
     skipped
-        How many of these bytes were skipped: all but those of sound chunks that hold no frame.
+        The number of these bytes that were skipped: all but those of sound chunks that hold no frame.
     first_missing
         The number that the next frame should have had.
     missing_count
-        How many frames are missing from there on; None if the stream does not tell, which happens only at its end.
+        The number of frames that are missing from there on; None if unknown, which happens only at the end of a stream.
     predicted_from
         Frames with this number and greater ones are sound, but predicted from missing ones; None if there are none.
     """
@@ -74,7 +74,7 @@ class Gap:
     predicted_from: int | None = None
 
     def clipped(self, start: int, stop: int | None) -> "Gap":
-        """What it misses of frames `start` to `stop` - 1."""
+        """The gap with only the frames missing that are among `start` to `stop` - 1."""
         if self.missing_count == 0:
             return self
         first = max(self.first_missing, start)
@@ -103,7 +103,7 @@ class FrameSummary:
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """What a stream holds.
+    """The contents of a stream.
 
     Attributes
     ----------
@@ -112,14 +112,14 @@ class StreamSummary:
     frames
         The complete frames.
     bits
-        How many bits went to each of `CATEGORIES`, and to ``unread``, what follows a fault, or when salvaging to
+        The number of bits by category (`CATEGORIES`), and those ``unread``, which follow a fault, or when salvaging
         ``skipped``. Together 8 · `file_bytes`.
     file_bytes
         Size of the stream in bytes.
     error
-        Why reading stopped before the end, or None.
+        The fault at which reading stopped before the end, or None.
     gaps
-        What was skipped; empty unless salvaging.
+        The gaps; empty unless salvaging.
     ancillary
         The payload of the last ancillary chunk of the type asked for; None if there is none.
     """

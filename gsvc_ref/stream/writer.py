@@ -72,13 +72,13 @@ class StreamWriter:
     header
         The sequence header as written.
     frame_count
-        Frames written so far.
+        The number of frames written so far.
     state
-        What a decoder holds after the frames so far: predict from `state.splats`.
+        The state of a decoder after the frames so far: predict from `state.splats`.
     bits
-        How many bits of what has been written went to each of `CATEGORIES`.
+        The number of bits written by category (`CATEGORIES`).
     offset
-        Bytes written.
+        The number of bytes written.
     goes_back
         Whether `finish` corrects what was written.
     """
