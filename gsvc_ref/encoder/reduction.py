@@ -17,13 +17,6 @@ def reduced(picture: F4, longest_side: int | None) -> F4:
     return means
 
 
-def block_means_plain(picture: F4, step: int) -> F4:
-    """The definition of `_block_means`."""
-    places = [np.arange(0, side, step) for side in picture.shape[:2]]
-    rows = [[picture[y : y + step, x : x + step].mean((0, 1), np.float64) for x in places[1]] for y in places[0]]
-    return np.array(rows, np.float32)
-
-
 @kernel()
 def _block_means(picture: F4, step: int, means: F4) -> None:
     """The mean of each block of step by step pixels, fewer at the right and lower edge, in binary64."""
