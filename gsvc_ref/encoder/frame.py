@@ -165,18 +165,18 @@ class _FrameWork:
             total = self.total if self.settings.psnr is None else len(reference)
             frame = PFrame(
                 self.settings, self.picture, self.objective, reference, past, total, self.encoder.most, self.rng
-            )  # fmt: skip
+            )
             prediction = predict(frame, self.log)
             self.worse = prediction.worse
         if effects.frames == "auto" and self.settings.psnr is None:
             if prediction.is_static:
-                static = "all splats are static, so the frame before is repeated"
-                self.log.add("frames", static, done=False, saved=_steps(settings))
+                reason = "all splats are static, so the frame before is repeated"
+                self.log.add("frames", reason, done=False, saved=_steps(settings))
                 return self.repeat()
-            if prediction.growth <= SAME_RATIO:
+            if (ratio := prediction.error_ratio) <= SAME_RATIO:
                 less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
-                same = f"fewer iterations: predicted with {prediction.growth:.2f} times the error of the frame before"
-                self.log.add("frames", same, done=True, saved=_steps(settings) - _steps(less))
+                reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
+                self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before)
         return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
 

@@ -96,14 +96,14 @@ class Prediction:
         The settings of their fit.
     worse
         The blocks that are not as good as they were left, (rows, columns) bool.
-    growth
+    error_ratio
         The error after prediction over the error left.
     """
 
     population: Population
     fit: FitSettings
     worse: NDArray[np.bool_]
-    growth: float
+    error_ratio: float
 
     @property
     def is_static(self) -> bool:
@@ -114,9 +114,7 @@ class Prediction:
 def predict(frame: PFrame, log: FrameLog) -> Prediction:
     """Begin a P-frame with the splats of the frame before: freeze static ones, move the others, add and remove some."""
     past, objective = frame.past, frame.objective
-    population = Population(
-        frame.reference, KEPT_WEIGHT, np.arange(len(frame.reference)), frame.settings.inter.fit
-    )  # fmt: skip
+    population = Population(frame.reference, KEPT_WEIGHT, np.arange(len(frame.reference)), frame.settings.inter.fit)
     loss = objective.loss(population.parameters())
     errors = block_errors(objective.residual())
     worse = worse_blocks(errors, past.left, STATIC_RATIO)
@@ -127,13 +125,11 @@ def predict(frame: PFrame, log: FrameLog) -> Prediction:
             errors = block_errors(objective.residual())
     with log.timed("gsa"):
         fit = _augment(frame, population, changed, errors, log)
-    growth = float(errors.sum() / max(past.left.sum(), MIN_ERROR * frame.picture[..., 0].size))
-    return Prediction(population, fit, worse, growth)
+    error_ratio = float(errors.sum() / max(past.left.sum(), MIN_ERROR * frame.picture[..., 0].size))
+    return Prediction(population, fit, worse, error_ratio)
 
 
-def _freeze_static(
-    frame: PFrame, population: Population, worse: NDArray[np.bool_], log: FrameLog
-) -> NDArray[np.bool_]:  # fmt: skip
+def _freeze_static(frame: PFrame, population: Population, worse: NDArray[np.bool_], log: FrameLog) -> NDArray[np.bool_]:
     """Freeze the splats over regions that did not change; the pixels that may need other splats, (H, W) bool."""
     height, width = frame.picture.shape[:2]
     if frame.settings.effects.regions == "all" or frame.settings.psnr is not None:
@@ -174,7 +170,7 @@ def _move(frame: PFrame, population: Population, worse: NDArray[np.bool_], loss:
 
 def _augment(
     frame: PFrame, population: Population, changed: NDArray[np.bool_], errors: F8, log: FrameLog
-) -> FitSettings:  # fmt: skip
+) -> FitSettings:
     """Add splats (GSA), and make room for them if the rate asks for it (GSP); how to fit them all."""
     settings, effects, left = frame.settings, frame.settings.effects, frame.past.left
     where, share, need = changed, 1.0, 1.0
