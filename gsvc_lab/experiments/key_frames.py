@@ -13,8 +13,8 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Tabl
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.frame_types import Pretraining
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
+from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.errors import UsageError
 
 RULES: Final[tuple[Rule, ...]] = ("paper", "robust")
