@@ -1,6 +1,6 @@
 """What a rung can choose: a renderer, a quantiser or a way of training, each with what it does and how it is judged."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, Literal, Protocol
 
@@ -10,15 +10,24 @@ from gsvc_lab.accuracy.measure import Errors
 from gsvc_lab.accuracy.oracle import F8, NOTHING_SIGMA, cut_sum
 from gsvc_lab.accuracy.variants import Variant, render_variant
 from gsvc_ref.encoder.quantizer_choice import frame_bytes
-from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, FrameSettings, Settings
+from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
-from gsvc_ref.training.pruning import fold_weights
-from gsvc_ref.training.quantizer import with_codewords
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    FitSettings,
+    FrameQuantizer,
+    OnIteration,
+    Population,
+    fine_tune,
+    fit,
+    image_start,
+    random_splats,
+    uniform_numbers,
+)
 
 QUICK_FIT: Final[FitSettings] = Settings.quick().intra.fit
 
@@ -148,15 +157,17 @@ class Coding:
         """The preset quick with these choices instead of its own."""
         settings = Settings.quick(cholesky_bits=self.cholesky_bits)
         step = None if self.position_bits is None else max(width, height) / 2 * 2.0 ** (1 - self.position_bits)
-        block = replace(settings.intra.quantizer, position_step=step)
-        intra: FrameSettings = replace(settings.intra, quantizer=with_codewords(block, self.stages, self.codewords))
-        return replace(settings, intra=intra)
+        block = settings.intra.quantizer.with_(
+            position_step=step, color_stages=self.stages, color_codewords=self.codewords
+        )
+        return settings.with_(intra=settings.intra.with_(quantizer=block))
 
     def run(self, subject: Subject, seed: int) -> tuple[FrameCodes, State, int]:
         """Codes, what a decoder has, and the bytes of the frame."""
         settings, before = self.settings(subject.width, subject.height), State.initial(subject.width, subject.height)
         rng = np.random.default_rng(seed)
-        quantizer = FrameQuantizer(subject.population, subject.objective, settings, before, rng)
+        blocks = settings.intra.quantizer, settings.inter.quantizer
+        quantizer = FrameQuantizer(subject.population, subject.objective, *blocks, before, rng)
         values = subject.population.parameters()
         codes, state, _ = fine_tune(values, quantizer, subject.objective, settings.intra.tune)
         return codes, state, frame_bytes(codes, settings, before)
@@ -195,8 +206,7 @@ class Training:
             splats = image_start(subject.picture, count, rng)
         else:
             drawn = random_splats(uniform_numbers(count, rng), subject.width, subject.height)
-            dim = fold_weights(drawn.colors, np.full(count, NEW_WEIGHT, np.float32))
-            splats = Splats(drawn.positions, drawn.cholesky, dim)
+            splats = Splats(drawn.positions, drawn.cholesky, drawn.colors * np.float32(NEW_WEIGHT))
         population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit)
         fit(population, subject.objective, self.fit, rng, total=total, on_iteration=on_iteration)
         return population

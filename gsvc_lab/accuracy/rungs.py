@@ -5,11 +5,9 @@ from typing import Final, Literal
 
 from gsvc_lab.accuracy.choices import QUICK_FIT, Choice, Coding, Reference, Rendering, Training
 from gsvc_lab.accuracy.variants import Variant
-from gsvc_ref.encoder.settings import scaled
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import PRECISIONS
-from gsvc_ref.training.fit import Rates
-from gsvc_ref.training.schedule import PAPER_SCHEDULE
+from gsvc_ref.training import PAPER_SCHEDULE, Rates
 
 Kind = Literal["rendering", "coding", "training"]
 
@@ -90,7 +88,7 @@ def _tile(width: int, height: int | None) -> Rendering:
 
 
 def _iterations(count: int) -> Training:
-    return Training(fit=scaled(QUICK_FIT, count))
+    return Training(fit=QUICK_FIT.with_(iterations=count))
 
 
 PAPER_RATES: Final = replace(

@@ -10,11 +10,10 @@ from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
 from gsvc_ref.encoder.prediction import Past, Prediction, block_errors
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, uniform_numbers
-from gsvc_ref.training.fit import Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
 from gsvc_ref.video.format import Frame
 
 SCENE: Final = "jumping-circle"
@@ -144,7 +143,7 @@ class Jump:
 def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed: int, *, gsa: bool) -> Splats:
     """A P-frame by the paper's schedule: with GSA and GSP, or from the reference's splats alone."""
     settings = Settings.paper().inter
-    schedule = scaled(settings.fit, iterations)
+    schedule = settings.fit.with_(iterations=iterations)
     if not gsa:
         schedule = replace(schedule, pruning=None)
     rng = np.random.default_rng([seed, 1])
@@ -178,7 +177,7 @@ def measure(size: Size, run: Run) -> list[Outcome]:
     """All P-frames: the paper's in each case, and quick's in the cases that it meets."""
     found = []
     paper, quick = Settings.paper().intra, Settings.quick().intra
-    paper = replace(paper, fit=scaled(paper.fit, size.intra))
+    paper = replace(paper, fit=paper.fit.with_(iterations=size.intra))
     total = pruned_to(size.splats, paper)  # the paper's N; pruning leaves 90 % of it
     for background in ("light", "black"):
         jump = Jump(size.width, size.height, run.threads, black=background == "black")

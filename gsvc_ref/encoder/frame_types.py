@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.decisions import Decision, decision
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, random_splats, uniform_numbers
 
 Frame = NDArray[np.unsignedinteger[Any]]
 OnPretraining = Callable[[int], None]
@@ -275,7 +274,7 @@ class Pretraining:
 
     def _fit(self, start: Splats, objective: Objective, frame: FrameSettings) -> tuple[float, Splats]:
         """A short fit without growth and pruning: its loss and splats."""
-        settings = replace(scaled(frame.fit, self.detection.iterations), growth=None, pruning=None)
+        settings = frame.fit.with_(iterations=self.detection.iterations, growth=None, pruning=None)
         population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
         loss, made = fit(population, objective, settings, self.rng)
         self.iterations += made

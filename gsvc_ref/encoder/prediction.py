@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 
 from gsvc_ref.encoder.decisions import Decision, decision
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
+from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import at_rest, changed_pixels
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
-from gsvc_ref.training.fit import FitSettings, Population
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW_WEIGHT,
+    FitSettings,
+    Population,
+    psnr_of_loss,
+    random_splats,
+    uniform_numbers,
+)
 
 F8 = NDArray[np.float64]
 

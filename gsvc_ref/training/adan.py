@@ -149,7 +149,7 @@ class Adan:
 
     @property
     def state(self) -> State:
-        """What is known of each row: m, v, n, previous and steps."""
+        """The arrays m, v, n, previous and steps of all rows."""
         return self.m, self.v, self.n, self.previous, self.steps
 
     def with_state(self, m: F4, v: F4, n: F4, previous: F4, steps: I8) -> "Adan":
@@ -165,7 +165,7 @@ class Adan:
         return self.with_state(m, v, n, previous, np.append(self.steps, np.zeros(count, np.int64)))
 
     def _like(self, rows: int) -> "Adan":
-        """Fresh rows, in a state that has corrections for as many steps."""
+        """An optimiser of fresh rows that has the corrections of as many steps."""
         other = Adan(rows, self.m.shape[1], self.settings)
         other._corrections = self._corrections
         return other

@@ -1,4 +1,4 @@
-"""Where splats come from: Gaussian Splat Augmentation and the paper's random start, and our draws from the picture.
+"""The sources of splats: Gaussian Splat Augmentation and the paper's random start, and our draws from the picture.
 
 Pictures are (H, W, 3) f4 with 1 for full scale; positions and sizes are in pixels.
 """
@@ -190,7 +190,7 @@ def image_start(
 def residual_splats(
     residual: F4, count: int, size: float, rng: Generator, *, color_share: float = COLOR_SHARE
 ) -> Splats:
-    """Small round splats where a picture is worst, coloured with a part of what is missing there; ours.
+    """Small round splats where a picture is worst, coloured with a part of the residual there; ours.
 
     A pixel is drawn in proportion to the cube of its residual's length. On three photographs with 1000 to 2000 splats
     the cube gave 0.2 to 0.3 dB more than the square after 50 and 150 iterations, and smoothing took as much away.
@@ -198,7 +198,7 @@ def residual_splats(
     Parameters
     ----------
     residual
-        (H, W, 3) f4, what is missing: target minus picture.
+        (H, W, 3) f4, target minus picture.
     count
         Number of splats.
     size
@@ -206,7 +206,7 @@ def residual_splats(
     rng
         Draws positions.
     color_share
-        Their colour as a fraction of the residual at their centre.
+        Fraction of the residual at its centre that a splat takes as its colour.
 
     Returns
     -------

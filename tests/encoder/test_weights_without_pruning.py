@@ -8,7 +8,7 @@ from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.prediction import Past, Prediction, block_errors
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training.augmentation import random_splats, uniform_numbers
+from gsvc_ref.training import random_splats, uniform_numbers
 
 
 @pytest.mark.parametrize(("effects", "visible"), [("all,gsp=off", True), ("all,gsp=auto", True), ("all", False)])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.convergence import Convergence
+from gsvc_ref.training import Convergence
 
 
 def test_the_paper_stops_after_100_calm_iterations() -> None:
