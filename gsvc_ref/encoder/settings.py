@@ -33,12 +33,10 @@ MIN_PIXELS_PER_SPLAT: Final = 6
 MAX_FRAMES: Final = 2**32 - 1
 """Maximum number of frames of a stream."""
 
-REACHING: Final = {
-    "iterations": (1, MAX_ITERATIONS),
-    "cholesky_bits": (1, 12),
-    "color_stages": (1, 8),
-    "color_codewords": (1, 1024),
-}
+ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_codewords": (1, 1024)}
+"""The limits of the elements of the sequence header that describe quantisers (section 6.3)."""
+
+REACHING: Final = {"iterations": (1, MAX_ITERATIONS), **ELEMENTS}
 """The limits of the names of `Settings.with_` that are no fields: they reach into `intra` and `inter`."""
 
 
@@ -77,14 +75,13 @@ class FrameSettings:
     def __post_init__(self) -> None:
         check_types(self)
         _check_range("new_fraction", self.new_fraction, 0, 1)
-        for bits, stages, codewords in self.candidates:
-            _check_range("the bits of candidates", bits, 1, 12)
-            _check_range("the stages of candidates", stages, 1, 8)
-            _check_range("the codewords of candidates", codewords, 1, 1024)
+        for candidate in self.candidates:
+            for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
+                _check_range(f"{name} of candidates", value, *limits)
 
     def with_(self, **changes: Any) -> Self:
-        """A copy with other fields by name, or with other elements of the quantiser, named as in `Settings.with_`."""
-        elements = {name: changes.pop(name) for name in REACHING if name in changes}
+        """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
+        elements = {name: changes.pop(name) for name in ELEMENTS if name in changes}
         frame = replace(self, **changes)
         return replace(frame, quantizer=frame.quantizer.with_(**elements))
 

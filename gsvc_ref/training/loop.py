@@ -96,8 +96,8 @@ def minimise(
         if events and events.add(i):
             model.freeze(objective)
             loss, gradient = model.evaluate(objective)
-        is_last = i + 1 == iterations or bool(convergence and convergence.update(loss) and i >= last_event)
-        if not (is_last and model.keeps_best):
+        stop = i + 1 == iterations or bool(convergence and convergence.update(loss) and i >= last_event)
+        if not (stop and model.keeps_best):
             factor = settings.schedule(i)
             model.learn(factor)
             model.optimizer.step(
@@ -110,7 +110,7 @@ def minimise(
             model.freeze(objective)
         if on_iteration:
             on_iteration(steps, settings.iterations, loss)
-        if is_last:
+        if stop:
             break
     objective.thaw()
     return steps

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.quantization.half import LARGEST_HALF, nearest_half
-from gsvc_ref.quantization.lsq import F4, F8
 from gsvc_ref.quantization.rvq import Indices, nearest_codewords
+from gsvc_ref.splats import F4
 
+F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

@@ -146,6 +146,23 @@ def test_only_a_cosine_stretches_with_the_iterations():
     assert FitSettings(schedule=Cosine(100, 0.1)).with_(iterations=7).schedule == Cosine(7, 0.1)
 
 
+def test_settings_are_changed_as_presets_are_overridden():
+    changes = {"iterations": 50, "cholesky_bits": 5, "color_stages": 2, "splats": 9, "effects": "auto,gsa=off"}
+    for preset in (Settings.quick, Settings.paper):
+        assert preset().with_(**changes) == preset(**changes)
+        assert preset().with_() == preset()
+    with pytest.raises(UsageError, match="unknown settings splat;"):
+        Settings.quick().with_(splat=3)
+
+
+def test_the_quantiser_of_one_frame_type_can_be_changed():
+    intra = Settings.quick().intra
+    changed = intra.with_(cholesky_bits=9, color_codewords=4, start="random")
+    assert changed.quantizer == intra.quantizer.with_(cholesky_bits=9, color_codewords=4)
+    assert changed == replace(intra, start="random", quantizer=changed.quantizer)
+    assert changed.candidates
+
+
 def test_quantisers_can_be_chosen_for_all_frames():
     chosen = Settings.quick(cholesky_bits=5, color_stages=3, color_codewords=64)
     for kind in (chosen.intra, chosen.inter):

@@ -97,8 +97,8 @@ def test_without_iterations_values_are_quantised_as_they_are():
 def test_fine_tuning_stops_when_it_has_converged():
     population, objective = fitted()
     chosen = Settings.paper(iterations=100)
-    calm = replace(chosen.intra.tune.convergence, patience=3, tolerance=10.0)
-    tune = replace(chosen.intra.tune, iterations=50, convergence=calm)
+    soon = replace(chosen.intra.tune.convergence, patience=3, tolerance=10.0)
+    tune = replace(chosen.intra.tune, iterations=50, convergence=soon)
     before = State.initial(WIDTH, HEIGHT)
     quantizer = FrameQuantizer(population, objective, *blocks(chosen), before, np.random.default_rng(1))
     assert fine_tune(population.parameters(), quantizer, objective, tune)[2] == 3

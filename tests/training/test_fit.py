@@ -115,10 +115,10 @@ def test_the_loss_falls(settings):
     assert loss == objective.loss(made.parameters())
 
 
-def test_every_iteration_is_told():
+def test_every_iteration_is_reported():
     seen = []
     settings = replace(BARE, iterations=7)
-    fit(population(), Objective(PICTURE, 1), settings, rng(), on_iteration=lambda *told: seen.append(told[:2]))
+    fit(population(), Objective(PICTURE, 1), settings, rng(), on_iteration=lambda *report: seen.append(report[:2]))
     assert seen == [(i, 7) for i in range(1, 8)]
 
 
@@ -281,7 +281,7 @@ def test_no_fit_converges_before_it_has_grown():
     assert len(made) == 20
 
 
-def test_divergence_is_told():
+def test_divergence_is_reported():
     made = population()
     made.values[0, 5] = np.nan
     with pytest.raises(UsageError):
