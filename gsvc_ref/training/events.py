@@ -26,17 +26,7 @@ class Event(NamedTuple):
 
 
 def schedule(settings: FitSettings, count: int, total: int) -> dict[int, Event]:
-    """The event of each iteration, counted from 0, at which splats may come or go.
-
-    Parameters
-    ----------
-    settings
-        Growth says when splats are added, pruning when they are removed.
-    count
-        Number of splats at the beginning.
-    total
-        Number of splats that growth leads to, not counting those that are removed.
-    """
+    """The event of each iteration, from 0, at which `count` splats grow towards `total` or are pruned."""
     events: dict[int, Event] = {}
     if settings.growth:
         for iteration, grown in settings.growth.counts(total, settings.iterations).items():
@@ -49,24 +39,7 @@ def schedule(settings: FitSettings, count: int, total: int) -> dict[int, Event]:
 
 
 class Events:
-    """Adds splats to a population and removes them by its schedule.
-
-    Parameters
-    ----------
-    population
-        Changed in place.
-    objective
-        The frame's picture.
-    settings, total
-        As for `schedule`.
-    rng
-        Draws the places of new splats.
-
-    Attributes
-    ----------
-    last
-        The last iteration with an event, -1 without any.
-    """
+    """Adds splats to a population and removes them by its `schedule`; `last` is the last iteration with an event."""
 
     def __init__(
         self, population: Population, objective: Objective, settings: FitSettings, total: int, rng: Generator
@@ -93,20 +66,9 @@ class Events:
 def new_splats(
     objective: Objective, count: int, total: int, rng: Generator, where: NDArray[np.bool_] | None = None
 ) -> Splats:
-    """Splats where the last evaluated picture differs most from the target.
+    """Splats where the last evaluated picture differs most from the target, sized for `total` splats in all.
 
-    Parameters
-    ----------
-    objective
-        It has evaluated the picture.
-    count
-        Number of splats.
-    total
-        Number of splats in all, which sets their size.
-    rng
-        Draws their places.
-    where
-        (H, W) bool, the pixels to look at; None: all.
+    `where` is (H, W) bool, the pixels to look at; None: all.
     """
     size = NEW_SIZE * math.sqrt(objective.width * objective.height / total)
     missing = -objective.residual()

@@ -45,17 +45,6 @@ class FrameQuantizer:
         The decoder's state before the frame (that of `State.forget` for an I-frame).
     rng
         Draws the starts of codebooks.
-
-    Attributes
-    ----------
-    inter, intra
-        The quantisers of differences and of values; None if no splat needs it.
-    before
-        As given.
-    survivors
-        Number of survivors.
-    map
-        (N,) bool, which splats of the reference survive.
     """
 
     def __init__(

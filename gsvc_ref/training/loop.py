@@ -63,20 +63,9 @@ def minimise(
     events: Events | None = None,
     on_iteration: OnIteration | None = None,
 ) -> int:
-    """Minimise the loss of a picture over the values of a model.
+    """Minimise the loss of a picture over the values of a model, which are changed in place.
 
-    Parameters
-    ----------
-    model
-        Changed in place.
-    objective
-        The picture.
-    settings
-        How to step, and when to stop.
-    events
-        The splats that come and go meanwhile; training does not converge before the last of them.
-    on_iteration
-        Called after each iteration.
+    Training does not stop early before the last of the `events`, splats that come and go.
 
     Returns
     -------

@@ -21,17 +21,6 @@ NEW: Final = -1
 class Population:
     """Splats in training: parameters, weights w, origins and the optimiser's state, row by row.
 
-    Parameters
-    ----------
-    splats
-        The splats to begin with, N of them.
-    weight
-        Their weight w.
-    origins
-        (N,) i8, as below.
-    settings
-        How they will be fitted, of which only the optimiser's settings are used here.
-
     Attributes
     ----------
     values

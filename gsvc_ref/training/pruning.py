@@ -66,20 +66,9 @@ class PruningSchedule:
         return cls(first=LAST * 4 // 5, last=LAST, interval=LAST // 20)
 
     def counts(self, splats: int, iterations: int) -> dict[int, int]:
-        """The numbers of splats to remove, by iteration (R-10.7-1).
+        """Iteration (from 1) -> number of splats to remove after it, as of `pruning_plan`; without zeros, in order.
 
-        Parameters
-        ----------
-        splats
-            Number of splats at the start.
-        iterations
-            Number of iterations that training may take.
-
-        Returns
-        -------
-        dict[int, int]
-            Iteration, counted from 1 and at most `iterations`, to the number of splats; without zeros, in order. The
-            numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
+        The numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
         """
         plan = pruning_plan(splats, iterations, self.fraction, self.first, self.last, self.interval)
         return dict(zip(plan.iterations.tolist(), plan.counts.tolist(), strict=True))
