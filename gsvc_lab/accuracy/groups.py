@@ -5,10 +5,8 @@ from typing import Final, Literal
 
 from gsvc_lab.accuracy.work import QUICK_FIT, Coding, CutOff, Rendering, Training, Work
 from gsvc_lab.machine import processors
-from gsvc_ref.encoder.settings import scaled
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.fit import Rates
-from gsvc_ref.training.schedule import PAPER_SCHEDULE
+from gsvc_ref.training import PAPER_SCHEDULE, Rates
 
 Kind = Literal["rendering", "coding", "training"]
 
@@ -84,7 +82,7 @@ def thread_counts() -> tuple[int, ...]:
 
 
 def _iterations(count: int) -> Training:
-    return Training(fit=scaled(QUICK_FIT, count))
+    return Training(fit=QUICK_FIT.with_(iterations=count))
 
 
 PAPER_RATES: Final = replace(

@@ -1,6 +1,6 @@
 """Work that is timed: rendering, coding and training with one setting, and how good its outcome is."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, Literal, Protocol
 
@@ -10,15 +10,24 @@ from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
 from gsvc_ref.arrays import F4, F8
 from gsvc_ref.encoder.quantizer_choice import frame_bytes
-from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, FrameSettings, Settings
+from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
-from gsvc_ref.training.pruning import fold_weights
-from gsvc_ref.training.quantizer import with_codewords
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    FitSettings,
+    FrameQuantizer,
+    OnIteration,
+    Population,
+    fine_tune,
+    fit,
+    image_start,
+    random_splats,
+    uniform_numbers,
+)
 
 QUICK_FIT: Final[FitSettings] = Settings.quick().intra.fit
 
@@ -160,15 +169,17 @@ class Coding:
         """The preset quick with these settings instead of its own."""
         settings = Settings.quick(cholesky_bits=self.cholesky_bits)
         step = None if self.position_bits is None else max(width, height) / 2 * 2.0 ** (1 - self.position_bits)
-        block = replace(settings.intra.quantizer, position_step=step)
-        intra: FrameSettings = replace(settings.intra, quantizer=with_codewords(block, self.stages, self.codewords))
-        return replace(settings, intra=intra)
+        block = settings.intra.quantizer.with_(
+            position_step=step, color_stages=self.stages, color_codewords=self.codewords
+        )
+        return settings.with_(intra=settings.intra.with_(quantizer=block))
 
     def run(self, picture: SourcePicture, seed: int) -> tuple[FrameCodes, State, int]:
         """Return the codes, the state of a decoder after them, and the bytes of the frame."""
         settings, before = self.settings(picture.width, picture.height), State.initial(picture.width, picture.height)
         rng = np.random.default_rng(seed)
-        quantizer = FrameQuantizer(picture.population, picture.objective(), settings, before, rng)
+        blocks = settings.intra.quantizer, settings.inter.quantizer
+        quantizer = FrameQuantizer(picture.population, picture.objective(), *blocks, before, rng)
         values = picture.population.parameters()
         codes, state, _ = fine_tune(values, quantizer, picture.objective(), settings.intra.tune)
         return codes, state, frame_bytes(codes, settings, before)
@@ -210,8 +221,7 @@ class Training:
             splats = image_start(picture.picture, count, rng)
         else:
             drawn = random_splats(uniform_numbers(count, rng), picture.width, picture.height)
-            dim = fold_weights(drawn.colors, np.full(count, NEW_WEIGHT, np.float32))
-            splats = Splats(drawn.positions, drawn.cholesky, dim)
+            splats = Splats(drawn.positions, drawn.cholesky, drawn.colors * np.float32(NEW_WEIGHT))
         population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit)
         objective = picture.objective(self.precision)
         fit(population, objective, self.fit, rng, total=total, on_iteration=on_iteration)

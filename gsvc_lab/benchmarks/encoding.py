@@ -28,14 +28,24 @@ from gsvc_lab.machine import processors
 from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
-from gsvc_ref.encoder.settings import Settings, scaled
+from gsvc_ref.encoder.rate import add_where_wrong, make_room
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.files import write_text
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    FitSettings,
+    Population,
+    fit,
+    image_start,
+    psnr_of_loss,
+    random_splats,
+    uniform_numbers,
+)
 
 BUDGETS: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Iterations that quick is asked for, until one reaches the PSNR."""
@@ -144,7 +154,7 @@ class Case:
         """Quick's fits with more and more iterations, the last of which reaches the goal in dB, if any does."""
         notes = []
         for iterations in budgets:
-            note = run(scaled(settings, iterations)).note
+            note = run(settings.with_(iterations=iterations)).note
             notes.append({key: note[key] for key in ("iterations", "psnr", "wall_seconds", "cpu_seconds")})
             if note["psnr"] >= goal:
                 break
@@ -169,8 +179,8 @@ class Case:
             frame_settings = getattr(chosen, field)
             share = frame_settings.tune.iterations / frame_settings.fit.iterations
             for iterations in BUDGETS if kind in goals else ():
-                fit_settings = scaled(frame_settings.fit, iterations)
-                tune = scaled(frame_settings.tune, max(1, round(share * iterations)))
+                fit_settings = frame_settings.fit.with_(iterations=iterations)
+                tune = frame_settings.tune.with_(iterations=max(1, round(share * iterations)))
                 encoder.settings = replace(chosen, **{field: replace(frame_settings, fit=fit_settings, tune=tune)})
                 encoder.state, encoder.past = state, past
                 notes[f"{kind} to the PSNR"] = note = self.frame(encoder, kind, 1 + (kind == "P"))
@@ -254,7 +264,7 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
             continue
         part = note[kind]
         run, settings = run_quick(case)
-        run(scaled(settings, 2))  # so that no compiler is timed
+        run(settings.with_(iterations=2))  # so that no compiler is timed
         paper_settings = getattr(case.paper, {"I": "intra", "P": "inter"}[kind]).fit
         rates = {
             iteration: iteration_seconds(case.objectives[kind == "P"], parameters, paper_settings)

@@ -20,8 +20,7 @@ from gsvc_ref import Settings, Splats
 from gsvc_ref.arrays import F4
 from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import Objective, covered_pixels
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 CACHE: Final = Path(__file__).parent / "cache"

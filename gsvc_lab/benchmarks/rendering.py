@@ -14,8 +14,7 @@ from gsvc_lab.benchmarks.timing import Spread, interleaved, ratio
 from gsvc_ref import Settings, Splats
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.rendering.precision import Precision
-from gsvc_ref.training.augmentation import KEPT_WEIGHT
-from gsvc_ref.training.fit import NEW, Population, Rates, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, Rates, fit
 
 FIT_ITERATIONS: Final = 10
 """Iterations that are timed together; the loss at the end of `fit` adds some 4 % to each."""

@@ -20,9 +20,17 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import ms_ssim
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, Population, Rates, fit
-from gsvc_ref.training.schedule import StepDecay
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    Population,
+    Rates,
+    StepDecay,
+    fit,
+    random_splats,
+    uniform_numbers,
+)
 
 PAPER_ITERATIONS: Final = 50_000
 """Maximum number of iterations of a frame (paper, implementation details)."""

@@ -11,8 +11,7 @@ from gsvc_ref.encoder.settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, NEW_WEIGHT, Population, fit, image_start, random_splats, uniform_numbers
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
-from gsvc_ref.training.convergence import ConvergenceTest
-from gsvc_ref.training.fit import Population
+from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.training import ConvergenceTest, Population
 
 TIMES: Final = (200, 800, 3200, 12_800)
 """Iterations t of the paper's figure."""
@@ -54,7 +53,7 @@ class PaperRun:
         self.picture, self.times, self.run = picture, times, run
         self.moments: list[Moment] = []
         self.converged: int | None = None
-        schedule, start = scaled(settings.fit, times[-1]), pruned_to(count, settings)
+        schedule, start = settings.fit.with_(iterations=times[-1]), pruned_to(count, settings)
         assert schedule.convergence is not None  # the paper's settings have the rule
         assert schedule.pruning is not None
         self.rule: ConvergenceTest = schedule.convergence.start()
@@ -82,7 +81,7 @@ def quick_moments(picture: Picture, count: int, times: Sequence[int], run: Run) 
     settings = Settings.quick().intra
     found = []
     for time in times:
-        population, done = fitted(picture, replace(settings, fit=scaled(settings.fit, time)), count, 0)
+        population, done = fitted(picture, replace(settings, fit=settings.fit.with_(iterations=time)), count, 0)
         found.append(moment(picture, population, done, "quick", run))
     return found
 

@@ -13,11 +13,10 @@ from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.encoder.blocks import block_errors
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import Past, PFrame, predict
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, uniform_numbers
-from gsvc_ref.training.fit import Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
 
 SCENE: Final = "jumping-circle"
 
@@ -146,7 +145,7 @@ class Jump:
 def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed: int, *, gsa: bool) -> Splats:
     """A P-frame by the paper's schedule: with GSA and GSP, or from the reference's splats alone."""
     settings = Settings.paper().inter
-    schedule = scaled(settings.fit, iterations)
+    schedule = settings.fit.with_(iterations=iterations)
     if not gsa:
         schedule = replace(schedule, pruning=None)
     rng = np.random.default_rng([seed, 1])
@@ -179,7 +178,7 @@ def measure(size: Size, run: Run) -> list[Outcome]:
     """All P-frames: the paper's in each case, and quick's in the cases that it meets."""
     found = []
     paper, quick = Settings.paper().intra, Settings.quick().intra
-    paper = replace(paper, fit=scaled(paper.fit, size.intra))
+    paper = replace(paper, fit=paper.fit.with_(iterations=size.intra))
     total = pruned_to(size.splats, paper)  # the paper's N; pruning leaves 90 % of it
     for background in ("light", "black"):
         jump = Jump(size.width, size.height, run.threads, black=background == "black")

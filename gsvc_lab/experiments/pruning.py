@@ -14,11 +14,10 @@ from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_cen
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT
-from gsvc_ref.training.pruning import PruningSchedule
+from gsvc_ref.training import KEPT_WEIGHT, PruningSchedule
 
 SIZE: Final = (160, 96)
 """Size of the small version in pixels."""
@@ -60,7 +59,7 @@ Outcomes = dict[str, list[Outcome]]
 def way_settings(way: str, iterations: int) -> FrameSettings:
     """The paper's settings of an I-frame, with or without its weights and pruning."""
     intra = Settings.paper().intra
-    fit = scaled(intra.fit, iterations)
+    fit = intra.fit.with_(iterations=iterations)
     if way == "without":
         fit = replace(fit, pruning=None)
     elif way == "weights":

@@ -10,7 +10,7 @@ from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.errors import UsageError
 
 COUNTS: Final = (10, 100, 1000, 10_000)
@@ -40,7 +40,7 @@ def measure(still: Still, counts: Sequence[int], iterations: int, run: Run) -> d
     """The fits by schedule, in the order of the counts."""
     picture = Picture(still.frame, run.threads)
     presets = {"paper": Settings.paper().intra, "quick": Settings.quick().intra}
-    presets["paper"] = replace(presets["paper"], fit=scaled(presets["paper"].fit, iterations))
+    presets["paper"] = replace(presets["paper"], fit=presets["paper"].fit.with_(iterations=iterations))
     return {
         name: [one_fit(picture, settings, count, SCHEDULES[name], run) for count in counts]
         for name, settings in presets.items()

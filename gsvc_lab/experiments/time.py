@@ -16,7 +16,6 @@ from gsvc_lab.experiments.material import given_clips
 from gsvc_lab.machine import processors
 from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.settings import with_iterations
 
 PAPER_SECONDS: Final = (197.58, 221.45)
 """Seconds per frame of 1920x1080 at the lowest and the highest rate on a V100 (paper, section 4.2)."""
@@ -65,11 +64,11 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
         numbers[clip.name] = {"about": clip.about, "splats": splats, "presets": {}}
         for preset, (make, counts) in presets.items():
             settings = make(splats=splats, threads=threads, key_frames=(0,))
-            first = with_iterations(replace(settings, frames=(0, 2)), 2)
+            first = replace(settings, frames=(0, 2)).with_(iterations=2)
             say(f"{clip.name}, {preset}: compiling first, so that no row waits for that")
             encoded(clip, first, lambda _: None, "")
             numbers[clip.name]["presets"][preset] = [
-                row(clip, with_iterations(settings, count), count, say, f"{clip.name}, {preset}, {count} iterations")
+                row(clip, settings.with_(iterations=count), count, say, f"{clip.name}, {preset}, {count} iterations")
                 for count in counts
             ]
     return numbers

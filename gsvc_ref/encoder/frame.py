@@ -13,16 +13,29 @@ from gsvc_ref.encoder.blocks import errors_left
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import with_best_quantizer
-from gsvc_ref.encoder.rate import hold_quality, loss_of_psnr, psnr_of_loss
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.rate import hold_quality
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    FitSettings,
+    FrameQuantizer,
+    OnIteration,
+    Population,
+    fine_tune,
+    fit,
+    image_start,
+    loss_of_psnr,
+    psnr_of_loss,
+    random_splats,
+    uniform_numbers,
+)
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
@@ -220,7 +233,8 @@ class _FrameWork:
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
-            quantizer = FrameQuantizer(population, self.objective, self.settings, before, self.rng)
+            intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
+            quantizer = FrameQuantizer(population, self.objective, intra, inter, before, self.rng)
             codes, state, done = fine_tune(
                 population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
             )
@@ -250,4 +264,4 @@ def _steps(settings: FrameSettings) -> int:
 
 def fewer(settings: FitSettings) -> FitSettings:
     """The settings with a part of their iterations."""
-    return scaled(settings, max(1, round(FEWER * settings.iterations)))
+    return settings.with_(iterations=max(1, round(FEWER * settings.iterations)))

@@ -15,13 +15,20 @@ from gsvc_ref.encoder.blocks import F8, MIN_ERROR, block_errors, block_pixels, w
 from gsvc_ref.encoder.effects import Mode
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
+from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
-from gsvc_ref.training.fit import FitSettings, Population
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW_WEIGHT,
+    FitSettings,
+    Population,
+    psnr_of_loss,
+    random_splats,
+    uniform_numbers,
+)
 
 STATIC_RATIO: Final = 1.05
 """A block whose error after prediction is at most this many times the error left is static: 0.2 dB."""

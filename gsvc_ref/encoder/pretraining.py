@@ -1,15 +1,13 @@
 """Pre-training of frames, whose losses tell a cut (paper section 3.6)."""
 
-from dataclasses import replace
 
 import numpy as np
 
 from gsvc_ref.encoder.reduction import reduced
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, random_splats, uniform_numbers
 
 
 class Pretraining:
@@ -47,7 +45,7 @@ class Pretraining:
 
     def _fit(self, start: Splats, objective: Objective, frame: FrameSettings) -> tuple[float, Splats]:
         """A short fit without growth and pruning: its loss and splats."""
-        settings = replace(scaled(frame.fit, self.detection.iterations), growth=None, pruning=None)
+        settings = frame.fit.with_(iterations=self.detection.iterations, growth=None, pruning=None)
         population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
         loss, made = fit(population, objective, settings, self.rng)
         self.iterations += made

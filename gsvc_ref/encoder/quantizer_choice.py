@@ -1,27 +1,24 @@
 """Choosing b, M and B of a stream by rate and quality, on its first frame."""
 
-from dataclasses import replace
 from io import BytesIO
 from typing import Any, Final
 
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader, level_for
-from gsvc_ref.encoder.rate import DB_PER_DOUBLING, psnr_of_loss
-from gsvc_ref.encoder.settings import Settings, scaled
+from gsvc_ref.encoder.rate import DB_PER_DOUBLING
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.portable import log2
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
 from gsvc_ref.stream import StreamWriter
-from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
-from gsvc_ref.training.fit import Population
-from gsvc_ref.training.quantizer import with_codewords
+from gsvc_ref.training import FrameQuantizer, Population, fine_tune, psnr_of_loss
 
 TRIAL_ITERATIONS: Final = 10
-"""Fine-tuning iterations that each candidate gets."""
+"""Number of fine-tuning iterations of each candidate."""
 
-NOTHING_TO_TELL: Final = 59.0
-"""PSNR in dB from which on a frame tells no quantiser from another: rounding to 8 bits leaves 58.9 dB."""
+MAX_PSNR: Final = 59.0
+"""PSNR in dB from which on a frame cannot tell one quantiser from another: rounding to 8 bits leaves 58.9 dB."""
 
 
 def with_best_quantizer(
@@ -29,34 +26,26 @@ def with_best_quantizer(
 ) -> Settings:
     """The settings with the candidate (b, M, B) that serves a fitted I-frame best; unchanged without candidates.
 
-    Unchanged as well if a candidate has next to no error: a black frame is met by the smallest quantisers, which are no
-    good for what follows it. Best is the highest PSNR after a short fine-tuning, less what the bits could have bought
-    otherwise: DB_PER_DOUBLING for each doubling, since that is what twice the splats bring for about twice the bits.
+    They are unchanged as well if a candidate has next to no error: the smallest quantisers suffice for a black frame,
+    but not for the frames after it. The best candidate has the highest PSNR after a short fine-tuning, less the PSNR
+    that its bits could have bought otherwise: DB_PER_DOUBLING for each doubling, since twice the splats bring that for
+    about twice the bits.
     """
     best, highest = settings, -np.inf
     for bits, stages, codewords in settings.intra.candidates:
-        candidate = with_quantizer(settings, bits, stages, codewords)
-        quantizer = FrameQuantizer(population, objective, candidate, before, np.random.default_rng(seed))
-        tune = scaled(candidate.intra.tune, TRIAL_ITERATIONS)
+        intra = settings.intra.with_(cholesky_bits=bits, color_stages=stages, color_codewords=codewords)
+        candidate = settings.with_(intra=intra, inter=settings.inter.with_(cholesky_bits=bits))
+        blocks = candidate.intra.quantizer, candidate.inter.quantizer
+        quantizer = FrameQuantizer(population, objective, *blocks, before, np.random.default_rng(seed))
+        tune = candidate.intra.tune.with_(iterations=TRIAL_ITERATIONS)
         codes, state, _ = fine_tune(population.parameters(), quantizer, objective, tune)
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
-        if psnr >= NOTHING_TO_TELL:
+        if psnr >= MAX_PSNR:
             return settings
         score = psnr - DB_PER_DOUBLING * log2(frame_bytes(codes, candidate, before))
         if score > highest:
             best, highest = candidate, score
     return best
-
-
-def with_quantizer(settings: Settings, bits: int, stages: int, codewords: int) -> Settings:
-    """The settings with b for all frames, and M and B for I-frames."""
-    intra, inter = settings.intra, settings.inter
-    block = with_codewords(replace(intra.quantizer, cholesky_bits=bits), stages, codewords)
-    return replace(
-        settings,
-        intra=replace(intra, quantizer=block),
-        inter=replace(inter, quantizer=replace(inter.quantizer, cholesky_bits=bits)),
-    )
 
 
 def quantizer_fields(settings: Settings) -> dict[str, Any]:

@@ -4,17 +4,15 @@ Constant rate keeps N splats a frame. Constant quality removes splats while the 
 where it does not.
 """
 
-import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.portable import log10, power
+from gsvc_ref.portable import power
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
-from gsvc_ref.training.augmentation import KEPT_WEIGHT
-from gsvc_ref.training.fit import FitSettings, OnIteration, Population, fit, new_splats
+from gsvc_ref.training import KEPT_WEIGHT, FitSettings, OnIteration, Population, fit, new_splats, psnr_of_loss
 
 DB_PER_DOUBLING: Final = 3.4
 """PSNR gained by twice the splats, as measured on photographs, by which the sizes of changes are guessed."""
@@ -30,16 +28,6 @@ CAUTION: Final = 0.7
 
 MAX_CHANGES: Final = 12
 """Constant quality: maximum number of changes of the number of splats in a row."""
-
-
-def psnr_of_loss(loss: float) -> float:
-    """PSNR in dB of a loss (paper, the L2 equation), which is three times the mean squared error; infinite for 0."""
-    return 10 * float(log10(3 / loss)) if loss > 0 else math.inf
-
-
-def loss_of_psnr(psnr: float) -> float:
-    """The loss of a PSNR in dB."""
-    return 3 * float(power(10.0, -psnr / 10))
 
 
 def visibility(parameters: F4) -> F4:

@@ -1,8 +1,8 @@
 """Everything that can be chosen about an encode, and the two presets: `quick` (ours) and `paper`."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Integral
-from typing import Any, Final, Literal, Self, TypeVar
+from typing import Any, Final, Literal, Self
 
 from gsvc_ref.checks import check_types
 from gsvc_ref.encoder.effects import Effects
@@ -11,11 +11,16 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.rendering.precision import check_precision
-from gsvc_ref.training.adan import AdanSettings
-from gsvc_ref.training.fit import MAX_ITERATIONS, FitSettings, Growth, Rates
-from gsvc_ref.training.pruning import PruningSchedule
-from gsvc_ref.training.quantizer import BlockSettings, with_codewords
-from gsvc_ref.training.schedule import Cosine
+from gsvc_ref.training import (
+    MAX_ITERATIONS,
+    AdanSettings,
+    BlockSettings,
+    Cosine,
+    FitSettings,
+    Growth,
+    PruningSchedule,
+    Rates,
+)
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
 
@@ -25,9 +30,14 @@ PIXELS_PER_SPLAT: Final = 40
 MIN_PIXELS_PER_SPLAT: Final = 6
 """Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
 
-
 MAX_FRAMES: Final = 2**32 - 1
-"""Frames that a stream can number."""
+"""Maximum number of frames of a stream."""
+
+ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_codewords": (1, 1024)}
+"""The limits of the elements of the sequence header that describe quantisers (section 6.3)."""
+
+REACHING: Final = {"iterations": (1, MAX_ITERATIONS), **ELEMENTS}
+"""The limits of the names of `Settings.with_` that are no fields: they reach into `intra` and `inter`."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +62,6 @@ class FrameSettings:
     new_from_residual
         P-frames: add where the prediction is wrong, and prune as many of the least visible splats before, so that the
         count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
-    still_threshold
-        P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
-        share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
     """
 
     fit: FitSettings
@@ -64,16 +71,19 @@ class FrameSettings:
     start: Literal["random", "image"] = "random"
     new_fraction: float = 0.1
     new_from_residual: bool = False
-    still_threshold: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
         _check_range("new_fraction", self.new_fraction, 0, 1)
-        _check_range("still_threshold", self.still_threshold, 0, 1e6)
-        for bits, stages, codewords in self.candidates:
-            _check_range("the bits of candidates", bits, 1, 12)
-            _check_range("the stages of candidates", stages, 1, 8)
-            _check_range("the codewords of candidates", codewords, 1, 1024)
+        for candidate in self.candidates:
+            for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
+                _check_range(f"{name} of candidates", value, *limits)
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
+        elements = {name: changes.pop(name) for name in ELEMENTS if name in changes}
+        frame = replace(self, **changes)
+        return replace(frame, quantizer=frame.quantizer.with_(**elements))
 
 
 @dataclass(frozen=True)
@@ -85,7 +95,7 @@ class DetectionSettings:
     iterations
         Pre-training iterations of each frame, as I-frame and again as P-frame.
     splats
-        Most splats in pre-training.
+        Maximum number of splats in pre-training; None: those of the frame.
     longest_side
         Pre-train on the frame reduced to at most this many pixels on its longer side; None: as it is.
     window
@@ -118,11 +128,7 @@ class DetectionSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All settings of an encode; make one with `Settings.quick` or `Settings.paper` and override by name.
-
-    The override `iterations` is that of the fit of an I-frame, and all other fits of frames follow in proportion. How
-    long frames are pre-trained to find key frames is `detection.iterations`, which stays: losses after other numbers of
-    iterations would be other statistics.
+    """All settings of an encode; make them with `Settings.quick` or `Settings.paper`, and others with `with_`.
 
     Attributes
     ----------
@@ -133,8 +139,8 @@ class Settings:
     detection
         How key frames are found when `key_frames` is ``auto``.
     splats
-        N, splats of a frame; with `psnr` the most that a frame may get. None: one for PIXELS_PER_SPLAT pixels, and with
-        `psnr` up to one for MIN_PIXELS_PER_SPLAT.
+        N, the number of splats of a frame; with `psnr` their maximum number. None: one for PIXELS_PER_SPLAT pixels, and
+        with `psnr` up to one for MIN_PIXELS_PER_SPLAT.
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
     key_frames
@@ -142,8 +148,8 @@ class Settings:
     low_latency
         Decide key frames from the past alone.
     effects
-        What is done on every frame, and what only where the scene calls for it; a preset takes a text of
-        `Effects.parse` as well.
+        The steps that are taken on every frame, and those only where the scene calls for them; presets and `with_` take
+        a text of `Effects.parse` as well.
     decisions
         Write what was decided about each frame, and why, as an ancillary chunk, which decoders skip.
     frames
@@ -153,9 +159,9 @@ class Settings:
     threads
         Threads of the kernels; None: all. The bytes do not depend on it.
     precision
-        Of the renderer: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
+        The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
     lane_count, entropy_precision, index, checksums
-        Of the stream: rANS lanes, bits of its frequencies, an index for seeking, a checksum of each frame's parameters.
+        The stream's: rANS lanes, bits of its frequencies, an index for seeking, a checksum of each frame's parameters.
     """
 
     preset: str
@@ -206,40 +212,95 @@ class Settings:
         tune = FitSettings(iterations=5_000, pruning=None)
         intra = FrameSettings(FitSettings(), tune, BlockSettings())
         inter = FrameSettings(FitSettings(pruning=PruningSchedule.inter()), tune, BlockSettings())
-        return _override(cls("paper", intra, inter, effects=Effects.parse("all")), overrides)
+        return cls("paper", intra, inter, effects=Effects.parse("all")).with_(**overrides)
 
     @classmethod
     def quick(cls, **overrides: Any) -> Self:
         """The default: a start drawn from the image, splats added where the residual is, few and well-sized steps."""
         few = FitSettings(
-            optimizer=AdanSettings(0.9, 0.92, 0.99), learn_pixels=True, relative_steps=True, convergence=None,
-            pruning=None, schedule=Cosine(150, 0.02),
+            schedule=Cosine(steps=150, final=0.02), optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99),
+            learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
         )  # fmt: skip
+        few_tuned = few.with_(
+            rates=Rates(position=0.1, cholesky=0.05, color=0.01), schedule=Cosine(steps=60, final=0.05)
+        )
         intra = FrameSettings(
-            fit=replace(few, iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), growth=Growth()),
-            tune=replace(few, iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(60, 0.05)),
-            quantizer=BlockSettings(0.05, 8, None, RvqSettings((16, 16, 16)), True, 1.0, 0.01),
+            fit=few.with_(
+                iterations=150,
+                rates=Rates(position=1.0, cholesky=0.5, color=0.05, weight=0.05),
+                growth=Growth(),
+            ),
+            tune=few_tuned.with_(iterations=60),
+            quantizer=BlockSettings(
+                position_step=0.05,
+                cholesky_bits=8,
+                colors=RvqSettings(codewords=(16, 16, 16)),
+                weigh_by_area=True,
+                quantizer_rate=0.01,
+            ),
             candidates=((7, 2, 16), (8, 2, 32), (8, 3, 16), (8, 3, 32), (9, 3, 32), (10, 3, 64)),
             start="image",
         )
         inter = FrameSettings(
-            fit=replace(few, iterations=60, rates=Rates(0.2, 0.08, 0.008, 0.008), schedule=Cosine(60, 0.05)),
-            tune=replace(few, iterations=30, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(30, 0.05)),
-            quantizer=BlockSettings(0.1, 8, 0.1, RvqSettings((8, 8), zero_codeword=True), True, 1.0, 0.0),
+            fit=few.with_(
+                iterations=60,
+                rates=Rates(position=0.2, cholesky=0.08, color=0.008, weight=0.008),
+                schedule=Cosine(steps=60, final=0.05),
+            ),
+            tune=few_tuned.with_(iterations=30),
+            quantizer=BlockSettings(
+                position_step=0.1,
+                cholesky_bits=8,
+                cholesky_step=0.1,
+                colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
+                weigh_by_area=True,
+                quantizer_rate=0.0,
+                static_threshold=0.5,
+            ),
             new_fraction=0.03,
             new_from_residual=True,
-            still_threshold=0.5,
         )
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
-        return _override(cls("quick", intra, inter, detection), overrides)
+        return cls("quick", intra, inter, detection).with_(**overrides)
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with other settings by name, as the presets take them.
+
+        A name is that of a field, except `preset`, or one of four that reach into both `intra` and `inter`, where None
+        changes nothing. `iterations` is the number of the fit of an I-frame; all other fits of frames follow in
+        proportion, but not `detection.iterations`, since losses after other numbers of iterations would be other
+        statistics. `cholesky_bits`, `color_stages` and `color_codewords` are elements of the sequence header; any of
+        them switches off the choice among `candidates`.
+
+        Raises
+        ------
+        UsageError
+            A name is unknown, or a value out of its range.
+        """
+        reaching = {name: changes.pop(name) for name in REACHING if name in changes}
+        names = [field.name for field in fields(self) if field.name != "preset"]
+        if unknown := changes.keys() - set(names):
+            known = ", ".join((*names, *REACHING))
+            raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
+        if isinstance(changes.get("effects"), str):
+            changes["effects"] = Effects.parse(changes["effects"])
+        settings = replace(self, **changes)
+        given = {name: _whole(name, value) for name, value in reaching.items() if value is not None}
+        intra, inter = settings.intra, settings.inter
+        if "iterations" in given:
+            share = given.pop("iterations") / intra.fit.iterations
+            intra, inter = _in_proportion(intra, share), _in_proportion(inter, share)
+        if given:
+            intra, inter = intra.with_(candidates=(), **given), inter.with_(**given)
+        return replace(settings, intra=intra, inter=inter)
 
     def pruned(self, fit: FitSettings) -> FitSettings:
         """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
         pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
-        return replace(fit, pruning=pruning)
+        return fit.with_(pruning=pruning)
 
     def most_splats(self, width: int, height: int) -> int:
-        """The most splats that a frame of this size may get."""
+        """Maximum number of splats of a frame of this size."""
         if self.splats is None and self.psnr is not None:
             return max(1, width * height // MIN_PIXELS_PER_SPLAT)
         return self.splat_count(width, height)
@@ -262,69 +323,15 @@ class Settings:
         return self.splats
 
 
-S = TypeVar("S", bound=Settings)
-
-OVERRIDES: Final = (
-    "splats", "psnr", "key_frames", "low_latency", "effects", "decisions", "frames", "seed", "threads", "precision",
-    "lane_count", "entropy_precision", "index", "checksums", "intra", "inter", "detection",
-)  # fmt: skip
-"""Settings that an override replaces as they are."""
-
-REACHING: Final = ("iterations", "cholesky_bits", "color_stages", "color_codewords")
-"""Overrides that reach into `intra` and `inter`."""
+def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:
+    """The settings with this share of the iterations, at least 1."""
+    fit, tune = (part.with_(iterations=max(1, round(part.iterations * share))) for part in (frame.fit, frame.tune))
+    return replace(frame, fit=fit, tune=tune)
 
 
-def _override(settings: S, overrides: dict[str, Any]) -> S:
-    """Apply overrides by name; those that are no fields of Settings reach into both frame types."""
-    nested = {name: overrides.pop(name) for name in ("iterations", "cholesky_bits") if name in overrides}
-    stages, codewords = overrides.pop("color_stages", None), overrides.pop("color_codewords", None)
-    unknown = set(overrides) - set(OVERRIDES)
-    if unknown:
-        known = ", ".join((*OVERRIDES, *REACHING))
-        raise UsageError(f"unknown settings {', '.join(sorted(unknown))}; there are {known}")
-    if isinstance(overrides.get("effects"), str):
-        overrides["effects"] = Effects.parse(overrides["effects"])
-    settings = replace(settings, **overrides)
-    stages = _check_whole("color_stages", stages, 1, 8)
-    codewords = _check_whole("color_codewords", codewords, 1, 1024)
-    if nested.get("iterations") is not None:
-        settings = with_iterations(settings, nested["iterations"])
-    if stages is not None or codewords is not None or nested.get("cholesky_bits") is not None:
-        settings = replace(settings, intra=replace(settings.intra, candidates=()))
-    changed: dict[str, Any] = {}
-    for kind in ("intra", "inter"):
-        frame: FrameSettings = getattr(settings, kind)
-        quantizer = frame.quantizer
-        if nested.get("cholesky_bits") is not None:
-            quantizer = replace(quantizer, cholesky_bits=nested["cholesky_bits"])
-        if stages is not None or codewords is not None:
-            quantizer = with_codewords(quantizer, stages, codewords)
-        changed[kind] = replace(frame, quantizer=quantizer)
-    return replace(settings, **changed)
-
-
-def with_iterations(settings: S, iterations: int) -> S:
-    """The settings with this many iterations for the fit of an I-frame, and all other fits in proportion."""
-    iterations = _check_whole("iterations", iterations, 1, MAX_ITERATIONS)
-    share = iterations / settings.intra.fit.iterations
-
-    def frame(kind: FrameSettings) -> FrameSettings:
-        fit, tune = (scaled(part, max(1, round(part.iterations * share))) for part in (kind.fit, kind.tune))
-        return replace(kind, fit=fit, tune=tune)
-
-    return replace(settings, intra=frame(settings.intra), inter=frame(settings.inter))
-
-
-def scaled(fit: FitSettings, iterations: int) -> FitSettings:
-    """The settings with other iterations, over which a cosine then falls."""
-    schedule = replace(fit.schedule, steps=iterations) if isinstance(fit.schedule, Cosine) else fit.schedule
-    return replace(fit, iterations=iterations, schedule=schedule)
-
-
-def _check_whole(name: str, value: Any, low: int, high: int) -> Any:
-    """The value as a Python integer; None stays None."""
-    if value is None:
-        return None
+def _whole(name: str, value: Any) -> int:
+    """The value of a name of REACHING as a Python integer."""
+    low, high = REACHING[name]
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise UsageError(f"{name} is {value!r}; it must be a whole number in {low}..{high}")
     _check_range(name, int(value), low, high)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.constants import SUPPORT_RADIUS
 from gsvc_ref.splats import F4
-from gsvc_ref.training.fit import MIN_FACTOR
+from gsvc_ref.training import MIN_FACTOR
 
 
 def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:

@@ -18,6 +18,7 @@ which `Adan.step` refuses. Where b1^2, b2^2 and (b2 / (1 + b2))^2 are below b3, 
 longer than a fixed multiple of the rate: 1.21 for the defaults, 2.33 for those of preset `quick`.
 """
 
+import copy
 import math
 from dataclasses import dataclass
 from typing import Any, Final
@@ -29,8 +30,8 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import log2
+from gsvc_ref.splats import F4
 
-F4 = NDArray[np.float32]
 I8 = NDArray[np.int64]
 State = tuple[F4, F4, F4, F4, I8]
 
@@ -149,12 +150,12 @@ class Adan:
 
     @property
     def state(self) -> State:
-        """What is known of each row: m, v, n, previous and steps."""
+        """The arrays m, v, n, previous and steps of all rows."""
         return self.m, self.v, self.n, self.previous, self.steps
 
     def with_state(self, m: F4, v: F4, n: F4, previous: F4, steps: I8) -> "Adan":
         """The same optimiser with the state of other rows."""
-        other = self._like(0)
+        other = copy.copy(self)
         other.m, other.v, other.n, other.previous, other.steps = m, v, n, previous, steps
         return other
 
@@ -163,12 +164,6 @@ class Adan:
         new = np.zeros((count, self.m.shape[1]), np.float32)
         m, v, n, previous = (np.append(rows, new, axis=0) for rows in (self.m, self.v, self.n, self.previous))
         return self.with_state(m, v, n, previous, np.append(self.steps, np.zeros(count, np.int64)))
-
-    def _like(self, rows: int) -> "Adan":
-        """Fresh rows, in a state that has corrections for as many steps."""
-        other = Adan(rows, self.m.shape[1], self.settings)
-        other._corrections = self._corrections
-        return other
 
 
 def _row(value: ArrayLike, columns: int, dtype: type[np.generic]) -> NDArray[Any]:
@@ -242,7 +237,7 @@ def _step(
     by_row: F4,
     fixed: F4,
     factors: F4,
-    steps: NDArray[np.int64],
+    steps: I8,
     coefficients: F4,
     corrections: F4,
 ) -> None:

@@ -1,4 +1,4 @@
-"""When training stops early (paper section 4.1; R-10.10-1)."""
+"""The rule by which training stops early (paper section 4.1; R-10.10-1)."""
 
 import math
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from gsvc_ref.errors import UsageError
 
 @dataclass(frozen=True)
 class Convergence:
-    """The rule: so many iterations in a row whose loss differs from the one before by no more than a tolerance.
+    """The rule: a number of iterations in a row whose loss differs from the one before by at most a tolerance.
 
     Attributes
     ----------
     patience
-        Iterations in a row; the paper has 100.
+        Number of iterations in a row; the paper has 100.
     tolerance
         Largest absolute difference of the loss between two iterations; the paper has 1e-7, for the L2 loss that sums
         the squares of the three channels (a mean over channels would be a third of it).
@@ -39,11 +39,11 @@ class Convergence:
 
 
 class ConvergenceTest:
-    """Counts the calm iterations of one run of training."""
+    """The test of one run of training, loss by loss."""
 
     def __init__(self, rule: Convergence) -> None:
         self.rule = rule
-        self.calm = 0
+        self.small_changes = 0  # in a row
         self.previous = math.inf
 
     def update(self, loss: float) -> bool:
@@ -52,10 +52,11 @@ class ConvergenceTest:
         Raises
         ------
         UsageError
-            The loss is NaN: training has diverged, and no later loss would tell.
+            The loss is NaN: training has diverged.
         """
         if math.isnan(loss):
             raise UsageError("the loss is NaN; training has diverged, use lower learning rates")
-        self.calm = self.calm + 1 if abs(loss - self.previous) <= self.rule.tolerance else 0  # (10-31)
+        is_small = abs(loss - self.previous) <= self.rule.tolerance  # (10-31)
+        self.small_changes = self.small_changes + 1 if is_small else 0
         self.previous = loss
-        return self.calm >= self.rule.patience
+        return self.small_changes >= self.rule.patience

@@ -1,200 +1,15 @@
 """Quantisation-aware fine-tuning of a frame (paper section 3.8): the loss is that of what the decoder will show."""
 
 import math
-from dataclasses import replace
-from typing import Final
+from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gsvc_ref.encoder.rate import psnr_of_loss
-from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
+from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
 from gsvc_ref.training.adan import Adan
-from gsvc_ref.training.fit import (
-    GEOMETRY,
-    NEW,
-    FitSettings,
-    OnIteration,
-    Population,
-    keep_factors,
-    learned_unit,
-    step_factors,
-)  # fmt: skip
-from gsvc_ref.training.quantizer import Active, BlockQuantizer, BlockSettings, Learned, Pass
-
-REUSE_ERROR: Final = 2.5
-"""The decoder's codebooks are used again if they raise the squared error of the differences by at most this factor."""
-
-REUSE_LOSS: Final = 1.25
-"""The decoder's quantisers are used again for new splats if they raise the loss by at most this factor (1 dB)."""
-
-STEPS_PSNR: Final = 35.0
-"""PSNR in dB for which the fixed steps of `BlockSettings` are meant."""
-
-DB_PER_ERROR_DOUBLING: Final = 6.020599913279624  # 20 log10(2)
-
-MAX_DOUBLINGS: Final = 2
-"""How often fixed steps are doubled or halved at most."""
-
-
-class FrameQuantizer:
-    """The quantisers of a frame: one for the survivors' differences, one for the values of all other splats.
-
-    Parameters
-    ----------
-    population
-        The fitted splats: survivors first, in the order of the reference, then new ones.
-    objective
-        The frame's picture.
-    settings
-        All settings.
-    before
-        The decoder's state before the frame (that of `State.forget` for an I-frame).
-    rng
-        Draws the starts of codebooks.
-    """
-
-    def __init__(
-        self, population: Population, objective: Objective, settings: Settings, before: State, rng: np.random.Generator
-    ) -> None:
-        values = population.parameters()
-        origins = population.origins[population.origins != NEW]
-        self.before, self.survivors = before, len(origins)
-        self.map = np.zeros(len(before.splats), np.bool_)
-        self.map[origins] = True
-        size = np.array([before.width / 2, before.height / 2], np.float32)
-        self.inter: BlockQuantizer | None = None
-        self.intra: BlockQuantizer | None = None
-        if self.survivors:
-            old, reference = values[: self.survivors], before.splats.to_array()[origins]
-            loss = objective.loss(values)
-            share = loss * before.width * before.height / len(values)
-            active = changed(old, reference, share * settings.inter.still_threshold)
-            block = with_steps_for(loss, settings.inter.quantizer)
-            self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
-        if self.survivors < len(values):
-            self.intra = intra_quantizer(values, self.survivors, objective, size, settings.intra.quantizer, before, rng)
-        rows = (slice(0, self.survivors), slice(self.survivors, None))
-        self._blocks = [
-            (block, part) for block, part in zip((self.inter, self.intra), rows, strict=True) if block is not None
-        ]
-
-    def codes(self, values: F4) -> FrameCodes:
-        """The codes of values (n, 8) f4."""
-        inter = self.inter.codes(values[: self.survivors]) if self.inter else None
-        intra = self.intra.codes(values[self.survivors :]) if self.intra else None
-        if len(self.map) == 0:
-            return FrameCodes.intra_frame(intra)
-        return FrameCodes.predicted_frame(self.map, inter, intra)
-
-    def forward(self, values: F4) -> tuple[F4, list[Pass]]:
-        """What a decoder will have of values (n, 8) f4, bit for bit as by `codes` and `reconstruct`."""
-        decoded = np.empty_like(values)
-        return decoded, [block.forward(values[rows], decoded[rows]) for block, rows in self._blocks]
-
-    @property
-    def still(self) -> NDArray[np.bool_]:
-        """Which splats fine-tuning cannot change, (n,) bool."""
-        return np.concatenate([block.still for block, _ in self._blocks])
-
-    def backward(self, passes: list[Pass], gradient: F4) -> F4:
-        """The gradient by the values given that by what is decoded, both (n, 8) f4."""
-        parts = [block.backward(one, gradient[rows]) for (block, rows), one in zip(self._blocks, passes, strict=True)]
-        return np.concatenate(parts)
-
-    def learn(self, passes: list[Pass], factor: float) -> None:
-        """One step of all quantisers that are learned."""
-        for (block, _), one in zip(self._blocks, passes, strict=True):
-            block.learn(one, factor)
-
-    @property
-    def learned(self) -> list[Learned]:
-        """What `learn` has reached."""
-        return [block.learned for block, _ in self._blocks]
-
-    @learned.setter
-    def learned(self, learned: list[Learned]) -> None:
-        for (block, _), one in zip(self._blocks, learned, strict=True):
-            block.learned = one
-
-
-def changed(values: F4, reference: F4, least: float) -> Active:
-    """Which attributes moved enough to be seen, (n, 3) bool: position, Cholesky factor, colour.
-
-    The effect of a change on the picture, as a sum of squared differences over all pixels, to second order and for one
-    splat alone: with A = pi l11 l22 (the sum of g^2), the change (du, dv) = L^-1 dmu and the relative changes
-    p = dl11/l11, q = dl22/l22, s = (dl21 - l21 p)/l22, it is |c'|^2 A (du^2 + dv^2) / 2 for the position;
-    |c'|^2 A (3 p^2 + 3 q^2 + 2 p q + s^2) / 4 for the Cholesky factor; |dc'|^2 A for the colour.
-    """
-    difference = values - reference
-    l11, l21, l22 = values[:, 2], values[:, 3], values[:, 4]
-    area = math.pi * l11 * l22
-    seen = np.square(values[:, 5:8]).sum(axis=1) * area
-    du = difference[:, 0] / l11
-    dv = (difference[:, 1] - l21 * du) / l22
-    p, q = difference[:, 2] / l11, difference[:, 4] / l22
-    s = (difference[:, 3] - l21 * p) / l22
-    shape = (3 * p * p + 3 * q * q + 2 * p * q + s * s) / 4
-    color = np.square(difference[:, 5:8]).sum(axis=1) * area
-    effects = np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)  # (n, 3) f4
-    return np.asarray(effects >= least, np.bool_)
-
-
-def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:
-    """The settings with fixed steps halved or doubled as often as the error at this loss halves or doubles."""
-    if settings.cholesky_step is None or loss <= 0:
-        return settings
-    doublings = round((STEPS_PSNR - psnr_of_loss(loss)) / DB_PER_ERROR_DOUBLING)
-    factor = math.ldexp(1.0, min(max(doublings, -MAX_DOUBLINGS), MAX_DOUBLINGS))
-    position_step = None if settings.position_step is None else settings.position_step * factor
-    return replace(settings, position_step=position_step, cholesky_step=settings.cholesky_step * factor)
-
-
-def inter_quantizer(
-    values: F4, reference: F4, active: Active, size: F4, settings: BlockSettings, kept: Kept, rng: np.random.Generator
-) -> BlockQuantizer:
-    """A quantiser of differences, with what the decoder keeps wherever that does as well, or nearly, as a new one."""
-
-    def quantizer(reused: Kept) -> BlockQuantizer:
-        return BlockQuantizer(values, reference, active, size, settings, rng, reused)
-
-    fresh = quantizer(Kept())
-    same = kept.quantizer if settings.cholesky_step is not None and kept.quantizer == fresh.quantizer else None
-    if kept.codebooks is not None:
-        again = quantizer(Kept(same, kept.codebooks))
-        if again.color_error(values) <= REUSE_ERROR * fresh.color_error(values):
-            return again
-    return quantizer(Kept(same, None))
-
-
-def intra_quantizer(
-    values: F4,
-    survivors: int,
-    objective: Objective,
-    size: F4,
-    settings: BlockSettings,
-    before: State,
-    rng: np.random.Generator,
-) -> BlockQuantizer:
-    """A quantiser of the splats after the survivors: what the decoder keeps, unless the picture suffers from that.
-
-    What suits an I-frame's splats can be far from what new ones need, such as those of the first picture after black.
-    """
-    new, none_stay = values[survivors:], np.zeros(len(before.splats), np.bool_)
-
-    def loss(quantizer: BlockQuantizer) -> float:
-        codes = FrameCodes.predicted_frame(none_stay, None, quantizer.codes(new))
-        coded = reconstruct(codes, before).splats.to_array()
-        return objective.loss(np.concatenate([values[:survivors], coded]))
-
-    fresh = BlockQuantizer(new, None, None, size, settings, rng, Kept())
-    if before.intra == Kept():
-        return fresh
-    again = BlockQuantizer(new, None, None, size, settings, rng, before.intra)
-    return again if loss(again) <= REUSE_LOSS * loss(fresh) else fresh
+from gsvc_ref.training.frame_quantizer import FrameQuantizer
+from gsvc_ref.training.loop import OnIteration, minimise
+from gsvc_ref.training.settings import FitSettings
 
 
 def fine_tune(
@@ -212,38 +27,52 @@ def fine_tune(
         (n, 8) f4, the fitted parameters in the order of the quantiser's population.
     quantizer
         Changed in place.
-    objective, settings, on_iteration
-        As for `gsvc_ref.training.fit.fit`.
+    objective
+        The frame's picture.
+    settings
+        How to fine-tune.
+    on_iteration
+        Called after each evaluation: once more than there are iterations, unless they converge.
 
     Returns
     -------
-    The codes with the least loss of all iterations, the decoder's state after them, and the iterations made.
+    codes
+        The codes with the least loss of all evaluations.
+    state
+        The decoder's state after them.
+    iterations
+        The number of iterations made.
     """
-    values = values.copy()
-    optimizer = Adan(len(values), PARAMETERS_PER_SPLAT, settings.optimizer)
-    unit = learned_unit(settings.learn_pixels, objective.width, objective.height)[:PARAMETERS_PER_SPLAT]
-    rates = settings.rates.columns()[:PARAMETERS_PER_SPLAT]
-    convergence = settings.convergence.start() if settings.convergence else None
-    least = math.inf
-    objective.freeze(quantizer.forward(values)[0], quantizer.still)
-    for i in range(settings.iterations + 1):
-        decoded, passes = quantizer.forward(values)
-        loss, gradient = objective.evaluate(decoded)
-        if loss < least:
-            least, best = loss, (values.copy(), quantizer.learned)
-        if on_iteration:
-            on_iteration(i, settings.iterations, loss)
-        if i == settings.iterations or (convergence and convergence.update(loss)):
-            break
-        factor = settings.schedule(i)
-        gradient = quantizer.backward(passes, gradient)
-        quantizer.learn(passes, factor)
-        optimizer.step(
-            values, gradient, rates * factor, units=unit, row_columns=GEOMETRY[:PARAMETERS_PER_SPLAT],
-            row_factors=step_factors(values) if settings.relative_steps else None,
-        )  # fmt: skip
-        keep_factors(values)
-    objective.thaw()
-    values, quantizer.learned = best
+    model = _QuantizedValues(values, quantizer, settings)
+    iterations = minimise(model, objective, settings, on_iteration=on_iteration)
+    values, quantizer.learned = model.best
     codes = quantizer.codes(values)
-    return codes, reconstruct(codes, quantizer.before), i
+    return codes, reconstruct(codes, quantizer.before), iterations
+
+
+class _QuantizedValues:
+    """A model whose splats are rendered as a decoder will have them; gradients go straight through."""
+
+    keeps_best: ClassVar[bool] = True
+
+    def __init__(self, values: F4, quantizer: FrameQuantizer, settings: FitSettings) -> None:
+        self.values = values.copy()
+        self.quantizer = quantizer
+        self.optimizer = Adan(len(values), PARAMETERS_PER_SPLAT, settings.optimizer)
+        self.least, self.best = math.inf, (values, quantizer.learned)
+
+    def freeze(self, objective: Objective) -> None:
+        """Let the objective render the splats once and for all that no step changes."""
+        objective.freeze(self.quantizer.forward(self.values)[0], self.quantizer.static)
+
+    def evaluate(self, objective: Objective) -> tuple[float, F4]:
+        """The loss of the decoded splats, and the straight-through gradient by the values, (n, 8) f4."""
+        decoded, self._results = self.quantizer.forward(self.values)
+        loss, gradient = objective.evaluate(decoded)
+        if loss < self.least:
+            self.least, self.best = loss, (self.values.copy(), self.quantizer.learned)
+        return loss, self.quantizer.backward(self._results, gradient)
+
+    def learn(self, factor: float) -> None:
+        """One step of the quantisers."""
+        self.quantizer.learn(self._results, factor)

@@ -11,15 +11,15 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 
 SETTLING: Final = 0.8
-"""Part of the iterations up to the last removal, at most; the survivors settle in the others. Ours."""
+"""Maximum fraction of the iterations up to the last removal; the survivors settle in the others. Ours."""
 
 LAST: Final = 10_000_000
-"""Latest iteration that can be named."""
+"""Latest iteration that a schedule can name."""
 
 
 @dataclass(frozen=True)
 class PruningSchedule:
-    """How many splats are removed after which iteration; the paper only says how many in all.
+    """The iterations after which splats are removed; the paper only says how many are removed in all.
 
     Removals come after the iterations first, first + interval, ... and last. Each removes the same number, rounded
     down; the last also removes the remainder, so that the counts add up. Where the last would come later
@@ -28,7 +28,7 @@ class PruningSchedule:
     Attributes
     ----------
     fraction
-        Of the splats at the start, how many are removed in all; in [0, 1).
+        Fraction of the splats at the start that is removed in all, in [0, 1).
     first, last, interval
         Iterations, counted from 1.
 
@@ -66,27 +66,16 @@ class PruningSchedule:
         return cls(first=LAST * 4 // 5, last=LAST, interval=LAST // 20)
 
     def counts(self, splats: int, iterations: int) -> dict[int, int]:
-        """How many splats to remove after which iteration (R-10.7-1).
+        """Iteration (from 1) -> number of splats to remove after it, as of `pruning_plan`; without zeros, in order.
 
-        Parameters
-        ----------
-        splats
-            Number of splats at the start.
-        iterations
-            Number of iterations that training may take.
-
-        Returns
-        -------
-        dict[int, int]
-            Iteration, counted from 1 and at most `iterations`, to the number of splats; without zeros, in order. The
-            numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
+        The numbers add up to fraction * splats rounded to the nearest, or to nothing without iterations.
         """
         plan = pruning_plan(splats, iterations, self.fraction, self.first, self.last, self.interval)
         return dict(zip(plan.iterations.tolist(), plan.counts.tolist(), strict=True))
 
 
 class PruningPlan(NamedTuple):
-    """How many splats are removed after which iteration."""
+    """The iterations after which splats are removed, and how many."""
 
     iterations: NDArray[np.int64]
     """(K,), counted from 1, rising."""
@@ -95,7 +84,7 @@ class PruningPlan(NamedTuple):
 
 
 def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last: int, interval: int) -> PruningPlan:
-    """How many splats are removed after which iteration, by (10-25); R-10.7-1.
+    """The iterations after which splats are removed, and how many, by (10-25); R-10.7-1.
 
     Parameters
     ----------
@@ -132,7 +121,7 @@ def prune(weights: ArrayLike, removed: int) -> NDArray[np.int64]:
     weights
         (N,), w of each splat.
     removed
-        How many go, 0..N. Of equal |w|, the higher index goes.
+        How many go, 0..N; among splats of equal |w| the higher index goes.
 
     Returns
     -------
@@ -154,7 +143,7 @@ def prune(weights: ArrayLike, removed: int) -> NDArray[np.int64]:
 
 
 class Compacted(NamedTuple):
-    """The rows of the splats that stay: their values, and all that Adan knows of them."""
+    """The rows of the splats that stay: their values, and the optimiser's state."""
 
     values: F4
     m: F4
@@ -167,12 +156,12 @@ class Compacted(NamedTuple):
 def compact(
     survivors: NDArray[np.int64], values: F4, m: F4, v: F4, n: F4, previous: F4, steps: NDArray[np.int64]
 ) -> Compacted:
-    """What is left after a removal: every survivor keeps its values and its state of the optimiser (R-10.7-3).
+    """The rows of the survivors of a removal: their values and their state of the optimiser (R-10.7-3).
 
     Parameters
     ----------
     survivors
-        (n,) indices of those that stay, as `prune` returns them.
+        (n,) indices of the splats that stay, as `prune` returns them.
     values
         (N, 9) f4, the splats in training.
     m, v, n, previous, steps
@@ -184,21 +173,3 @@ def compact(
         n rows each, in the order of `survivors`.
     """
     return Compacted(values[survivors], m[survivors], v[survivors], n[survivors], previous[survivors], steps[survivors])
-
-
-def fold_weights(colors: ArrayLike, w: ArrayLike) -> F4:
-    """The products w c': what is rendered, and what the next frame starts from (paper section 3.4).
-
-    Parameters
-    ----------
-    colors
-        (N, 3) f4, c'.
-    w
-        (N,) f4.
-
-    Returns
-    -------
-    F4
-        (N, 3).
-    """
-    return np.asarray(colors, np.float32) * np.asarray(w, np.float32)[:, None]

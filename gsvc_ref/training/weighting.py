@@ -1,4 +1,4 @@
-"""The weights w of splats in training (paper section 3.4): rendered are w c', and gradients come back through that.
+"""The weights w of splats in training (paper section 3.4): they are rendered with the colours w c'.
 
 A splat in training is a row of nine values: the columns of `Splats.to_array`, then w.
 """
@@ -8,15 +8,12 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
 
-COLOR = slice(5, 8)
-"""The columns of c'."""
-
 WEIGHT = PARAMETERS_PER_SPLAT
 """The column of w."""
 
 
 def weighted_parameters(values: F4) -> F4:
-    """What is rendered of splats with weights: colours are w c' (10-10); R-10.3-2.
+    """The parameters that are rendered of splats with weights: colours are w c' (10-10); R-10.3-2.
 
     Parameters
     ----------
@@ -53,14 +50,6 @@ def weighted_gradients(values: F4, gradients: F4) -> F4:
     return result
 
 
-def weighted_gradients_plain(values: F4, gradients: F4) -> F4:
-    """The definition of `weighted_gradients`, in the order in which it rounds to binary32."""
-    G, c, w = gradients[:, COLOR], values[:, COLOR], values[:, WEIGHT]
-    products = G * c
-    by_weight = (products[:, 0] + products[:, 1]) + products[:, 2]
-    return np.concatenate([gradients[:, :5], w[:, None] * G, by_weight[:, None]], axis=1)  # (10-11)
-
-
 @kernel()
 def _weighted_parameters(values: F4, parameters: F4) -> None:
     for n in range(values.shape[0]):
@@ -72,7 +61,6 @@ def _weighted_parameters(values: F4, parameters: F4) -> None:
 
 @kernel()
 def _weighted_gradients(values: F4, gradients: F4, result: F4) -> None:
-    """Twin of `weighted_gradients_plain`."""
     for n in range(values.shape[0]):
         for k in range(5):
             result[n, k] = gradients[n, k]

@@ -11,7 +11,7 @@ from codec_cases import encoded, fast, flat, waves
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.fit import FitSettings
+from gsvc_ref.training import FitSettings
 
 HOSTILE: list[Any] = [
     None, True, False, np.True_, -1, 0, 2, 2.5, -0.0, 1e300, 5e-324, 2**31, 2**63, 10**400, np.nan, np.inf, -np.inf,

@@ -11,21 +11,12 @@ from hypothesis import strategies as st
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder import frame as frame_module
-from gsvc_ref.encoder.rate import (
-    add_where_wrong,
-    hold_quality,
-    loss_of_psnr,
-    make_room,
-    most_visible,
-    psnr_of_loss,
-    visibility,
-)
+from gsvc_ref.encoder.rate import add_where_wrong, hold_quality, make_room, most_visible, visibility
 from gsvc_ref.metrics import psnr
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, loss_of_psnr, psnr_of_loss
 
 WIDTH, HEIGHT = 32, 24
 PICTURE = waves(WIDTH, HEIGHT, 1)[0].astype(np.float32) / 255

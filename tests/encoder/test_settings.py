@@ -6,10 +6,8 @@ import pytest
 from codec_cases import encoded, fast, waves
 
 from gsvc_ref.encoder import Effects, Settings
-from gsvc_ref.encoder.settings import scaled, with_iterations
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.fit import FitSettings, Rates
-from gsvc_ref.training.schedule import Cosine
+from gsvc_ref.training import Cosine, FitSettings, Rates
 
 
 def test_the_papers_settings_are_the_papers():
@@ -140,12 +138,29 @@ def test_iterations_are_those_of_an_i_frame_and_scale_all_others():
 def test_no_fit_is_left_without_iterations():
     one = Settings.quick(iterations=1)
     assert [part.iterations for kind in (one.intra, one.inter) for part in (kind.fit, kind.tune)] == [1, 1, 1, 1]
-    assert with_iterations(one, 300).intra.fit.iterations == 300
+    assert one.with_(iterations=300).intra.fit.iterations == 300
 
 
 def test_only_a_cosine_stretches_with_the_iterations():
-    assert scaled(FitSettings(), 7) == FitSettings(iterations=7)
-    assert scaled(FitSettings(schedule=Cosine(100, 0.1)), 7).schedule == Cosine(7, 0.1)
+    assert FitSettings().with_(iterations=7) == FitSettings(iterations=7)
+    assert FitSettings(schedule=Cosine(100, 0.1)).with_(iterations=7).schedule == Cosine(7, 0.1)
+
+
+def test_settings_are_changed_as_presets_are_overridden():
+    changes = {"iterations": 50, "cholesky_bits": 5, "color_stages": 2, "splats": 9, "effects": "auto,gsa=off"}
+    for preset in (Settings.quick, Settings.paper):
+        assert preset().with_(**changes) == preset(**changes)
+        assert preset().with_() == preset()
+    with pytest.raises(UsageError, match="unknown settings splat;"):
+        Settings.quick().with_(splat=3)
+
+
+def test_the_quantiser_of_one_frame_type_can_be_changed():
+    intra = Settings.quick().intra
+    changed = intra.with_(cholesky_bits=9, color_codewords=4, start="random")
+    assert changed.quantizer == intra.quantizer.with_(cholesky_bits=9, color_codewords=4)
+    assert changed == replace(intra, start="random", quantizer=changed.quantizer)
+    assert changed.candidates
 
 
 def test_quantisers_can_be_chosen_for_all_frames():

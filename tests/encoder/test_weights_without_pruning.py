@@ -10,7 +10,7 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training.augmentation import random_splats, uniform_numbers
+from gsvc_ref.training import random_splats, uniform_numbers
 
 
 @pytest.mark.parametrize(("effects", "visible"), [("all,gsp=off", True), ("all,gsp=auto", True), ("all", False)])

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gsvc_ref.quantization import LsqParameters, RvqSettings, RvqState, rvq_training
 from gsvc_ref.reconstruction import Kept
-from gsvc_ref.training.adan import Adan
-from gsvc_ref.training.quantizer import BlockQuantizer, BlockSettings, Learned
+from gsvc_ref.training import Adan, BlockSettings
+from gsvc_ref.training.block_quantizer import BlockQuantizer, Learned
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

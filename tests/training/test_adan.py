@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training import adan
-from gsvc_ref.training.adan import Adan, AdanSettings, adan_step_plain
+from gsvc_ref.training import Adan, AdanSettings, adan
+from gsvc_ref.training.adan import adan_step_plain
 from gsvc_ref.training.pruning import compact
 
 

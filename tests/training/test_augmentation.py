@@ -10,16 +10,8 @@ from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.training.augmentation import (
-    NEW_WEIGHT,
-    SIZE_FACTOR,
-    augment,
-    draw_from_density,
-    image_start,
-    random_splats,
-    residual_splats,
-    uniform_numbers,
-)
+from gsvc_ref.training import NEW_WEIGHT, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.augmentation import SIZE_FACTOR, augment, draw_from_density, residual_splats
 
 
 def generator(seed: int = 0) -> np.random.Generator:

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.convergence import Convergence
+from gsvc_ref.training import Convergence
 
 
-def test_the_paper_stops_after_100_calm_iterations() -> None:
+def test_the_paper_stops_after_100_small_changes() -> None:
     assert Convergence() == Convergence(patience=100, tolerance=1e-7)
     test = Convergence().start()
     answers = [test.update(0.25) for _ in range(102)]
@@ -25,18 +25,18 @@ def test_one_larger_change_starts_the_count_again() -> None:
     assert [test.update(loss) for loss in losses] == [False] * 6 + [True]
 
 
-def test_a_change_of_exactly_the_tolerance_is_calm_in_both_directions() -> None:
+def test_a_change_of_exactly_the_tolerance_is_small_in_both_directions() -> None:
     test = Convergence(patience=2, tolerance=0.25).start()
     assert [test.update(loss) for loss in (1.0, 1.25, 1.0)] == [False, False, True]
 
 
 @given(st.lists(st.sampled_from([1.0, 1.5, 2.5]), max_size=30), st.integers(1, 5), st.sampled_from([0.0, 0.5, 1.0]))
-def test_it_stops_where_the_last_differences_are_all_calm(losses: list[float], patience: int, tolerance: float) -> None:
+def test_it_stops_where_the_last_changes_are_all_small(losses: list[float], patience: int, tolerance: float) -> None:
     test = Convergence(patience, tolerance).start()
     for end, loss in enumerate(losses, 1):
         recent = losses[max(0, end - patience - 1) : end]
-        calm = all(abs(b - a) <= tolerance for a, b in itertools.pairwise(recent))
-        assert test.update(loss) == (len(recent) == patience + 1 and calm)
+        small = all(abs(b - a) <= tolerance for a, b in itertools.pairwise(recent))
+        assert test.update(loss) == (len(recent) == patience + 1 and small)
 
 
 def test_a_loss_of_nan_is_refused() -> None:

@@ -7,23 +7,24 @@ import pytest
 from codec_cases import encoded, fast, flat, waves
 
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.quantizer_choice import frame_bytes, with_best_quantizer, with_quantizer
-from gsvc_ref.encoder.rate import loss_of_psnr
+from gsvc_ref.encoder.quantizer_choice import frame_bytes, with_best_quantizer
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import Stream
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
-from gsvc_ref.training.fine_tuning import (
-    REUSE_LOSS,
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    BlockSettings,
     FrameQuantizer,
-    changed,
+    Population,
     fine_tune,
-    inter_quantizer,
-    with_steps_for,
+    fit,
+    image_start,
+    loss_of_psnr,
 )
-from gsvc_ref.training.fit import NEW, Population, fit
-from gsvc_ref.training.quantizer import BlockQuantizer, BlockSettings
+from gsvc_ref.training.block_quantizer import BlockQuantizer
+from gsvc_ref.training.frame_quantizer import REUSE_LOSS, changed, inter_quantizer, with_steps_for
 
 WIDTH, HEIGHT = 32, 24
 SIZE = np.array([WIDTH / 2, HEIGHT / 2], np.float32)
@@ -45,11 +46,16 @@ def fitted(picture=PICTURES[0], count=30, iterations=15, chosen=None) -> tuple[P
 
 def tuned(population, objective, chosen, before, iterations=None) -> tuple:
     """Codes, state, iterations made, and the loss at each iteration."""
-    quantizer = FrameQuantizer(population, objective, chosen, before, np.random.default_rng(1))
+    quantizer = FrameQuantizer(population, objective, *blocks(chosen), before, np.random.default_rng(1))
     losses = []
     tune = chosen.intra.tune if iterations is None else replace(chosen.intra.tune, iterations=iterations)
     result = fine_tune(population.parameters(), quantizer, objective, tune, lambda i, n, loss: losses.append(loss))
     return *result, losses
+
+
+def blocks(chosen) -> tuple[BlockSettings, BlockSettings]:
+    """The quantisers of values and of differences."""
+    return chosen.intra.quantizer, chosen.inter.quantizer
 
 
 def second_frame(state: State, chosen, iterations=10) -> tuple[Population, Objective]:
@@ -84,16 +90,17 @@ def test_without_iterations_values_are_quantised_as_they_are():
     codes, _, made, losses = tuned(population, objective, fast(), before, 0)
     assert made == 0
     assert len(losses) == 1
-    fresh = FrameQuantizer(population, objective, fast(), before, np.random.default_rng(1))
+    fresh = FrameQuantizer(population, objective, *blocks(fast()), before, np.random.default_rng(1))
     assert codes == fresh.codes(population.parameters())
 
 
 def test_fine_tuning_stops_when_it_has_converged():
     population, objective = fitted()
     chosen = Settings.paper(iterations=100)
-    calm = replace(chosen.intra.tune.convergence, patience=3, tolerance=10.0)
-    tune = replace(chosen.intra.tune, iterations=50, convergence=calm)
-    quantizer = FrameQuantizer(population, objective, chosen, State.initial(WIDTH, HEIGHT), np.random.default_rng(1))
+    soon = replace(chosen.intra.tune.convergence, patience=3, tolerance=10.0)
+    tune = replace(chosen.intra.tune, iterations=50, convergence=soon)
+    before = State.initial(WIDTH, HEIGHT)
+    quantizer = FrameQuantizer(population, objective, *blocks(chosen), before, np.random.default_rng(1))
     assert fine_tune(population.parameters(), quantizer, objective, tune)[2] == 3
 
 
@@ -101,7 +108,8 @@ def test_the_given_values_are_not_changed():
     population, objective = fitted()
     values = population.parameters()
     kept = values.copy()
-    quantizer = FrameQuantizer(population, objective, fast(), State.initial(WIDTH, HEIGHT), np.random.default_rng(1))
+    before = State.initial(WIDTH, HEIGHT)
+    quantizer = FrameQuantizer(population, objective, *blocks(fast()), before, np.random.default_rng(1))
     fine_tune(values, quantizer, objective, fast().intra.tune)
     assert np.array_equal(values, kept)
 
@@ -177,7 +185,7 @@ def test_new_splats_use_what_is_kept():
     _, state, _, _ = tuned(population, objective, chosen, State.initial(WIDTH, HEIGHT))
     frame, objective = second_frame(state, chosen)
     frame.append(state.splats.take(np.arange(3)), KEPT_WEIGHT)
-    quantizer = FrameQuantizer(frame, objective, chosen, state, np.random.default_rng(1))
+    quantizer = FrameQuantizer(frame, objective, *blocks(chosen), state, np.random.default_rng(1))
     block = quantizer.codes(frame.parameters()).intra
     assert block.quantizer is None
     assert block.codebooks is None
@@ -188,7 +196,7 @@ def test_new_splats_get_a_quantiser_of_their_own_where_the_kept_one_spoils_them(
     dark, objective = fitted(np.full_like(PICTURES[0], 0.1))
     _, state, _, _ = tuned(dark, objective, chosen, State.initial(WIDTH, HEIGHT))
     new, objective = fitted()
-    quantizer = FrameQuantizer(new, objective, chosen, state, np.random.default_rng(1))
+    quantizer = FrameQuantizer(new, objective, *blocks(chosen), state, np.random.default_rng(1))
     block = quantizer.codes(new.parameters()).intra
     assert block.quantizer is not None
     assert block.codebooks is not None
@@ -284,7 +292,7 @@ def test_the_paper_codes_every_change_and_quick_leaves_what_is_still():
     for chosen, everything in ((Settings.paper(iterations=10), True), (fast(), False)):
         _, state, _, _ = tuned(population, objective, chosen, State.initial(WIDTH, HEIGHT), 0)
         again, objective_again = second_frame(state, chosen, iterations=0)
-        quantizer = FrameQuantizer(again, objective_again, chosen, state, np.random.default_rng(0))
+        quantizer = FrameQuantizer(again, objective_again, *blocks(chosen), state, np.random.default_rng(0))
         assert quantizer.inter.active.all() == everything
         assert quantizer.inter.active.any() == everything
 
@@ -294,19 +302,19 @@ def test_splats_that_fine_tuning_cannot_change_keep_their_bits_and_are_thawed():
     _, state, _, _ = tuned(population, objective, fast(), State.initial(WIDTH, HEIGHT), 0)
     still, objective = second_frame(state, fast(), iterations=0)
     still.values[:10, :2] += 2
-    quantizer = FrameQuantizer(still, objective, fast(), state, np.random.default_rng(0))
-    assert quantizer.still.any()
-    assert not quantizer.still.all()
-    assert np.array_equal(quantizer.still, ~quantizer.inter.active.any(axis=1))
+    quantizer = FrameQuantizer(still, objective, *blocks(fast()), state, np.random.default_rng(0))
+    assert quantizer.static.any()
+    assert not quantizer.static.all()
+    assert np.array_equal(quantizer.static, ~quantizer.inter.active.any(axis=1))
     codes, after, _ = fine_tune(still.parameters(), quantizer, objective, fast().inter.tune)
     reference = state.splats.to_array()
-    assert np.array_equal(after.splats.to_array()[quantizer.still], reference[quantizer.still])
+    assert np.array_equal(after.splats.to_array()[quantizer.static], reference[quantizer.static])
     assert reconstruct(codes, state).splats == after.splats
     _, gradient = objective.evaluate(reference)
-    assert gradient[quantizer.still].any()
+    assert gradient[quantizer.static].any()
     learned = Settings.paper(iterations=10)  # its zero is not exact
-    quantizer = FrameQuantizer(still, objective, learned, state, np.random.default_rng(0))
-    assert not quantizer.still.any()
+    quantizer = FrameQuantizer(still, objective, *blocks(learned), state, np.random.default_rng(0))
+    assert not quantizer.static.any()
 
 
 def test_the_best_quantiser_is_among_the_candidates():
@@ -314,7 +322,11 @@ def test_the_best_quantiser_is_among_the_candidates():
     population, objective = fitted()
     before = State.initial(WIDTH, HEIGHT)
     best = with_best_quantizer(population, objective, chosen, before, [0])
-    assert best in [with_quantizer(chosen, *candidate) for candidate in chosen.intra.candidates]
+    assert (best.intra.quantizer.cholesky_bits, *best.intra.quantizer.colors.codewords) in [
+        (bits, *[codewords] * stages) for bits, stages, codewords in chosen.intra.candidates
+    ]
+    assert best.intra.candidates == chosen.intra.candidates
+    assert best.inter == chosen.inter.with_(cholesky_bits=best.intra.quantizer.cholesky_bits)
     assert with_best_quantizer(population, objective, chosen, before, [0]) == best
     explicit = fast()
     assert with_best_quantizer(population, objective, explicit, before, [0]) is explicit

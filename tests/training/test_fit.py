@@ -11,31 +11,33 @@ from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.augmentation import image_start, random_splats, uniform_numbers
-from gsvc_ref.training.convergence import Convergence
-from gsvc_ref.training.fit import (
+from gsvc_ref.training import (
     MIN_FACTOR,
     NEW,
+    Constant,
+    Convergence,
     FitSettings,
     Growth,
     Population,
+    PruningSchedule,
     Rates,
+    StepDecay,
     fit,
-    keep_factors,
-    learned_unit,
-    loss_and_gradients,
+    image_start,
     new_splats,
-    step_factors,
+    random_splats,
+    uniform_numbers,
 )
-from gsvc_ref.training.pruning import PruningSchedule, prune
-from gsvc_ref.training.schedule import Constant, StepDecay
+from gsvc_ref.training.events import Event, schedule
+from gsvc_ref.training.loop import keep_factors, learned_unit, step_factors
+from gsvc_ref.training.pruning import prune
 
 WIDTH, HEIGHT = 24, 16
 Y, X = np.mgrid[:HEIGHT, :WIDTH]
 PICTURE = np.stack(
     [0.5 + 0.3 * np.sin((X + 3 * c) / 4) * np.cos(Y / 3 + c) for c in range(3)], axis=2
 ).astype(np.float32)  # fmt: skip
-STILL = Rates(0, 0, 0, 0)
+NO_STEPS = Rates(0, 0, 0, 0)
 BARE = FitSettings(iterations=10, convergence=None, pruning=None)
 QUICK = Settings.quick(iterations=40)
 
@@ -70,7 +72,7 @@ def test_gradients_by_weight_and_colour_equal_central_differences():
     made.values[:, 5:8] = np.abs(made.values[:, 5:8])
     made.values[:, 8] = np.abs(made.values[:, 8])
     values = made.values.astype(np.float64)
-    loss, gradient = loss_and_gradients(made, Objective(PICTURE, 1))
+    loss, gradient = made.evaluate(Objective(PICTURE, 1))
     assert gradient.shape == (12, 9)
     assert gradient.dtype == np.float32
     assert loss == pytest.approx(unclamped_loss(values), rel=1e-5)
@@ -85,7 +87,7 @@ def test_gradients_by_weight_and_colour_equal_central_differences():
 
 def test_gradients_of_geometry_are_those_of_the_rendered_splats():
     made = population(weight=0.5)
-    loss, gradient = loss_and_gradients(made, Objective(PICTURE, 1))
+    loss, gradient = made.evaluate(Objective(PICTURE, 1))
     plain_loss, plain = Objective(PICTURE, 1).evaluate(made.parameters())
     assert loss == plain_loss
     assert np.array_equal(gradient[:, :5], plain[:, :5])
@@ -113,10 +115,10 @@ def test_the_loss_falls(settings):
     assert loss == objective.loss(made.parameters())
 
 
-def test_every_iteration_is_told():
+def test_every_iteration_is_reported():
     seen = []
     settings = replace(BARE, iterations=7)
-    fit(population(), Objective(PICTURE, 1), settings, rng(), on_iteration=lambda *told: seen.append(told[:2]))
+    fit(population(), Objective(PICTURE, 1), settings, rng(), on_iteration=lambda *report: seen.append(report[:2]))
     assert seen == [(i, 7) for i in range(1, 8)]
 
 
@@ -164,6 +166,15 @@ def test_with_few_iterations_growth_still_reaches_the_total():
         assert len(made) == 20
 
 
+def test_splats_come_before_a_step_and_go_after_it():
+    growth, pruning = Growth(first=0.2, additions=4, begin=0.25, end=0.7), PruningSchedule(0.1, 3, 11, 8)
+    settings = replace(BARE, iterations=40, growth=growth, pruning=pruning)
+    expected = {2: Event(remove=2), 10: Event(add=10, remove=3), **dict.fromkeys((16, 22, 28), Event(add=10))}
+    assert schedule(settings, 10, 50) == expected
+    assert schedule(settings, 35, 50) == expected | {10: Event(remove=3), 16: Event(), 22: Event(add=5)}
+    assert schedule(BARE, 10, 50) == {}
+
+
 def test_splats_are_added_where_the_picture_differs():
     objective = Objective(np.pad(np.ones((4, 4, 3), np.float32), ((2, 10), (15, 5), (0, 0))), 1)
     objective.loss(np.empty((0, 8), np.float32))
@@ -178,7 +189,7 @@ def test_splats_are_added_where_the_picture_differs():
 
 def test_the_least_weights_are_removed_and_the_order_stays():
     """With rates of zero nothing moves, so that it is known which splats go."""
-    settings = replace(BARE, iterations=5, rates=STILL, pruning=PruningSchedule(0.5, 2, 4, 2))
+    settings = replace(BARE, iterations=5, rates=NO_STEPS, pruning=PruningSchedule(0.5, 2, 4, 2))
     made = population(10, settings=settings)
     made.values[:, 8] = [0.5, -0.1, 0.9, 0.2, -0.8, 0.05, 1.0, 0.3, -0.4, 0.7]
     values, counts = made.values.copy(), []
@@ -250,13 +261,13 @@ def test_the_same_seed_gives_the_same_bits(intra):
 
 
 def test_convergence_ends_the_fit():
-    settings = replace(BARE, iterations=50, rates=STILL, convergence=Convergence(patience=4, tolerance=0.0))
+    settings = replace(BARE, iterations=50, rates=NO_STEPS, convergence=Convergence(patience=4, tolerance=0.0))
     assert fit(population(), Objective(PICTURE, 1), settings, rng())[1] == 5  # the first loss has none before it
 
 
 def test_no_fit_converges_before_its_splats_are_pruned():
     settings = replace(
-        BARE, iterations=50, rates=STILL, convergence=Convergence(2, 1.0), pruning=PruningSchedule(0.2, 5, 20, 5)
+        BARE, iterations=50, rates=NO_STEPS, convergence=Convergence(2, 1.0), pruning=PruningSchedule(0.2, 5, 20, 5)
     )
     made = population(20, settings=settings)
     _, done = fit(made, Objective(PICTURE, 1), settings, rng())
@@ -264,13 +275,13 @@ def test_no_fit_converges_before_its_splats_are_pruned():
 
 
 def test_no_fit_converges_before_it_has_grown():
-    settings = replace(BARE, iterations=50, rates=STILL, convergence=Convergence(2, 1.0), growth=Growth())
+    settings = replace(BARE, iterations=50, rates=NO_STEPS, convergence=Convergence(2, 1.0), growth=Growth())
     made = population(2, settings=settings)
     fit(made, Objective(PICTURE, 1), settings, rng(), total=20)
     assert len(made) == 20
 
 
-def test_divergence_is_told():
+def test_divergence_is_reported():
     made = population()
     made.values[0, 5] = np.nan
     with pytest.raises(UsageError):

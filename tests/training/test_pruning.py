@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.pruning import SETTLING, PruningSchedule, fold_weights, prune
+from gsvc_ref.training import PruningSchedule
+from gsvc_ref.training.pruning import SETTLING, prune
 
 
 def test_an_i_frame_loses_a_tenth_between_100_and_4000() -> None:
@@ -85,13 +86,6 @@ def test_impossible_numbers_are_refused(removed: int) -> None:
 def test_weights_of_nan_are_refused() -> None:
     with pytest.raises(UsageError, match="NaN"):
         prune(np.array([1.0, np.nan]), 1)
-
-
-def test_folding_multiplies_each_colour_by_its_weight() -> None:
-    folded = fold_weights([[1, 2, 3], [0.5, -1, 0]], [2, -0.5])
-    assert folded.dtype == np.float32
-    assert folded.tolist() == [[2, 4, 6], [-0.25, 0.5, 0]]
-    assert fold_weights(np.empty((0, 3)), []).shape == (0, 3)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.training.schedule import PAPER_SCHEDULE, Constant, Cosine, StepDecay
+from gsvc_ref.training import PAPER_SCHEDULE, Constant, Cosine, StepDecay
 
 
 def test_the_paper_halves_every_20000_iterations() -> None:

@@ -12,9 +12,7 @@ from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, 
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import PRECISIONS
-from gsvc_ref.training.augmentation import image_start
-from gsvc_ref.training.fine_tuning import fine_tune
-from gsvc_ref.training.fit import NEW, Population
+from gsvc_ref.training import NEW, Population, fine_tune, image_start
 
 JIT = not numba.config.DISABLE_JIT
 

@@ -1,7 +1,7 @@
-"""One pass of fine-tuning over the splats of a block: values to what a decoder will have of them, and gradients back.
+"""The forward and backward direction of fine-tuning a block: values to decoded splats, and straight-through gradients.
 
-Twins, bit for bit, of `BlockQuantizer.codes` with `reconstruct`, and of `BlockQuantizer.grad_plain`: those go attribute
-by attribute with the functions of `gsvc_ref.quantization`, these splat by splat without a code in between.
+These kernels go splat by splat and make no codes in between. Forward they are twins, bit for bit, of
+`BlockQuantizer.codes` with `reconstruct`; backward of `lsq_gradients` and `rvq.commitment`.
 """
 
 import numpy as np
@@ -9,16 +9,17 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.quantization.half import LARGEST_HALF, nearest_half
-from gsvc_ref.quantization.lsq import F4, F8
 from gsvc_ref.quantization.rvq import Indices, nearest_codewords
+from gsvc_ref.splats import F4
 
+F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
 @kernel()
 def difference_of(values: F4, reference: F4, active: Mask, difference: F4) -> None:
-    """What is quantised, (n, 8) f4: the values where there is no reference (0, 8), else the active differences."""
+    """The values where there is no reference (0, 8), else the active differences, which are quantised; (n, 8) f4."""
     for n in range(values.shape[0]):
         for k in range(8):
             if reference.shape[0] == 0:

@@ -1,35 +1,24 @@
-"""The quantisers of one frame while they are fine-tuned: values to codes, straight-through gradients, and learning.
+"""The quantisers of one block while they are fine-tuned: values to codes, straight-through gradients, and learning.
 
 The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.reconstruction`, so what fine-tuning
 sees is, bit for bit, what a decoder will have.
 """
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import (
-    LsqParameters,
-    RvqSettings,
-    coarsen_half,
-    lsq,
-    lsq_gradients,
-    lsq_quantize,
-    rvq,
-    to_half,
-)
+from gsvc_ref.quantization import LsqParameters, coarsen_half, lsq, lsq_quantize, rvq, to_half
 from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
 from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.block_kernels import (
+from gsvc_ref.training.settings import BlockSettings
+from gsvc_ref.training.straight_through import (
     decode_cholesky,
     decode_colors,
     decode_positions,
@@ -41,61 +30,15 @@ Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
 
 
-@dataclass(frozen=True)
-class BlockSettings:
-    """The quantisers of a block; the defaults are those of the paper and, where it is silent, of its public code.
-
-    Attributes
-    ----------
-    position_step
-        Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their
-        low bits cost nothing; None keeps all bits of binary16.
-    cholesky_bits
-        b, the bits of a Cholesky code.
-    cholesky_step
-        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset.
-    colors
-        Stages, codewords and training of the residual vector quantiser.
-    weigh_by_area
-        Let a colour count by the square root of its splat's area, since a large splat shows its error on more pixels.
-    commitment
-        Weight of the commitment loss.
-    quantizer_rate
-        Learning rate of scale (as a fraction of itself) and offset (as a fraction of the scale).
-    """
-
-    position_step: float | None = None
-    cholesky_bits: int = 6
-    cholesky_step: float | None = None
-    colors: RvqSettings = field(default_factory=RvqSettings)
-    weigh_by_area: bool = False
-    commitment: float = 1.0
-    quantizer_rate: float = 1e-3
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if not 1 <= self.cholesky_bits <= 12:
-            raise UsageError(f"cholesky_bits is {self.cholesky_bits}; it must be 1..12")
-        steps = (self.position_step, self.cholesky_step)
-        if any(step is not None and not 0 < step < math.inf for step in steps):
-            raise UsageError(f"position_step and cholesky_step are {steps}; they must be None or above 0 pixels")
-        if not (0 <= self.commitment < math.inf and 0 <= self.quantizer_rate < 1):
-            raise UsageError(f"{self}: commitment must be at least 0 and quantizer_rate in [0, 1)")
-        if len(self.colors.codewords) > 8:
-            raise UsageError(f"color_stages is {len(self.colors.codewords)}; it must be 1..8")
-        if max(self.colors.codewords) > 1024:
-            raise UsageError(f"color_codewords is {max(self.colors.codewords)}; it must be 1..1024")
-
-
-class Pass(NamedTuple):
-    """What `BlockQuantizer.forward` found on its way and `backward` and `learn` need."""
+class ForwardResult(NamedTuple):
+    """The numbers that `BlockQuantizer.forward` finds on its way, for `backward` and `learn`."""
 
     difference: F4
-    """(n, 8) f4, what was quantised."""
+    """(n, 8) f4, the values or differences that were quantised."""
     indices: NDArray[np.uint16]
     """(n, M) u2, codewords."""
     errors: F4
-    """(n, 3) f4, what each stage left over, summed over the stages."""
+    """(n, 3) f4, the errors that the stages left, summed over the stages."""
 
 
 class Learned(NamedTuple):
@@ -111,15 +54,17 @@ class BlockQuantizer:
     Parameters
     ----------
     values
-        (n, 8) f4 with the columns of `Splats.to_array`: what the quantisers are started from.
+        (n, 8) f4 with the columns of `Splats.to_array`, which the quantisers are started from.
     reference
         (n, 8) f4, the same splats in the decoded frame before; None for an intra block.
     active
-        Which attributes of which splats may differ from the reference; None: all.
+        The attributes that may differ from the reference; None: all.
     size
         (2,) f4, half the width and half the height of the frame in pixels.
-    settings, rng
-        The settings; draws the starts of codebooks and replacements for dead codewords.
+    settings
+        How to quantise.
+    rng
+        Draws the starts of codebooks and replacements for dead codewords.
     kept
         Quantiser and codebooks that the decoder has and that are to be used unchanged, if there are any.
     """
@@ -150,7 +95,7 @@ class BlockQuantizer:
         self._lsq_gradient = np.zeros((2, 3), np.float32)
 
     def _difference(self, values: F4) -> F4:
-        """What is quantised, (n, 8) f4: the values, or the difference that is active."""
+        """The values, or their active differences, (n, 8) f4."""
         if self.reference is None:
             return values
         mask = np.repeat(self.active, [2, 3, 3], axis=1)  # (n, 8)
@@ -221,60 +166,39 @@ class BlockQuantizer:
             return FINEST_HALF
         return math.frexp(self.settings.position_step / float(self.size.max()))[1] - 1
 
-    def forward(self, values: F4, decoded: F4) -> Pass:
-        """What a decoder will have of values (n, 8) f4, into `decoded` (n, 8) f4: bit for bit as by `codes`."""
+    def forward(self, values: F4, decoded: F4) -> ForwardResult:
+        """Write the splats that a decoder will have of values (n, 8) f4 into `decoded`: bit for bit as by `codes`."""
         count, stages = len(values), len(self._ends)
-        done = Pass(np.empty((count, 8), np.float32), np.empty((count, stages), np.uint16),
-                    np.empty((count, 3), np.float32))  # fmt: skip
+        difference, errors = np.empty((count, 8), np.float32), np.empty((count, 3), np.float32)
+        indices = np.empty((count, stages), np.uint16)
         reference = self._no_reference if self.reference is None else self.reference
-        difference_of(values, reference, self.active, done.difference)
+        difference_of(values, reference, self.active, difference)
         position, cholesky, color = self.present
         if not (position and cholesky and color):
             np.copyto(decoded, reference)
         if position:
-            decode_positions(done.difference, reference, self.size, self.step_exponent, decoded)
+            decode_positions(difference, reference, self.size, self.step_exponent, decoded)
         if cholesky:
-            decode_cholesky(done.difference, reference, self.lsq.scale, self.lsq.offset, self._largest, decoded)
+            decode_cholesky(difference, reference, self.lsq.scale, self.lsq.offset, self._largest, decoded)
         if color:
-            decode_colors(done.difference, reference, self._books, self._ends, done.indices, done.errors, decoded)
-        return done
+            decode_colors(difference, reference, self._books, self._ends, indices, errors, decoded)
+        return ForwardResult(difference, indices, errors)
 
-    @property
-    def still(self) -> NDArray[np.bool_]:
-        """Which splats keep the bits of the reference whatever is learned, (n,) bool."""
-        zero_stays_zero = self.reference is not None and (
-            (self.settings.cholesky_step is not None or not self.present[1])
-            and (self.settings.colors.zero_codeword or not self.present[2])
-        )
-        return np.asarray(~self.active.any(axis=1) & zero_stays_zero)
-
-    def backward(self, done: Pass, gradient: F4) -> F4:
-        """The straight-through gradient by the values, (n, 8) f4, given that by what is decoded, (n, 8) f4.
+    def backward(self, result: ForwardResult, grad_decoded: F4) -> F4:
+        """The straight-through gradient by the values, given that by the decoded splats, both (n, 8) f4.
 
         Positions pass unchanged; Cholesky factors where LSQ+ did not clamp; colours get the commitment gradient added.
         The gradients of scale and offset are kept for `learn`.
         """
-        result, sums = np.empty_like(gradient), np.empty((2, 3))
+        grad_values, sums = np.empty_like(grad_decoded), np.empty((2, 3))
         grad_decode(
-            done.difference, done.errors, self.active, self.lsq.scale, self.lsq.offset, self._largest,
-            np.float32(2 / max(3 * len(gradient), 1)), np.float32(self.settings.commitment), gradient, result, sums,
+            result.difference, result.errors, self.active, self.lsq.scale, self.lsq.offset, self._largest,
+            np.float32(2 / max(3 * len(grad_decoded), 1)), np.float32(self.settings.commitment), grad_decoded,
+            grad_values, sums,
         )  # fmt: skip
         # The learned variables are log(scale) and offset / scale: both gradients in units of the scale.
         self._lsq_gradient = sums.astype(np.float32) * self.lsq.scale
-        return result
-
-    def grad_plain(self, values: F4, gradient: F4) -> tuple[F4, F4]:
-        """The definition of `backward`: its result, and the gradients of scale and offset, (2, 3) f4."""
-        difference, result = self._difference(values), gradient.copy()
-        grad = lsq_gradients(
-            difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits, gradient[:, 2:5]
-        )
-        result[:, 2:5] = grad.grad_x
-        colors = difference[:, 5:8]
-        pull = rvq.commitment(colors, rvq.assign(colors, self.codebooks), self.codebooks).grad_x
-        result[:, 5:8] += np.float32(self.settings.commitment) * pull
-        mask = np.repeat(self.active, [2, 3, 3], axis=1)
-        return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.grad_scale, grad.grad_offset])
+        return grad_values
 
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""
@@ -282,7 +206,7 @@ class BlockQuantizer:
         error = rvq.dequantize(rvq.assign(colors, self.codebooks), self.codebooks) - colors
         return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())
 
-    def learn(self, done: Pass, factor: float) -> None:
+    def learn(self, result: ForwardResult, factor: float) -> None:
         """One step of scale, offset and codebooks, unless they are the decoder's already or fixed."""
         if self.kept.quantizer is None and self.settings.cholesky_step is None:
             steps = np.zeros((2, 3), np.float32)
@@ -294,23 +218,25 @@ class BlockQuantizer:
                 bounded_scale(self.lsq.scale * growth), self.lsq.offset + steps[1] * self.lsq.scale
             )
         if self.rvq is not None and self.present[2]:
-            colors = done.difference[:, 5:8]
-            self.rvq = moved(self.rvq, colors, done.indices, self.settings.colors, self.rng, self._shares)
+            colors = result.difference[:, 5:8]
+            self.rvq = moved(self.rvq, colors, result.indices, self.settings.colors, self.rng, self._shares)
             self._books, self._ends = rvq.joined(self.codebooks)
 
     @property
+    def static(self) -> NDArray[np.bool_]:
+        """The splats that keep the bits of the reference whatever is learned, (n,) bool."""
+        zero_stays_zero = self.reference is not None and (
+            (self.settings.cholesky_step is not None or not self.present[1])
+            and (self.settings.colors.zero_codeword or not self.present[2])
+        )
+        return np.asarray(~self.active.any(axis=1) & zero_stays_zero)
+
+    @property
     def learned(self) -> Learned:
-        """What `learn` has reached."""
+        """The quantisers as `learn` has left them."""
         return Learned(self.lsq, self.rvq)
 
     @learned.setter
     def learned(self, learned: Learned) -> None:
         self.lsq, self.rvq = learned
         self._books, self._ends = rvq.joined(self.codebooks)
-
-
-def with_codewords(settings: BlockSettings, stages: int | None, codewords: int | None) -> BlockSettings:
-    """The settings with other numbers of stages and codewords where they are given."""
-    stages = len(settings.colors.codewords) if stages is None else stages
-    codewords = settings.colors.codewords[0] if codewords is None else codewords
-    return replace(settings, colors=replace(settings.colors, codewords=(codewords,) * stages))

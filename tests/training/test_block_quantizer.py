@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.quantization import RvqSettings, lsq_gradients, rvq
 from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.splats import Splats
-from gsvc_ref.training.quantizer import BlockQuantizer, BlockSettings, Pass, with_codewords
+from gsvc_ref.training import BlockSettings
+from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult
 
 WIDTH, HEIGHT = 40, 30
 SIZE = np.array([WIDTH / 2, HEIGHT / 2], np.float32)
@@ -56,10 +57,22 @@ def decoded_inter(block, reference, kept=Kept()) -> np.ndarray:  # noqa: B008
     return reconstruct(codes, state).splats.to_array()
 
 
-def forward(quantizer: BlockQuantizer, values: np.ndarray) -> tuple[np.ndarray, Pass]:
-    """What will be decoded, and the pass that found it."""
+def forward(quantizer: BlockQuantizer, values: np.ndarray) -> tuple[np.ndarray, ForwardResult]:
+    """The values that will be decoded, and the result that goes backward."""
     decoded = np.full_like(values, np.nan)
     return decoded, quantizer.forward(values, decoded)
+
+
+def plain_gradients(quantizer: BlockQuantizer, values: np.ndarray, gradient: np.ndarray) -> tuple:
+    """What `backward` does, attribute by attribute: its result, and the gradients of scale and offset, (2, 3) f4."""
+    difference, result = quantizer._difference(values), gradient.copy()
+    lsq, books = quantizer.lsq, quantizer.codebooks
+    grad = lsq_gradients(difference[:, 2:5], lsq.scale, lsq.offset, quantizer.settings.cholesky_bits, gradient[:, 2:5])
+    result[:, 2:5] = grad.grad_x
+    pull = rvq.commitment(difference[:, 5:8], rvq.assign(difference[:, 5:8], books), books).grad_x
+    result[:, 5:8] += np.float32(quantizer.settings.commitment) * pull
+    mask = np.repeat(quantizer.active, [2, 3, 3], axis=1)
+    return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.grad_scale, grad.grad_offset])
 
 
 def masks(count: int) -> st.SearchStrategy[np.ndarray]:
@@ -96,8 +109,8 @@ def test_what_is_inactive_keeps_the_bits_of_the_reference(active):
     block = inter_block(values, reference, active).codes(values)
     back = decoded_inter(block, reference)
     for part, columns in enumerate(COLUMNS):
-        still = ~active[:, part]
-        assert back[still, columns].tobytes() == reference[still, columns].tobytes()
+        static = ~active[:, part]
+        assert back[static, columns].tobytes() == reference[static, columns].tobytes()
     present = (block.positions is not None, block.cholesky is not None, block.colors is not None)
     assert present == tuple(active.any(axis=0))
     assert (block.quantizer is not None) == present[1]
@@ -227,7 +240,7 @@ def test_a_pass_is_what_codes_decode_to_and_its_gradient_the_plain_one(chosen, c
         plain = decoded_inter(codes, reference) if predicted else decoded_intra(codes)
         assert back.tobytes() == plain.tobytes()
         gradient = rng.normal(0, 1, (count, 8)).astype(np.float32)
-        by_values, by_quantizer = quantizer.grad_plain(values, gradient)
+        by_values, by_quantizer = plain_gradients(quantizer, values, gradient)
         assert np.array_equal(quantizer.backward(done, gradient), by_values)
         assert np.array_equal(quantizer._lsq_gradient, by_quantizer * quantizer.lsq.scale)
         quantizer.learn(done, 1.0)
@@ -314,7 +327,10 @@ def test_settings_beyond_the_format_are_refused(wrong):
 
 def test_stages_and_codewords_can_be_changed_one_by_one():
     base = replace(INTRA, colors=RvqSettings((16, 4), decay=0.5))
-    assert with_codewords(base, None, None).colors.codewords == (16, 16)
-    assert with_codewords(base, 3, None).colors.codewords == (16, 16, 16)
-    assert with_codewords(base, None, 2).colors.codewords == (2, 2)
-    assert with_codewords(base, 1, 64).colors == RvqSettings((64,), decay=0.5)
+    assert base.with_() == base
+    assert base.with_(color_stages=3).colors.codewords == (16, 16, 16)
+    assert base.with_(color_stages=2).colors.codewords == (16, 16)
+    assert base.with_(color_codewords=2).colors.codewords == (2, 2)
+    assert base.with_(color_stages=1, color_codewords=64).colors == RvqSettings((64,), decay=0.5)
+    changed = base.with_(colors=RvqSettings((8,)), color_stages=2, cholesky_bits=5)
+    assert (changed.colors.codewords, changed.cholesky_bits) == ((8, 8), 5)
