@@ -5,7 +5,7 @@ drift from its decoders.
 """
 
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, FrameType, Quantizer, SplatBlock
-from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct
+from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct, reconstruct_inter, reconstruct_intra
 from gsvc_ref.reconstruction.work import rendering_work
 
 __all__ = [
@@ -18,5 +18,7 @@ __all__ = [
     "SplatBlock",
     "State",
     "reconstruct",
+    "reconstruct_inter",
+    "reconstruct_intra",
     "rendering_work",
 ]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gsvc_ref.errors import UsageError
 
 U2 = NDArray[np.uint16]
+I8 = NDArray[np.int64]
 F2 = NDArray[np.float16]
 F4 = NDArray[np.float32]
 FrameType = Literal["I", "P", "R"]
