@@ -4,8 +4,8 @@
     python -m conformance run --module mypackage.gsvc                # Python
     python -m conformance --help
 
-Whatever an implementation can be asked is a *stage* (`stage`, `stages/`): a function of named inputs. A *case*
-(`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
+Whatever an implementation can be asked is an *operation* (`operation`, `operations/`): a function of named inputs. A
+*case* (`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
 (`vectors`). What an output must be is an *expectation* (`expectations`), derived from an oracle and not from
 gsvc_ref's output where rounding is left free. `runner` and `report` judge, `mutants` judges the judge.
 """

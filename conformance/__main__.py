@@ -17,14 +17,14 @@ from gsvc_ref.errors import UsageError
 PROGRAM: Final = "python -m conformance"
 COMMANDS: Final = {
     "run": "judge an implementation by the vectors",
-    "list": "show the stages, with their inputs and outputs, or the cases",
+    "list": "show the operations, with their inputs and outputs, or the cases",
     "report": "make the HTML page or JUnit XML again from the JSON of a run",
-    "compare": "show several reports beside each other, a stage a row",
+    "compare": "show several reports beside each other, an operation a row",
     "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",
-    "mutants": "check the suite: every named bug must be found",
+    "mutants": "check the suite: every mutant must be found",
     "streams": "write random legal streams with what they decode to",
 }
 
@@ -60,7 +60,7 @@ def build_parser(named: str | None) -> Parser:
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     parser.epilog = (
-        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --reference --stage to_frame"
+        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --reference --operation to_frame"
     )
     return parser
 

@@ -1,7 +1,7 @@
 """Whether vectors are large enough: implementations that end at some capacity must fail, in every dimension.
 
-A *dimension* is a symbol in the shapes of a stage's ports (N, H, W, ...), or one of `NAMED` that no shape shows. An
-implementation *ends at k* in a dimension if it writes the first k elements and leaves the others zero, or, where an
+A *dimension* is a symbol in the shapes of an operation's ports (N, H, W, ...), or one of `NAMED` that no shape shows.
+An implementation *ends at k* in a dimension if it writes the first k elements and leaves the others zero, or, where an
 output does not have the dimension, leaves inputs from k on out: then gsvc_ref answers for inputs that are zero there.
 A dimension that cannot be large has a reason in `LIMITS`; any other must have vectors that catch every capacity.
 """
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from conformance import spec
 from conformance.expectations import Bounded, Refusal
-from conformance.stage import Port, Stage, Values
+from conformance.operation import Operation, Port, Values
 from conformance.vectors import Vector
 
 Array = NDArray[Any]
@@ -63,7 +63,7 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("read_stream", "M"): _ONE_BLOCK,
     ("read_stream", "W"): _CODEWORDS,
 }
-"""The largest capacity that is demanded of a dimension, of one stage or of any (*), and why no larger one is."""
+"""The largest capacity that is demanded of a dimension, of one operation or of any (*), and why no larger one is."""
 
 LOCAL: Final[Mapping[tuple[str, str], tuple[str, ...]]] = {
     ("encode_plane", "count"): ("words",),  # the state of a lane forgets symbols that are far
@@ -74,7 +74,7 @@ LOCAL: Final[Mapping[tuple[str, str], tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """What the vectors of a stage have of one dimension.
+    """What the vectors of an operation have of one dimension.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Row:
         Why the others are not demanded.
     """
 
-    stage: str
+    operation: str
     dimension: str
     largest: int
     demanded: tuple[int, ...]
@@ -108,31 +108,31 @@ def symbols(port: Port) -> list[str]:
     return [match[0] if match else "" for match in found]
 
 
-def dimensions(stage: Stage) -> list[str]:
-    """The dimensions of a stage, in the order of its ports, then those that shapes do not show."""
-    found = [symbol for port in (*stage.inputs, *stage.outputs) for symbol in symbols(port) if symbol]
-    return list(dict.fromkeys([*found, *(name for name, named in NAMED.items() if named.applies(stage))]))
+def dimensions(operation: Operation) -> list[str]:
+    """The dimensions of an operation, in the order of its ports, then those that shapes do not show."""
+    found = [symbol for port in (*operation.inputs, *operation.outputs) for symbol in symbols(port) if symbol]
+    return list(dict.fromkeys([*found, *(name for name, named in NAMED.items() if named.applies(operation))]))
 
 
-def limit(stage: Stage, dimension: str) -> tuple[int, str]:
+def limit(operation: Operation, dimension: str) -> tuple[int, str]:
     """The largest capacity that is demanded, and the reason."""
-    return LIMITS.get((stage.name, dimension)) or LIMITS.get(("*", dimension)) or (CAPACITIES[-1], "")
+    return LIMITS.get((operation.name, dimension)) or LIMITS.get(("*", dimension)) or (CAPACITIES[-1], "")
 
 
-def rows(stage: Stage, vectors: Iterable[Vector]) -> Iterator[Row]:
-    """The dimensions of a stage, held against its vectors."""
-    vectors = [vector for vector in vectors if vector.stage.name == stage.name and vector.level != "faulty"]
-    for dimension in dimensions(stage):
-        most, reason = limit(stage, dimension)
+def rows(operation: Operation, vectors: Iterable[Vector]) -> Iterator[Row]:
+    """The dimensions of an operation, held against its vectors."""
+    vectors = [vector for vector in vectors if vector.operation.name == operation.name and vector.level != "faulty"]
+    for dimension in dimensions(operation):
+        most, reason = limit(operation, dimension)
         demanded = tuple(k for k in CAPACITIES if k <= most)
         sizes = {vector.id: size(vector, dimension) for vector in vectors}
         largest_first = sorted(vectors, key=lambda vector: -sizes[vector.id])
         caught = tuple(
             k for k in demanded
             if all(_is_caught(dimension, port, k, [v for v in largest_first if sizes[v.id] > k])
-                   for port in _concerned(stage, dimension))
+                   for port in _concerned(operation, dimension))
         )  # fmt: skip
-        yield Row(stage.name, dimension, max(sizes.values(), default=0), demanded, caught, reason)
+        yield Row(operation.name, dimension, max(sizes.values(), default=0), demanded, caught, reason)
 
 
 def size(vector: Vector, dimension: str) -> int:
@@ -142,16 +142,18 @@ def size(vector: Vector, dimension: str) -> int:
     values = {**vector.inputs, **{name: e.value for name, e in vector.expected.items()}}
     found = [
         np.shape(values[port.name])[symbols(port).index(dimension)]
-        for port in (*vector.stage.inputs, *vector.stage.outputs) if dimension in symbols(port)
+        for port in (*vector.operation.inputs, *vector.operation.outputs) if dimension in symbols(port)
     ]  # fmt: skip
     return max(found, default=0)
 
 
-def _concerned(stage: Stage, dimension: str) -> list[Port]:
+def _concerned(operation: Operation, dimension: str) -> list[Port]:
     """The outputs that depend on a dimension: those that have it, and if an input has it all others."""
-    of_inputs = dimension in NAMED or any(dimension in symbols(port) for port in stage.inputs)
-    local = LOCAL.get((stage.name, dimension), tuple(port.name for port in stage.outputs if port.type != "text"))
-    return [port for port in stage.outputs if port.name in local and (of_inputs or dimension in symbols(port))]
+    of_inputs = dimension in NAMED or any(dimension in symbols(port) for port in operation.inputs)
+    local = LOCAL.get(
+        (operation.name, dimension), tuple(port.name for port in operation.outputs if port.type != "text")
+    )
+    return [port for port in operation.outputs if port.name in local and (of_inputs or dimension in symbols(port))]
 
 
 def _is_caught(dimension: str, port: Port, k: int, vectors: Iterable[Vector]) -> bool:
@@ -176,7 +178,7 @@ def truncated(vector: Vector, dimension: str, port: Port, k: int) -> Array | Non
     if dimension == PIXELS and symbols(port)[:2] == ["H", "W"]:
         whole.reshape(-1, whole.shape[-1] if whole.ndim > 2 else 1)[k:] = 0
         return whole
-    if (vector.stage.name, dimension) == ("select_key_frames", "T"):
+    if (vector.operation.name, dimension) == ("select_key_frames", "T"):
         return whole[whole < k]
     return _answer(vector, dimension, k).get(port.name)
 
@@ -200,11 +202,11 @@ def _answer(vector: Vector, dimension: str, k: int) -> Values:
 def _without(vector: Vector, k: int, dimension: str) -> Values:
     """The answer for inputs that are zero from k on."""
     inputs = dict(vector.inputs)
-    for port in vector.stage.inputs:
+    for port in vector.operation.inputs:
         if dimension in symbols(port):
             inputs[port.name] = inputs[port.name].copy()
             inputs[port.name][(slice(None),) * symbols(port).index(dimension) + (slice(k, None),)] = 0
-    return vector.stage.reference(**inputs)
+    return vector.operation.reference(**inputs)
 
 
 # --- Dimensions that no shape shows ----------------------------------------------------------------------------------
@@ -212,15 +214,15 @@ def _without(vector: Vector, k: int, dimension: str) -> Values:
 
 @dataclass(frozen=True)
 class Named:
-    """A dimension that no shape shows: the stages that have it, its size in a vector, and a truncated answer."""
+    """A dimension that no shape shows: the operations that have it, its size in a vector, and a truncated answer."""
 
-    applies: Callable[[Stage], bool]
+    applies: Callable[[Operation], bool]
     size: Callable[[Vector], int]
     answer: Callable[[Vector, int, str], Values]
 
 
-def _has_pixels(stage: Stage) -> bool:
-    return any(symbols(port)[:2] == ["H", "W"] for port in (*stage.inputs, *stage.outputs))
+def _has_pixels(operation: Operation) -> bool:
+    return any(symbols(port)[:2] == ["H", "W"] for port in (*operation.inputs, *operation.outputs))
 
 
 def _pixels(vector: Vector) -> int:
@@ -230,15 +232,15 @@ def _pixels(vector: Vector) -> int:
 def _without_pixels(vector: Vector, k: int, dimension: str) -> Values:
     """The answer for pictures that are black from pixel k on, in the order of rows."""
     inputs = dict(vector.inputs)
-    for port in vector.stage.inputs:
+    for port in vector.operation.inputs:
         if symbols(port)[:2] == ["H", "W"]:
             whole = inputs[port.name] = inputs[port.name].copy()
             whole.reshape(-1, *whole.shape[2:])[k:] = 0
-    return vector.stage.reference(**inputs)
+    return vector.operation.reference(**inputs)
 
 
-def _draws_splats(stage: Stage) -> bool:
-    return stage.name.startswith("render_")
+def _draws_splats(operation: Operation) -> bool:
+    return operation.name.startswith("render_")
 
 
 def _on_one_tile(vector: Vector) -> int:
@@ -252,7 +254,7 @@ def _on_one_tile(vector: Vector) -> int:
 
 def _without_splats(vector: Vector, k: int, dimension: str) -> Values:
     """The answer of a tile that holds the first k splats."""
-    answer = vector.stage.reference(**{**vector.inputs, "parameters": vector.inputs["parameters"][:k]})
+    answer = vector.operation.reference(**{**vector.inputs, "parameters": vector.inputs["parameters"][:k]})
     if "gradients" in answer:
         left_out = len(vector.inputs["parameters"]) - k
         answer["gradients"] = np.concatenate([answer["gradients"], np.zeros((left_out, 8), np.float32)])
@@ -268,7 +270,7 @@ def _without_users(vector: Vector, k: int, dimension: str) -> Values:
     """The answer when the users of one codeword beyond the first k are forgotten."""
     indices = vector.inputs["indices"]
     beyond = np.flatnonzero(indices[:, 0] == np.bincount(indices[:, 0]).argmax())[k:]
-    return vector.stage.reference(
+    return vector.operation.reference(
         **{**vector.inputs, "x": np.delete(vector.inputs["x"], beyond, 0), "indices": np.delete(indices, beyond, 0)}
     )
 
@@ -305,7 +307,7 @@ def _without_words(vector: Vector, k: int, dimension: str) -> Values:
 NAMED: Final[Mapping[str, Named]] = {
     PIXELS: Named(_has_pixels, _pixels, _without_pixels),
     OF_A_TILE: Named(_draws_splats, _on_one_tile, _without_splats),
-    USERS: Named(lambda stage: stage.name == "rvq_update", _most_users, _without_users),
-    WORDS: Named(lambda stage: stage.name == "decode_plane", _words, _without_words),
+    USERS: Named(lambda operation: operation.name == "rvq_update", _most_users, _without_users),
+    WORDS: Named(lambda operation: operation.name == "decode_plane", _words, _without_words),
 }
 """By name; pixels are those of a frame in the order of rows, of which one splat may cover all."""

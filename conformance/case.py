@@ -1,4 +1,4 @@
-"""Cases: functions that yield the inputs of a stage, are given what its outputs must be, and assert what must hold.
+"""Cases: functions that yield an operation's inputs, are given what its outputs must be, and assert what must hold.
 
     @case("core", "render_sum", flags=["pixel-centre"])
     def a_splat_in_the_middle() -> Inputs:
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from conformance.expectations import Expectation
-from conformance.stage import Stage, Values, stages
+from conformance.operation import Operation, Values, operations
 from gsvc_ref.draws import Draws
 
 Level = Literal["core", "uncommon", "stress", "faulty", "full"]
@@ -61,11 +61,11 @@ class Case:
     Attributes
     ----------
     id
-        ``level/stage/slug``; never changes.
+        ``level/operation/slug``; never changes.
     title, reason
         A sentence, and why the case exists (may be empty).
     rules, equations, flags
-        What it exercises beyond its stage's.
+        What it exercises beyond its operation's.
     fault
         Of a faulty stream.
     generator
@@ -76,7 +76,7 @@ class Case:
 
     id: str
     level: Level
-    stage: Stage
+    operation: Operation
     title: str
     reason: str
     rules: tuple[str, ...]
@@ -100,7 +100,7 @@ class Case:
         extra = {} if self.seed is None else {"rng": Draws(self.seed)}
         steps = self.function(**self.arguments, **extra)
         inputs = next(steps)
-        expected = self.stage.oracle(**inputs)
+        expected = self.operation.oracle(**inputs)
         try:
             steps.send(expected)
         except StopIteration:
@@ -113,7 +113,7 @@ _CASES: dict[str, Case] = {}
 
 def case(
     level: Level,
-    stage: str,
+    operation: str,
     *,
     rules: Sequence[str] = (),
     equations: Sequence[str] = (),
@@ -131,7 +131,7 @@ def case(
             title, _, reason = inspect.cleandoc(function.__doc__ or "").partition("\n")
             words = (said or {}).get(key, key.replace("_", " "))
             add(
-                level, stage, slug,
+                level, operation, slug,
                 title=title.format(key=words), reason=reason.strip(), rules=rules, equations=equations, flags=flags,
                 fault=fault, function=function, arguments={"value": value} if each else {}, draw=draw,
             )  # fmt: skip
@@ -142,7 +142,7 @@ def case(
 
 def add(
     level: Level,
-    stage: str,
+    operation: str,
     slug: str,
     *,
     title: str,
@@ -156,26 +156,26 @@ def add(
     draw: int = 0,
 ) -> None:
     """Register one case, for tables of cases."""
-    name = f"{level}/{stage}/{slug}"
+    name = f"{level}/{operation}/{slug}"
     if name in _CASES:
         raise ValueError(f"two cases are called {name}")
     home = Path(inspect.getsourcefile(function) or "").name
     _CASES[name] = Case(
-        name, level, stages()[stage], title, reason, tuple(rules), tuple(equations), tuple(flags), fault,
+        name, level, operations()[operation], title, reason, tuple(rules), tuple(equations), tuple(flags), fault,
         f"conformance/cases/{home}:{function.__name__}", function, arguments or {}, draw,
     )  # fmt: skip
 
 
 @cache
 def cases() -> Mapping[str, Case]:
-    """All cases by id, by level and then in the order of their stages."""
+    """All cases by id, by level and then in the order of their operations."""
     for module in MODULES:
         importlib.import_module(f"conformance.cases.{module}")
-    order = list(stages())
-    key = {name: ((*LEVELS, FULL).index(c.level), order.index(c.stage.name)) for name, c in _CASES.items()}
+    order = list(operations())
+    key = {name: ((*LEVELS, FULL).index(c.level), order.index(c.operation.name)) for name, c in _CASES.items()}
     return {name: _CASES[name] for name in sorted(_CASES, key=lambda name: key[name])}
 
 
-def of_stage(name: str) -> Iterator[Case]:
-    """The cases of one stage."""
-    return (c for c in cases().values() if c.stage.name == name)
+def of_operation(name: str) -> Iterator[Case]:
+    """The cases of one operation."""
+    return (c for c in cases().values() if c.operation.name == name)

@@ -15,9 +15,9 @@ from conformance.capacities import limit, symbols
 from conformance.case import LEVELS
 from conformance.cases import FLAGS
 from conformance.elements import element_rows, uncovered_elements
-from conformance.mutants import all_mutants
+from conformance.mutants import MUTANTS
+from conformance.operation import Operation, operations
 from conformance.spec import SPEC
-from conformance.stage import Stage, stages
 from conformance.vectors import SUMS, VECTORS
 
 Manifest = Mapping[str, Any]
@@ -65,7 +65,7 @@ def coverage_page(folder: Path = VECTORS) -> str:
             "## Equations\n\n" + _index("equation", equations, there, "equations"),
             "## Syntax elements\n\nOf all streams of the vectors: values of legal ones, and faults.\n\n"
             + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
-            "## Mutants\n\nEach is the decoder inside spec.md with one bug; every one must be found.\n\n"
+            "## Mutants\n\nEach is the decoder inside spec.md with one mistake; every one must be found.\n\n"
             + _kill_table(there),
             "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
             "fail one;\n`python -m conformance capacities` tries them all.\n\n" + _sizes(there),
@@ -106,21 +106,21 @@ def _manifest_problems(folder: Path, there: list[dict[str, Any]]) -> Iterable[st
 
     validator = Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
     known = {"rules": stated()[0], "equations": stated()[1], "flags": list(FLAGS)}
-    names = {mutant.name for mutant in all_mutants()}
+    names = {mutant.name for mutant in MUTANTS}
     for manifest in there:
         name = manifest["id"]
         yield from (f"{name}: {error.json_path} {error.message}" for error in validator.iter_errors(manifest))
         if not (folder / name / "manifest.json").exists():
             yield f"{name} stands in another folder"
-        if manifest["stage"] not in stages():
-            yield f"{name}: there is no stage {manifest['stage']}"
+        if manifest["operation"] not in operations():
+            yield f"{name}: there is no operation {manifest['operation']}"
         for kind, values in known.items():
             yield from (f"{name}: {value} is none of the {kind}" for value in manifest[kind] if value not in values)
         yield from (f"{name}: there is no mutant {m}" for m in manifest["kills"] if m not in names)
 
 
 def _coverage_problems(there: list[dict[str, Any]]) -> Iterable[str]:
-    """Every requirement, equation, stage and flag has a vector, every mutant is killed."""
+    """Every requirement, equation, operation and flag has a vector, every mutant is killed."""
     rules, equations = stated()
     for kind, wanted in (("rules", rules), ("equations", equations), ("flags", FLAGS), ("kills", _names())):
         met = {value for manifest in there for value in manifest[kind]}
@@ -128,8 +128,8 @@ def _coverage_problems(there: list[dict[str, Any]]) -> Iterable[str]:
             f"no vector has {value} among its {kind}" for value in wanted if value not in met | UNCOVERED.keys()
         )
         yield from (f"{value} has a vector and a reason to have none" for value in met & UNCOVERED.keys())
-    met = {manifest["stage"] for manifest in there}
-    yield from (f"the stage {name} has no vector" for name in stages() if name not in met)
+    met = {manifest["operation"] for manifest in there}
+    yield from (f"the operation {name} has no vector" for name in operations() if name not in met)
 
 
 def _page_problems(folder: Path) -> Iterable[str]:
@@ -139,17 +139,17 @@ def _page_problems(folder: Path) -> Iterable[str]:
 
 
 def _names() -> list[str]:
-    return [mutant.name for mutant in all_mutants()]
+    return [mutant.name for mutant in MUTANTS]
 
 
 def _counts(there: list[dict[str, Any]]) -> str:
-    count = Counter((m["stage"], m["id"].partition("/")[0]) for m in there)
+    count = Counter((m["operation"], m["id"].partition("/")[0]) for m in there)
     rows = [
-        [f"`{name}`", stage.group, *(str(count[name, level] or "") for level in LEVELS)]
-        for name, stage in stages().items()
+        [f"`{name}`", operation.group, *(str(count[name, level] or "") for level in LEVELS)]
+        for name, operation in operations().items()
     ]
     totals = [str(sum(n for (_, level), n in count.items() if level == wanted)) for wanted in LEVELS]
-    return _table(["stage", "class", *LEVELS], [*rows, [f"**{len(there)} vectors**", "", *totals]])
+    return _table(["operation", "class", *LEVELS], [*rows, [f"**{len(there)} vectors**", "", *totals]])
 
 
 def _index(title: str, wanted: list[str], there: list[dict[str, Any]], kind: str) -> str:
@@ -168,7 +168,7 @@ def _some(names: list[str], value: str) -> list[str]:
 
 def _kill_table(there: list[dict[str, Any]]) -> str:
     rows = []
-    for mutant in all_mutants():
+    for mutant in MUTANTS:
         killers = [m["id"] for m in there if mutant.name in m["kills"]]
         rows.append([mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers, mutant.name)])
     return _table(["area", "mutant", "it looks like", "killed by", "such as"], rows)
@@ -177,28 +177,28 @@ def _kill_table(there: list[dict[str, Any]]) -> str:
 def _sizes(there: list[dict[str, Any]]) -> str:
     """A table of the dimensions that shapes show, from the shapes in the manifests."""
     rows = []
-    for name, stage in stages().items():
-        shapes = [shape for m in there if m["stage"] == name for shape in _shapes(m, stage)]
+    for name, operation in operations().items():
+        shapes = [shape for m in there if m["operation"] == name for shape in _shapes(m, operation)]
         for dimension in dict.fromkeys(symbol for port_symbols, _ in shapes for symbol in port_symbols if symbol):
             largest = max(shape[axes.index(dimension)] for axes, shape in shapes if dimension in axes)
-            most, reason = limit(stage, dimension)
+            most, reason = limit(operation, dimension)
             rows.append([f"`{name}`", dimension, f"{largest:,}", f"{most:,}" if most else "none", reason])
-    return _table(["stage", "dimension", "largest", "capacities up to", "because"], rows)
+    return _table(["operation", "dimension", "largest", "capacities up to", "because"], rows)
 
 
-def _shapes(manifest: Manifest, stage: Stage) -> list[tuple[list[str], list[int]]]:
+def _shapes(manifest: Manifest, operation: Operation) -> list[tuple[list[str], list[int]]]:
     """The symbols of the ports of a vector with its sizes."""
     entries = {**manifest["inputs"], **{name: e.get("expected", {}) for name, e in manifest["outputs"].items()}}
     return [
         (symbols(port), entries[port.name]["shape"])
-        for port in (*stage.inputs, *stage.outputs) if "shape" in entries[port.name]
+        for port in (*operation.inputs, *operation.outputs) if "shape" in entries[port.name]
     ]  # fmt: skip
 
 
 def _flags(there: list[dict[str, Any]]) -> str:
     count = Counter(flag for m in there for flag in m["flags"])
-    rows = [[f"`{flag}`", bug, effect, str(count[flag])] for flag, (bug, effect) in sorted(FLAGS.items())]
-    return _table(["flag", "class of bug", "effect", "vectors"], rows)
+    rows = [[f"`{flag}`", mistake, effect, str(count[flag])] for flag, (mistake, effect) in sorted(FLAGS.items())]
+    return _table(["flag", "class of mistakes", "effect", "vectors"], rows)
 
 
 def _table(head: list[str], rows: Iterable[list[str]]) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from conformance.element_values import Number, Values, plane_values, used, values
+from conformance.spec import namespace
 from conformance.vectors import VECTORS, read
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
@@ -45,7 +46,7 @@ class Syntax:
     refused: tuple[Number, ...] = ()
 
     def aspects(self) -> dict[Aspect, tuple[tuple[str | None, Number], ...]]:
-        """What there is to cover: for each aspect the element (None: this one) and values that must occur."""
+        """For each aspect the element (None: this one) and the values that must occur."""
         found: dict[Aspect, tuple[tuple[str | None, Number], ...]] = {}
         single: tuple[tuple[Aspect, Number | None], ...] = (
             ("min", self.minimum),
@@ -66,6 +67,20 @@ def _flag() -> Syntax:
     return Syntax(0, 1, absent=("splat_count", 0))
 
 
+_REFUSED_TOO: Final = {"profile": (255,), "flags": (128,), "chroma_format": (255,)}
+_ZERO_IS_UNKNOWN: Final = ("sample_aspect_numerator", "sample_aspect_denominator", "frame_count")
+
+
+def _of_header(name: str, size: int, lowest: int, highest: int) -> Syntax:
+    """An element of the sequence header; the values next to its range are refused where its bytes can say them."""
+    beside = tuple(value for value in (lowest - 1, highest + 1) if 0 <= value < 256**size)
+    default = 0 if name in _ZERO_IS_UNKNOWN else None
+    return Syntax(lowest, highest, default=default, refused=(*beside, *_REFUSED_TOO.get(name, ())))
+
+
+_HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in namespace()["HEADER"]}
+"""The elements of the sequence header, with the ranges of spec.md's own table HEADER (section 6.3)."""
+
 ELEMENTS: Final[Mapping[str, Syntax]] = {
     "magic": Syntax(),
     "version_major": Syntax(1, 1, refused=(0, 2)),
@@ -73,28 +88,7 @@ ELEMENTS: Final[Mapping[str, Syntax]] = {
     "chunk_type": Syntax(refused=tuple(b"ABXZ\x00@[`{\xe9")),
     "chunk_length": Syntax(0, 1 << 28, refused=((1 << 20) + 1, (1 << 28) + 1, MOST)),
     "chunk_crc": Syntax(),
-    "profile": Syntax(0, 0, refused=(1, 255)),
-    "level": Syntax(1, 5, refused=(0, 6)),
-    "flags": Syntax(0, 1, refused=(2, 128)),
-    "width": Syntax(1, 65535, refused=(0,)),
-    "height": Syntax(1, 65535, refused=(0,)),
-    "frame_rate_numerator": Syntax(1, MOST, refused=(0,)),
-    "frame_rate_denominator": Syntax(1, MOST, refused=(0,)),
-    "sample_aspect_numerator": Syntax(0, 65535, default=0),
-    "sample_aspect_denominator": Syntax(0, 65535, default=0),
-    "frame_count": Syntax(0, MOST, default=0),
-    "bit_depth": Syntax(8, 16, refused=(7, 17)),
-    "chroma_format": Syntax(0, 3, refused=(4, 255)),
-    "color_primaries": Syntax(0, 255),
-    "transfer_characteristics": Syntax(0, 255),
-    "matrix_coefficients": Syntax(0, 255),
-    "video_full_range_flag": Syntax(0, 1, refused=(2,)),
-    "chroma_sample_loc_type": Syntax(0, 5, refused=(6,)),
-    "cholesky_bits": Syntax(1, 12, refused=(0, 13)),
-    "color_stages": Syntax(1, 8, refused=(0, 9)),
-    "color_codewords": Syntax(1, 1024, refused=(0, 1025)),
-    "entropy_precision": Syntax(12, 16, refused=(11, 17)),
-    "lane_count": Syntax(1, 64, refused=(0, 65)),
+    **_HEADER,
     "frame_number": Syntax(0, MOST),
     "parameter_checksum": Syntax(absent=("flags", 0)),
     "splat_count": Syntax(0, 1 << 22, refused=((1 << 14) + 1, (1 << 22) + 1, MOST)),

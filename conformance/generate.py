@@ -19,7 +19,7 @@ from conformance.case import FULL, LEVELS, cases
 from conformance.cases import CAPACITY
 from conformance.coverage import coverage_page
 from conformance.elements import used
-from conformance.mutants import all_mutants, killed_by
+from conformance.mutants import MUTANTS, killed_by
 from conformance.vectors import SUMS, VECTORS, files_of, from_files, manifest_bytes, sums_of, write
 from gsvc_ref.errors import UsageError
 
@@ -103,7 +103,7 @@ def vector_files(name: str, kills_in: Path | None = None) -> tuple[str, dict[str
         if CAPACITY in case.flags:  # a mutant would take a minute
             manifest["kills"] = []
         elif kills_in is None:
-            manifest["kills"] = killed_by([from_files(files)], all_mutants())[name]
+            manifest["kills"] = killed_by([from_files(files)], MUTANTS)[name]
         else:
             manifest["kills"] = _known_kills(kills_in / name)
     streams = [data for part, data in files.items() if part.endswith(".gsvc")]

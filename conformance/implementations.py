@@ -13,15 +13,15 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
+from conformance.operation import DTYPES, Operation, Port, Values, operations
 from conformance.spelling import meant
-from conformance.stage import DTYPES, Port, Stage, Values, stages
 from conformance.standard_streams import kept_streams
 from gsvc_ref.errors import UsageError
 
 EXTRA_OF: Final = {"pyopencl": "adapters", "wgpu": "adapters", "playwright": "adapters", "torch": "peers"}
 """Which extra of pyproject.toml installs what an adapter imports."""
 MAX_NEAR: Final = 4
-"""So many names that are nearly those of stages are told."""
+"""So many names that are nearly those of operations are told."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ Answer = Values | Unsupported | Failure
 
 
 class Implementation(Protocol):
-    """Something that answers stages."""
+    """Something that answers operations."""
 
     @property
     def name(self) -> str:
@@ -76,20 +76,20 @@ class Implementation(Protocol):
         """What it runs on, as far as it tells: device, driver, versions."""
         ...
 
-    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
-        """The outputs of a stage for some inputs, which it may change; `turn` counts how often it was asked before."""
+    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+        """The outputs of an operation for some inputs, which it may change; `turn` counts earlier times."""
 
 
 @dataclass(frozen=True)
 class ModuleImplementation:
-    """Functions that are named as the stages and are called with keyword arguments.
+    """Functions that are named as the operations and are called with keyword arguments.
 
     A function that is missing or raises NotImplementedError is unsupported.
 
     Attributes
     ----------
     functions
-        By name of the stage; others are ignored.
+        By name of the operation; others are ignored.
     environment
         What it runs on.
     """
@@ -99,19 +99,19 @@ class ModuleImplementation:
     in_full: bool = False
     environment: Mapping[str, str] = field(default_factory=dict)
 
-    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
         """Call the function."""
-        function = self.functions.get(stage.name)
+        function = self.functions.get(operation.name)
         if not callable(function):
-            return Unsupported(f"there is no function {stage.name}")
-        if problem := _misfit(function, stage):
+            return Unsupported(f"there is no function {operation.name}")
+        if problem := _misfit(function, operation):
             return Failure("error", problem)
         try:
             with np.errstate(all="ignore"), kept_streams():
                 given = function(**inputs)
-            return Failure("error", FLUSHES) if _flushes() else _collect(stage, given)
+            return Failure("error", FLUSHES) if _flushes() else _collect(operation, given)
         except NotImplementedError as error:
-            return Unsupported(str(error) or f"{stage.name} raises NotImplementedError")
+            return Unsupported(str(error) or f"{operation.name} raises NotImplementedError")
         except (Exception, SystemExit) as error:
             return Failure("error", _last_line(error))
 
@@ -122,7 +122,7 @@ def load_module(name: str) -> ModuleImplementation:
     Raises
     ------
     UsageError
-        It cannot be imported, has no function of a stage, or its `environment` fails.
+        It cannot be imported, has no function of an operation, or its `environment` fails.
     """
     if name.endswith(".py"):
         raise UsageError(
@@ -135,10 +135,10 @@ def load_module(name: str) -> ModuleImplementation:
         advice = _import_advice(name, error)
         raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{advice}") from None
     functions = {key: value for key, value in vars(module).items() if callable(value) and not key.startswith("_")}
-    if functions.keys().isdisjoint(stages()):
-        near = [f"{key} for {meant(key, stages())[0]}" for key in functions if meant(key, stages())]
+    if functions.keys().isdisjoint(operations()):
+        near = [f"{key} for {meant(key, operations())[0]}" for key in functions if meant(key, operations())]
         hint = f"; is it {', '.join(near[:MAX_NEAR])}?" if near else "; see python -m conformance list"
-        raise UsageError(f"no function of the module {name} is named as a stage{hint}")
+        raise UsageError(f"no function of the module {name} is named as an operation{hint}")
     return ModuleImplementation(name, functions, environment=_environment_of(name, functions.get("environment")))
 
 
@@ -197,28 +197,28 @@ def _flushes() -> bool:
     return bool(np.array([2.0**-149], np.float32)[0] * np.float32(1) == 0)
 
 
-def _misfit(function: Callable[..., Any], stage: Stage) -> str:
+def _misfit(function: Callable[..., Any], operation: Operation) -> str:
     """What is wrong with the parameters of a function; empty if nothing is, or if it does not tell them."""
-    names = [port.name for port in stage.inputs]
+    names = [port.name for port in operation.inputs]
     try:
         inspect.signature(function).bind(**dict.fromkeys(names))
     except ValueError:  # built-in functions
         return ""
     except TypeError as error:
-        return f"{stage.name} must take ({', '.join(names)}): {error}"
+        return f"{operation.name} must take ({', '.join(names)}): {error}"
     return ""
 
 
-def _collect(stage: Stage, given: object) -> Values | Failure:
+def _collect(operation: Operation, given: object) -> Values | Failure:
     """The outputs among what a function returned; single numbers may be Python's."""
     if not isinstance(given, Mapping):
-        return Failure("error", f"{stage.name} returned {type(given).__name__}, not a dict of its outputs")
-    if missing := [port.name for port in stage.outputs if port.name not in given]:
-        return Failure("error", f"{stage.name} returned no {', '.join(missing)}")
-    if masked := [port.name for port in stage.outputs if isinstance(given[port.name], np.ma.MaskedArray)]:
+        return Failure("error", f"{operation.name} returned {type(given).__name__}, not a dict of its outputs")
+    if missing := [port.name for port in operation.outputs if port.name not in given]:
+        return Failure("error", f"{operation.name} returned no {', '.join(missing)}")
+    if masked := [port.name for port in operation.outputs if isinstance(given[port.name], np.ma.MaskedArray)]:
         advice = "return a plain one, such as numpy.ma.filled gives; what is masked could be anything"
-        return Failure("error", f"{stage.name} returned {', '.join(masked)} as a masked array: {advice}")
-    return {port.name: _output(port, given[port.name]) for port in stage.outputs}
+        return Failure("error", f"{operation.name} returned {', '.join(masked)} as a masked array: {advice}")
+    return {port.name: _output(port, given[port.name]) for port in operation.outputs}
 
 
 def _output(port: Port, value: Any) -> Any:

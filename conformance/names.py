@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from conformance.stage import Stage
+from conformance.operation import Operation
 
 SPLAT: Final = ("x", "y", "l11", "l21", "l22", "red", "green", "blue", "w")
 """Columns of parameters, their gradients, and values with a weight (spec.md 8 and 10.3)."""
@@ -29,31 +29,31 @@ ITEMS_OF_PORTS: Final = {
 """The same of ports for which the letter would be misleading: the first axis."""
 
 
-def dimensions(stage: Stage, output: str) -> tuple[str, ...]:
-    """The letters of an output's axes: ``("H", "W", "3")``; none where the stage has no such output."""
-    shape = next((port.shape for port in stage.outputs if port.name == output), "")
+def dimensions(operation: Operation, output: str) -> tuple[str, ...]:
+    """The letters of an output's axes: ``("H", "W", "3")``; none where the operation has no such output."""
+    shape = next((port.shape for port in operation.outputs if port.name == output), "")
     return tuple(letter.strip() for letter in shape.strip("()").split(",") if letter.strip())
 
 
-def item(stage: Stage, output: str) -> str:
+def item(operation: Operation, output: str) -> str:
     """What the first axis of an output counts: ``splat``, ``row``, ``frame``, ``codeword``, ..."""
-    letters = dimensions(stage, output)
+    letters = dimensions(operation, output)
     if output == "header":
         return "element"
-    if output == "counts" and letters[:1] == ("K",) and stage.name == "rvq_update":
+    if output == "counts" and letters[:1] == ("K",) and operation.name == "rvq_update":
         return "codeword"
-    if output == "survivors" and stage.name == "read_stream":
+    if output == "survivors" and operation.name == "read_stream":
         return "splat"
     if letters[:1] in (("T",), ("H",)) or (len(letters) > 1 and letters[0] == "N"):
         return ITEMS[letters[0]]
     return ITEMS_OF_PORTS.get(output, ITEMS.get(letters[0] if letters else "", "entry"))
 
 
-def columns(stage: Stage, output: str, size: int | None = None) -> tuple[str, ...]:
+def columns(operation: Operation, output: str, size: int | None = None) -> tuple[str, ...]:
     """The names of the last axis of an output, or none; `size` is needed where the port's shape has a letter."""
-    letters = dimensions(stage, output)
+    letters = dimensions(operation, output)
     if output == "header":
-        from conformance.stages.bitstream import HEADER_ELEMENTS
+        from conformance.operations.bitstream import HEADER_ELEMENTS
 
         return tuple(HEADER_ELEMENTS)
     if len(letters) < 2:
@@ -67,19 +67,19 @@ def columns(stage: Stage, output: str, size: int | None = None) -> tuple[str, ..
         return SPLAT[:2]
     if last in (8, 9):
         return SPLAT[:last]
-    if last == 3 and (output == "cholesky" or stage.name.startswith("lsq_")):
+    if last == 3 and (output == "cholesky" or operation.name.startswith("lsq_")):
         return CHOLESKY
     if letters[-1] == "M":
         return tuple(f"stage {number}" for number in range(last or 0))
     return CHANNELS if last == 3 and letters[-1] == "3" else ()
 
 
-def element(stage: Stage, output: str, place: tuple[int, ...], shape: tuple[int, ...] | None = None) -> str:
+def element(operation: Operation, output: str, place: tuple[int, ...], shape: tuple[int, ...] | None = None) -> str:
     """The name of one element of an output.
 
     Parameters
     ----------
-    stage, output
+    operation, output
         Of which it is one.
     place
         Its indices; none for a single number.
@@ -88,10 +88,10 @@ def element(stage: Stage, output: str, place: tuple[int, ...], shape: tuple[int,
     """
     if not place:
         return output
-    names = columns(stage, output, shape[-1] if shape else None)
+    names = columns(operation, output, shape[-1] if shape else None)
     if output == "header":
         return names[place[0]] if place[0] < len(names) else f"element {place[0]}"
-    letters = dimensions(stage, output)
+    letters = dimensions(operation, output)
     parts = []
     for axis, (letter, index) in enumerate(zip(letters, place, strict=False)):
         if letter in ("H", "h"):
@@ -101,15 +101,15 @@ def element(stage: Stage, output: str, place: tuple[int, ...], shape: tuple[int,
         elif output == "quantizers" and axis == 1:
             parts.append(CHOLESKY[index] if index < len(CHOLESKY) else f"column {index}")
         elif axis == 0:
-            parts.append(f"{item(stage, output)} {index}")
+            parts.append(f"{item(operation, output)} {index}")
     return ", ".join(parts) or str(list(place))
 
 
-def told(stage: Stage, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:
+def told(operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:
     """A judgement's sentence with names in place of indices."""
     if place:
-        message = message.replace(f"at {list(place)}", f"at {element(stage, output, place, shape)}")
-    names = columns(stage, output, shape[-1] if shape else None)
+        message = message.replace(f"at {list(place)}", f"at {element(operation, output, place, shape)}")
+    names = columns(operation, output, shape[-1] if shape else None)
 
     def named(found: re.Match[str]) -> str:
         return ", ".join(names[int(found[1]) : int(found[2]) + 1]) or found[0]

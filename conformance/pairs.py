@@ -1,7 +1,7 @@
 """What gsvc_ref has for each operation of spec.md: the table that ``run --reference`` answers by.
 
 An operation whose name and arguments gsvc_ref has too is a `Twin`, or `OfSplats`: its answer is that function's, as it
-stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.stages` translates it.
+stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
 """
 
 from collections.abc import Callable, Mapping

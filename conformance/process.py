@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.implementations import Answer, Failure, Unsupported
-from conformance.stage import Port, Stage, Values
+from conformance.operation import Operation, Port, Values
 from conformance.supervision import Log, run_program
 from conformance.vectors import native, npy
 from gsvc_ref.errors import UsageError
 
 EXIT_UNSUPPORTED: Final = 77
-"""Exit status of a command that does not know a stage, or does not support what the inputs ask for."""
+"""Exit status of a command that does not know an operation, or does not support what the inputs ask for."""
 MAX_BYTES: Final = 1 << 28
 """Of one output file; larger ones are not loaded."""
 MAX_TEXT: Final = 1 << 12
@@ -41,7 +41,7 @@ PERTURB: Final = "MALLOC_PERTURB_"
 
 
 class ProcessImplementation:
-    """A command that is started as ``CMD STAGE IN_DIR OUT_DIR`` for each vector (protocol.md).
+    """A command that is started as ``CMD OPERATION IN_DIR OUT_DIR`` for each vector (protocol.md).
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class ProcessImplementation:
             raise UsageError(_why_no_program(Path(self._words[0])))
         self.name, self._timeout = command, timeout
 
-    def run(self, stage: Stage, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
         """Start the command and read what it wrote; when it is asked again, new memory is filled with something else.
 
         So an answer that depends on memory nobody has written to differs, where the command allocates it by glibc.
@@ -75,7 +75,7 @@ class ProcessImplementation:
             inside.mkdir()
             outside.mkdir()
             write_inputs(inside, inputs)
-            words = [*self._words, stage.name, str(inside), str(outside)]
+            words = [*self._words, operation.name, str(inside), str(outside)]
             variables = {PERTURB: str(turn * 85 % 255 + 1)} if turn and PERTURB not in os.environ else {}
             log = Log()
             try:
@@ -87,7 +87,7 @@ class ProcessImplementation:
             if failure := self._failure(status, str(log)):
                 return failure
             try:
-                return {port.name: read_output(outside, port) for port in stage.outputs}
+                return {port.name: read_output(outside, port) for port in operation.outputs}
             except (OSError, ValueError) as error:
                 return Failure("error", f"exit status 0, but {error}", str(log))
 
@@ -112,7 +112,7 @@ def _why_no_program(path: Path) -> str:
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
-    """Write the inputs of a stage as files: NAME.gsvc for streams, NAME.npy for all else."""
+    """Write the inputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
     for name, value in inputs.items():
         if isinstance(value, bytes):
             (folder / f"{name}.gsvc").write_bytes(value)

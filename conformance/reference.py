@@ -1,20 +1,21 @@
-"""gsvc_ref behind the names and signatures of the stages: ``reference.render_sum(parameters=..., ...)``.
+"""gsvc_ref behind the names and signatures of the operations: ``reference.render_sum(parameters=..., ...)``.
 
-`conformance.pairs` says which of its functions that is; where it has none of the name, `conformance.stages` translates.
+`conformance.pairs` says which of its functions that is; where it has none of the name, `conformance.operations`
+translates.
 """
 
 from collections.abc import Callable
 
-from conformance.stage import Values, stages
+from conformance.operation import Values, operations
 
 
 def namespace() -> dict[str, Callable[..., Values]]:
-    """gsvc_ref's function of every stage, by name."""
-    return {name: stage.reference for name, stage in stages().items()}
+    """gsvc_ref's function of every operation, by name."""
+    return {name: operation.reference for name, operation in operations().items()}
 
 
 def __getattr__(name: str) -> Callable[..., Values]:
     try:
         return namespace()[name]
     except KeyError:
-        raise AttributeError(f"there is no stage {name}") from None
+        raise AttributeError(f"there is no operation {name}") from None

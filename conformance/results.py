@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
 from conformance.names import dimensions, element
+from conformance.operation import Group, operations
 from conformance.spec import complexity
-from conformance.stage import Group, stages
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
@@ -27,7 +27,7 @@ Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended 
 EXIT_CODES: Final[Mapping[Conclusion, int]] = {
     "passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2, "ended early": 2,
 }  # fmt: skip
-"""Of a run: incomplete is no fault, so that what has three stages can keep them right."""
+"""Of a run: incomplete is no fault, so that what has three operations can keep them right."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Result:
     Attributes
     ----------
     id, title
-        Of the vector; the id is ``level/stage/slug``.
+        Of the vector; the id is ``level/operation/slug``.
     group
         The conformance class.
     outcome
@@ -125,8 +125,8 @@ class Result:
         return self.id.split("/")[0]
 
     @property
-    def stage(self) -> str:
-        """The name of the stage."""
+    def operation(self) -> str:
+        """The name of the operation."""
         return self.id.split("/")[1]
 
     @property
@@ -137,18 +137,18 @@ class Result:
 
 @dataclass(frozen=True)
 class Summary:
-    """A stage or a class of stages in numbers.
+    """An operation or a class of operations in numbers.
 
     Attributes
     ----------
     name
-        Of the stage or class.
+        Of the operation or class.
     counts
         Vectors by outcome.
     ratio, place
         The worst error/bound ratio of the bounded outputs, and where: ``id output element``.
     verdict
-        Of a class; None for a stage.
+        Of a class; None for an operation.
     reason
         What the verdict rests on, a sentence.
     """
@@ -210,10 +210,10 @@ class Report:
         return [result for result in self.results if result.outcome in FAULTS]
 
     def simplest_first(self) -> list[Result]:
-        """What is wrong, in the order in which to look at it: leaf stages first, core levels, small inputs."""
+        """What is wrong, in the order in which to look at it: leaf operations first, core levels, small inputs."""
         levels = {level: place for place, level in enumerate(LEVELS)}
         return sorted(
-            self.faults, key=lambda r: (complexity(r.stage), levels.get(r.level, len(levels)), r.size, r.id)
+            self.faults, key=lambda r: (complexity(r.operation), levels.get(r.level, len(levels)), r.size, r.id)
         )  # fmt: skip
 
     @property
@@ -251,10 +251,10 @@ class Report:
         """The command that runs one vector again."""
         return f"{self.command} --case {vector}"
 
-    def stages(self) -> list[Summary]:
-        """Each stage in numbers, in the order of spec.md."""
-        names = [name for name in stages() if any(result.stage == name for result in self.results)]
-        return [_summary(name, [result for result in self.results if result.stage == name]) for name in names]
+    def operations(self) -> list[Summary]:
+        """Each operation in numbers, in the order of spec.md."""
+        names = [name for name in operations() if any(result.operation == name for result in self.results)]
+        return [_summary(name, [result for result in self.results if result.operation == name]) for name in names]
 
     def groups(self) -> list[Summary]:
         """Each conformance class with its verdict, in the order of spec.md, section 13.1."""
@@ -285,13 +285,13 @@ def _summary(name: str, results: Sequence[Result]) -> Summary:
     if not measured:
         return Summary(name, counts, None, "")
     ratio, result, output = max(measured, key=lambda entry: entry[0])
-    index = f" {_element(result.stage, output)}" if output.place else ""
+    index = f" {_element(result.operation, output)}" if output.place else ""
     return Summary(name, counts, ratio, f"{result.id} {output.name}{index}")
 
 
-def _element(stage: str, output: OutputResult) -> str:
-    """The name of the worst element, or its indices where a report has a stage or form that this kit does not know."""
-    known, place = stages().get(stage), output.place or ()
+def _element(operation: str, output: OutputResult) -> str:
+    """The name of the worst element, or its indices where this kit does not know the operation or form of a report."""
+    known, place = operations().get(operation), output.place or ()
     if known is None or len(place) != len(dimensions(known, output.name)):
         return str(list(place))
     return element(known, output.name, place)
@@ -323,8 +323,8 @@ def _class(name: str, results: Sequence[Result]) -> Summary:
 
 
 def _without(missing: Sequence[Result], results: Sequence[Result]) -> str:
-    """The stages of vectors that must pass and are unsupported, and how many vectors."""
-    answered = {result.stage for result in results if result.outcome != "unsupported"}
-    names = dict.fromkeys(result.stage for result in missing)
+    """The operations of vectors that must pass and are unsupported, and how many vectors."""
+    answered = {result.operation for result in results if result.outcome != "unsupported"}
+    names = dict.fromkeys(result.operation for result in missing)
     parts = [f"part of {name}" if name in answered else name for name in names]
     return f"{', '.join(parts)} ({plural(len(missing), 'vector')})"

@@ -12,9 +12,9 @@ import numpy as np
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
 from conformance.names import told
+from conformance.operation import Operation, Values, input_size
 from conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from conformance.side_by_side import comparison
-from conformance.stage import Stage, Values, input_size
 from conformance.vectors import Vector
 
 T = TypeVar("T")
@@ -112,7 +112,7 @@ def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Gener
 def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
     """What an implementation answers to one vector that it was asked for so many times before."""
     start = time.perf_counter()
-    answer = implementation.run(vector.stage, _copies(vector.inputs), turn)
+    answer = implementation.run(vector.operation, _copies(vector.inputs), turn)
     return Answered(answer, time.perf_counter() - start)
 
 
@@ -177,7 +177,7 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
     if refusal := _legal_refusal(vector, outputs):
         return _result(vector, "unsupported", refusal, seconds=seconds)
     judged = tuple(
-        _judge(vector.stage, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
+        _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
     )
     wrong = [output for output in judged if not output.passed]
     if not wrong:
@@ -187,11 +187,11 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
     return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
 
 
-def _judge(stage: Stage, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
+def _judge(operation: Operation, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
-    message = told(stage, name, judgement.message, judgement.place, np.shape(expectation.value))
+    message = told(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
         _refused(expectation, actual),
@@ -221,7 +221,7 @@ def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
     title = str(vector.manifest["title"])
-    return Result(vector.id, title, vector.stage.group, outcome, message, outputs, seconds=seconds)
+    return Result(vector.id, title, vector.operation.group, outcome, message, outputs, seconds=seconds)
 
 
 def _copies(inputs: Values) -> Values:

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Exact
 from conformance.names import SPLAT, item
+from conformance.operation import Values
 from conformance.results import Table
-from conformance.stage import Values
 from conformance.vectors import Vector
 
 MAX_ROWS: Final = 6
@@ -41,7 +41,7 @@ def _table(vector: Vector, name: str, expectation: Bounded | Exact, given: NDArr
     chosen = bad[:MAX_ROWS] if len(bad) else np.arange(min(len(right), MAX_ROWS))
     rows = tuple(
         (
-            f"{item(vector.stage, name)} {n}",
+            f"{item(vector.operation, name)} {n}",
             *(_cell(right[n, p], mine[n, p], bool(good[n, p])) for p in range(right.shape[1])),
         )
         for n in chosen

@@ -1,4 +1,4 @@
-"""Golden vectors on disk: `vectors/<level>/<stage>/<slug>/manifest.json` and its parts.
+"""Golden vectors on disk: `vectors/<level>/<operation>/<slug>/manifest.json` and its parts.
 
 A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Large arrays that repeat themselves are
 stored as runs (`runs`). Single numbers among the inputs and texts among the outputs stand in the manifest. `SHA256SUMS`
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from conformance.case import Case
 from conformance.expectations import EXPECTATIONS, Bounded, Expectation, Refusal
+from conformance.operation import Operation, Values, operations
 from conformance.runs import pack, unpack
-from conformance.stage import Stage, Values, stages
 
 VECTORS: Final = Path(__file__).parents[1] / "vectors"
 SUMS: Final = "SHA256SUMS"
@@ -35,7 +35,7 @@ class Vector:
 
     id: str
     manifest: Mapping[str, Any]
-    stage: Stage
+    operation: Operation
     inputs: Values
     expected: Mapping[str, Expectation]
 
@@ -60,12 +60,12 @@ def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) ->
         "id": case.id,
         "spec_version": SPEC_VERSION,
         "profile": "paper",
-        "stage": case.stage.name,
-        "class": case.stage.group,
+        "operation": case.operation.name,
+        "class": case.operation.group,
         "title": case.title,
         "reason": case.reason,
-        "rules": sorted({*case.stage.rules, *case.rules, *_rules(expected)}),
-        "equations": sorted({*case.stage.equations, *case.equations}),
+        "rules": sorted({*case.operation.rules, *case.rules, *_rules(expected)}),
+        "equations": sorted({*case.operation.equations, *case.equations}),
         "flags": sorted(case.flags),
         "generator": case.generator,
         "seed": case.seed,
@@ -124,10 +124,10 @@ def set_hash(folder: Path = VECTORS) -> str:
 def load(
     folder: Path = VECTORS, levels: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")
 ) -> Iterator[Vector]:
-    """All vectors of some levels, by level and then by the order of the stages."""
+    """All vectors of some levels, by level and then by the order of the operations."""
     for level in levels:
-        for stage in stages().values():
-            for path in sorted((folder / level / stage.name).glob("*/manifest.json")):
+        for operation in operations().values():
+            for path in sorted((folder / level / operation.name).glob("*/manifest.json")):
                 yield read(path.parent)
 
 
@@ -141,7 +141,7 @@ def from_files(files: Mapping[str, bytes]) -> Vector:
     manifest = json.loads(files["manifest.json"])
     inputs = {name: _load(files, entry) for name, entry in manifest["inputs"].items()}
     expected = {name: _expected(files, entry) for name, entry in manifest["outputs"].items()}
-    return Vector(manifest["id"], manifest, stages()[manifest["stage"]], inputs, expected)
+    return Vector(manifest["id"], manifest, operations()[manifest["operation"]], inputs, expected)
 
 
 class _Folder(Mapping[str, bytes]):

@@ -11,8 +11,8 @@ import pytest
 import gsvc_ref
 from conformance.expectations import Exact
 from conformance.mutants import judge
+from conformance.operation import input_size, operations
 from conformance.pairs import PAIRS, OfSplats, Other, Twin, twin
-from conformance.stage import input_size, stages
 from conformance.vectors import VECTORS, read
 from gsvc_ref import spec
 
@@ -40,11 +40,11 @@ def parameters_of(function):
 
 
 def names_of_inputs(name):
-    return [port.name for port in stages()[name].inputs]
+    return [port.name for port in operations()[name].inputs]
 
 
 def test_every_operation_is_paired_or_listed_with_a_reason():
-    assert list(PAIRS) == list(stages())
+    assert list(PAIRS) == list(operations())
     assert all(hasattr(spec, name) for name in PAIRS)
     assert Counter(type(pair) for pair in PAIRS.values()) == {Twin: 29, OfSplats: 3, Other: 7}
 
@@ -78,7 +78,7 @@ def test_what_stands_in_the_place_of_a_twin_exists_and_has_a_reason(name):
 def test_both_sides_give_the_same_answers(name):
     """To the bit where an output is exact; else both are within the bound, which the kit judges."""
     for vector in core_vectors(name):
-        ours, plain = answers(stages()[name].reference, vector), answers(getattr(spec, name), vector)
+        ours, plain = answers(operations()[name].reference, vector), answers(getattr(spec, name), vector)
         assert list(ours) == list(plain) == list(vector.expected)
         for output, expected in vector.expected.items():
             if isinstance(expected, Exact):

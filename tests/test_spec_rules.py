@@ -11,7 +11,7 @@ LAST_OF_CODEC = 11
 
 OF_THE_KIT = {
     "13-17": "running errors are carried by conformance/running_error.py alone",
-    "13-18": "the interval of a frame's samples is computed by conformance/stages/rendering.py alone",
+    "13-18": "the interval of a frame's samples is computed by conformance/operations/rendering.py alone",
 }
 """Equations that gsvc_ref does not compute, and where they are computed."""
 

@@ -9,34 +9,36 @@ from typing import Any, Final
 
 from conformance import spec
 
-Stages = dict[str, Callable[..., dict[str, Any]]]
+Operations = dict[str, Callable[..., dict[str, Any]]]
 
 LaneDecoder = Callable[[int, Sequence[int], int, Sequence[int], Sequence[int]], tuple[Any, list[int], int]]
 """(count, frequencies, precision, states, words) to symbols u2 (count,), final states, and how many words it takes."""
 
-STREAM_STAGES: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic")
+STREAM_OPERATIONS: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic")
 """What of spec.md calls the back end."""
 
-PLANE_STAGES: Final = ("read_stream", "decode_plane")
+PLANE_OPERATIONS: Final = ("read_stream", "decode_plane")
 """What else of spec.md decodes planes."""
 
 
-def stream_stages(back_end: Mapping[str, Callable[..., Any]], decode_lanes: LaneDecoder | None = None) -> Stages:
-    """The stages of whole streams, by name, with functions of a back end in the place of spec.md's own.
+def stream_operations(
+    back_end: Mapping[str, Callable[..., Any]], decode_lanes: LaneDecoder | None = None
+) -> Operations:
+    """The operations of whole streams, by name, with functions of a back end in the place of spec.md's own.
 
     Parameters
     ----------
     back_end
         By the names of spec.md: ``reconstruct_intra`` and ``reconstruct_inter``, and for pictures ``render_frame``,
         ``render_sum_deterministic`` and ``to_frame_deterministic``; they take keyword or positional arguments in the
-        order of spec.md and return dicts, as the stages of these names do.
+        order of spec.md and return dicts, as the operations of these names do.
     decode_lanes
-        What decodes the symbols of coded planes (7-1); with it come the stages ``read_stream`` and ``decode_plane``.
-        Where words are missing it may take any number for them.
+        The function that decodes the symbols of coded planes (7-1); with it come the operations ``read_stream`` and
+        ``decode_plane``. Where words are missing it may take any number for them.
     """
     if decode_lanes is None:
         names = spec.namespace(functions=back_end)
-        return {name: names[name] for name in STREAM_STAGES}
+        return {name: names[name] for name in STREAM_OPERATIONS}
 
     def decode_symbols(
         count: int, frequencies: list[int], precision: int, states: list[int], words: list[int], word_bit: int
@@ -47,4 +49,4 @@ def stream_stages(back_end: Mapping[str, Callable[..., Any]], decode_lanes: Lane
         return symbols, needed
 
     names = spec.namespace(functions={**back_end, "decode_symbols": decode_symbols})
-    return {name: names[name] for name in (*STREAM_STAGES, *PLANE_STAGES)}
+    return {name: names[name] for name in (*STREAM_OPERATIONS, *PLANE_OPERATIONS)}

@@ -72,4 +72,4 @@ FLAGS: Final[dict[str, tuple[str, str]]] = {
     "unknown": ("what a later version adds is not skipped", "legal streams are refused"),
     "window": ("the window of key-frame selection is shifted or half open", "key frames are found elsewhere"),
 }  # fmt: skip
-"""Flags of vectors: the class of bug that a flagged vector finds, and its effect."""
+"""Flags of vectors: the class of mistakes that a flagged vector finds, and its effect."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.training import f4
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 BETAS = {"beta1": 0.98, "beta2": 0.92, "beta3": 0.99, "epsilon": 1e-8}

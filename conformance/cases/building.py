@@ -33,12 +33,12 @@ BOOKS: Final[Codebooks] = tuple((np.arange(3 * n).reshape(n, 3) / 16 - 0.25).ast
 FINE_BOOKS: Final[Codebooks] = ((np.arange(12).reshape(4, 3) / 256 - 2.0**-6).astype(np.float16),)
 
 
-def on(level: Level, *stages: str, **about: Any) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
-    """Register one function as a case of several stages that take a stream."""
+def on(level: Level, *operations: str, **about: Any) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
+    """Register one function as a case of several operations that take a stream."""
 
     def register(function: Callable[..., Inputs]) -> Callable[..., Inputs]:
-        for stage in stages:
-            case(level, stage, **about)(function)
+        for operation in operations:
+            case(level, operation, **about)(function)
         return function
 
     return register

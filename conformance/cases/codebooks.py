@@ -5,7 +5,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases.rvq import assigned
 from conformance.cases.training import f4
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
 from conformance.cases.titles import in_words
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 Samples = NDArray[np.unsignedinteger[Any]]

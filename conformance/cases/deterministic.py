@@ -9,7 +9,7 @@ from conformance.case import Inputs, case
 from conformance.cases.rendering import SIZES
 from conformance.cases.splat_sets import population, splat, splats
 from conformance.cases.unusual_splats import DEGENERATE, EXTREME, WHAT_IS_EXTREME, WHY_DEGENERATE
-from conformance.stages.rendering import render_sum_deterministic
+from conformance.operations.rendering import render_sum_deterministic
 from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import cos, sin

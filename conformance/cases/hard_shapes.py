@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.cases.splat_sets import splat, splats
-from conformance.stages.rendering import edge_margins
+from conformance.operations.rendering import edge_margins
 from gsvc_ref.constants import LN_255
 from gsvc_ref.portable import cos, hypot, sin
 

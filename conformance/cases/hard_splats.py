@@ -22,7 +22,7 @@ from gsvc_ref.portable import exp
 SIZE = {"width": WIDTH, "height": HEIGHT}
 
 BOTH = ("render_sum", "render_sum_deterministic")
-"""The stages of sums."""
+"""The operations of sums."""
 
 WHAT_THEY_ARE = {
     "needles_that_lie": "needles of aspect 10000 at 0.001, 20 and 45 degrees to the rows",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from conformance.case import Inputs, case
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 # --- Key frames ------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from conformance.cases.codebooks import update_inputs
 from conformance.cases.large_rows import BOOKS, EDGES, FLAGS, PERIOD, ROWS, repeated
 from conformance.cases.rvq import assigned, clear_vectors, codebooks
 from conformance.cases.training import f4
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 FEW: Final = 41

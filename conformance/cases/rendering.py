@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from conformance.case import Inputs, case
 from conformance.cases.splat_sets import COLOR, MIN_GUARDS, population, splat, splats
-from conformance.stages.rendering import edge_margins
+from conformance.operations.rendering import edge_margins
 from gsvc_ref.constants import LN_255
 from gsvc_ref.draws import Draws
 

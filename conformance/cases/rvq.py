@@ -6,9 +6,9 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.training import F4, f4
-from conformance.stage import Values
-from conformance.stages.codebooks import books_of
-from conformance.stages.quantization import rvq_assign_oracle
+from conformance.operation import Values
+from conformance.operations.codebooks import books_of
+from conformance.operations.quantization import rvq_assign_oracle
 from gsvc_ref.draws import Draws
 
 

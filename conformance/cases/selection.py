@@ -4,7 +4,7 @@ import numpy as np
 
 from conformance.case import Inputs, case
 from conformance.cases.training import f4, trained_rows
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref.draws import Draws
 
 # --- Pruning ---------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.stages.rendering import edge_margins
+from conformance.operations.rendering import edge_margins
 from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]

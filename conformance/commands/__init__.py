@@ -4,9 +4,9 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import get_args
 
-from conformance.selection import ALL_LEVELS, Selection
+from conformance.operation import Group, operations
 from conformance.spelling import question
-from conformance.stage import Group, stages
+from conformance.vector_folder import ALL_LEVELS, Selection
 from conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
@@ -24,7 +24,7 @@ def add_selection(parser: ArgumentParser) -> None:
         "selection", "each may be given several times, for any of the values; what different options say must all hold"
     )
     options.add_argument("--level", action="append", default=[], choices=ALL_LEVELS, help="of this level")
-    options.add_argument("--stage", action="append", default=[], metavar="NAME", help="of this stage")
+    options.add_argument("--operation", action="append", default=[], metavar="NAME", help="of this operation")
     options.add_argument(
         "--class", action="append", default=[], choices=get_args(Group), dest="group", help="of this conformance class"
     )
@@ -38,7 +38,7 @@ def add_selection(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="for this class of bugs: needle; vectors/COVERAGE.md lists them",
+        help="for this class of mistakes: needle; vectors/COVERAGE.md lists them",
     )
 
 
@@ -48,15 +48,15 @@ def selection(arguments: Namespace) -> Selection:
     Raises
     ------
     UsageError
-        A stage does not exist.
+        An operation does not exist.
     """
-    for name in arguments.stage:
-        if name not in stages():
-            near = question(name, stages()) or f"; the stages are {', '.join(stages())}"
-            raise UsageError(f"there is no stage {name!r}{near}")
+    for name in arguments.operation:
+        if name not in operations():
+            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
+            raise UsageError(f"there is no operation {name!r}{near}")
     return Selection(
         levels=tuple(arguments.level),
-        stages=tuple(arguments.stage),
+        operations=tuple(arguments.operation),
         groups=tuple(arguments.group),
         patterns=tuple(arguments.case),
         rules=tuple(arguments.rule),

@@ -4,8 +4,8 @@ from argparse import ArgumentParser, Namespace
 
 from conformance.capacities import CAPACITIES, Row, rows
 from conformance.commands import add_selection, add_vectors, selection
-from conformance.selection import VectorFolder
-from conformance.stage import stages
+from conformance.operation import operations
+from conformance.vector_folder import VectorFolder
 from gsvc_ref.cli.text import show
 
 
@@ -19,11 +19,11 @@ def run(arguments: Namespace) -> int:
     """Print the table in Markdown; 0 if every capacity that is demanded is caught, else 1."""
     folder = VectorFolder(arguments.vectors)
     names = folder.select(selection(arguments))
-    show("| stage | dimension | largest | demanded | caught |", "|---|---|---|---|---|")
+    show("| operation | dimension | largest | demanded | caught |", "|---|---|---|---|---|")
     missed = 0
-    for name, stage in stages().items():
-        of_stage = [vector for vector in names if vector.split("/")[1] == name]
-        for row in rows(stage, folder.read(of_stage)) if of_stage else ():
+    for name, operation in operations().items():
+        of_operation = [vector for vector in names if vector.split("/")[1] == name]
+        for row in rows(operation, folder.read(of_operation)) if of_operation else ():
             show(line(row))
             missed += len(row.missed)
     show("", f"not caught: {missed:,}" if missed else "every capacity is caught")
@@ -36,4 +36,4 @@ def line(row: Row) -> str:
     because = f" ({row.reason})" if row.reason and row.demanded != CAPACITIES else ""
     missed = ", ".join(f"{k:,}" for k in row.missed)
     caught = f"not {missed}" if missed else "all" if row.demanded else ""
-    return f"| `{row.stage}` | {row.dimension} | {row.largest:,} | {demanded}{because} | {caught} |"
+    return f"| `{row.operation}` | {row.dimension} | {row.largest:,} | {demanded}{because} | {caught} |"

@@ -19,7 +19,7 @@ END: Final = "<!-- end -->"
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "A column is named as its file. The cell of a stage says how many of its vectors pass, what became of the "
+        "A column is named as its file. The cell of an operation says how many of its vectors pass, what became of the "
         "others, and in parentheses the worst error as a multiple of its bound, in core vectors and, if that is "
         "another, in all. Links lead to the files, and to RESULT.html if that stands beside RESULT.json."
     )

@@ -21,12 +21,12 @@ from conformance.commands import add_selection, add_vectors, count, selection, t
 from conformance.commands.outputs import check_outputs, write_files
 from conformance.diagnosis.failures import Failure
 from conformance.implementations import Implementation, checked_environment
+from conformance.operation import DTYPES
 from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
-from conformance.selection import Selection, VectorFolder, matches
-from conformance.stage import DTYPES
+from conformance.vector_folder import Selection, VectorFolder, matches
 from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
@@ -97,7 +97,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
             def on_result(judged: Judged) -> None:
                 done.append(judged.result)
                 causes.add(judged)
-                display.update(progress_text(judged.result.stage, done), len(done), len(names))
+                display.update(progress_text(judged.result.operation, done), len(done), len(names))
                 if judged.result.outcome in FAULTS and arguments.keep:
                     keep_files(arguments.keep, judged)
                 if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
@@ -148,11 +148,11 @@ def _order_note(seed: int) -> str:
 
 
 def _difference_notes(results: Iterable[Result]) -> Iterator[str]:
-    """The stages of which vectors pass with answers that differ."""
-    found = Counter(result.stage for result in results if result.outcome == "pass" and result.message)
-    for stage, number in found.items():
+    """The operations of which vectors pass with answers that differ."""
+    found = Counter(result.operation for result in results if result.outcome == "pass" and result.message)
+    for operation, number in found.items():
         yield (
-            f"{stage}: {plural(number, 'vector')} gave different answers when asked again, each within what is "
+            f"{operation}: {plural(number, 'vector')} gave different answers when asked again, each within what is "
             f"allowed: an order of summation that changes from run to run does that"
         )
 
@@ -165,7 +165,7 @@ def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) 
 
 
 class Causes:
-    """Collects what the search for causes needs, stage by stage, and finds them."""
+    """Collects what the search for causes needs, operation by operation, and finds them."""
 
     def __init__(self) -> None:
         self._failures: defaultdict[str, list[Failure]] = defaultdict(list)
@@ -175,11 +175,13 @@ class Causes:
 
     def add(self, judged: Judged) -> None:
         """Take note of a vector."""
-        name = judged.vector.stage.name
+        name = judged.vector.operation.name
         if judged.result.outcome == "pass":
             self._passed[name].append(judged.vector)
         elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
-            before = {port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.stage.outputs}
+            before = {
+                port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.operation.outputs
+            }
             self._failures[name].append(Failure(judged.vector, judged.outputs, before))
         elif judged.result.outcome in ("error", "crash"):
             self._errors[name].append(judged.vector)
@@ -189,37 +191,37 @@ class Causes:
         """Keep what buffers would hold now that no vector clears: each output over the one before."""
         for name, value in (judged.outputs or {}).items():
             if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-                key, flat = (judged.vector.stage.name, name), value.ravel()
+                key, flat = (judged.vector.operation.name, name), value.ravel()
                 beyond = self._buffers.get(key, NOTHING)[flat.size :]
                 self._buffers[key] = np.concatenate([flat, beyond]) if beyond.size else flat
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""
-        from conformance.diagnosis import EXAMINED, bugs_for, diagnose, examined
+        from conformance.diagnosis import EXAMINED, diagnose, examined, mutants_for
 
         causes: dict[str, list[str]] = {}
         notes = []
-        for stage in dict.fromkeys([*self._failures, *self._errors]):
-            failures = self._failures[stage]
-            causes |= diagnose(failures, self._passed[stage], self._errors[stage])
+        for operation in dict.fromkeys([*self._failures, *self._errors]):
+            failures = self._failures[operation]
+            causes |= diagnose(failures, self._passed[operation], self._errors[operation])
             seen = [failure.vector for failure in examined(failures)]
             if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
-                tried = len({bug.name for vector in open_ones for bug in bugs_for(vector)})
+                tried = len({mutant.name for vector in open_ones for mutant in mutants_for(vector)})
                 notes.append(
-                    f"{stage}: no known bug gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
+                    f"{operation}: no mutant gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
                     f"gave ({tried} tried)"
                 )
             if len(failures) > EXAMINED:
                 notes.append(
-                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {stage}, of all sizes"
+                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {operation}, of all sizes"
                 )
         return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
 
 
 def _right_types(judged: Judged) -> bool:
-    """Whether arrays have the types that they must have; if not, that is told, and no bug is looked for behind it."""
+    """Whether arrays have the types that they must have; if not, that is told, and no cause is looked for behind it."""
     given = judged.outputs or {}
-    mine = {port: given.get(port.name) for port in judged.vector.stage.outputs if port.type in DTYPES}
+    mine = {port: given.get(port.name) for port in judged.vector.operation.outputs if port.type in DTYPES}
     return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))
 
 

@@ -1,4 +1,4 @@
-"""``list``: show the stages or the cases."""
+"""``list``: show the operations or the cases."""
 
 import json
 from argparse import ArgumentParser, Namespace
@@ -8,8 +8,8 @@ from typing import Any
 
 from conformance.case import Case, cases
 from conformance.commands import add_selection, add_vectors, put_between, selection
-from conformance.selection import Selection, VectorFolder
-from conformance.stage import Port, Stage, stages
+from conformance.operation import Operation, Port, operations
+from conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref.cli.text import print_json, show
 from gsvc_ref.errors import UsageError
 
@@ -23,10 +23,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_selection(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--cases", action="store_true", help="the cases, each with its title; so does --flag")
-    form.add_argument("--json", action="store_true", help="stages and cases as JSON")
+    form.add_argument("--json", action="store_true", help="operations and cases as JSON")
     form.add_argument(
         "--markdown", nargs="?", type=Path, const=Path("-"), metavar="FILE",
-        help="the table of stages in Markdown; with FILE, put it between the markers of that file",
+        help="the table of operations in Markdown; with FILE, put it between the markers of that file",
     )  # fmt: skip
 
 
@@ -49,7 +49,7 @@ def run(arguments: Namespace) -> int:
             show(*(f"{case.id}: {case.title}" for case in listed))
         else:
             checks = checks_of(arguments.vectors)
-            objects = {"stages": [_stage_object(stage, checks) for stage in stages().values()],
+            objects = {"operations": [_operation_object(operation, checks) for operation in operations().values()],
                        "cases": [_case_object(case) for case in listed]}  # fmt: skip
             print_json(objects)
     else:
@@ -57,21 +57,21 @@ def run(arguments: Namespace) -> int:
     return 0
 
 
-def _selected(chosen: Selection, folder: Path) -> Iterable[Stage]:
-    """The stages that are selected, or of which vectors are."""
-    names = set(stages())
+def _selected(chosen: Selection, folder: Path) -> Iterable[Operation]:
+    """The operations that are selected, or of which vectors are."""
+    names = set(operations())
     if chosen.levels or chosen.patterns or chosen.of_manifests:
         names = {name.split("/")[1] for name in VectorFolder(folder).select(chosen)}
-    for stage in stages().values():
-        there = stage.name in (chosen.stages or names) and stage.name in names
-        if there and (not chosen.groups or stage.group in chosen.groups):
-            yield stage
+    for operation in operations().values():
+        there = operation.name in (chosen.operations or names) and operation.name in names
+        if there and (not chosen.groups or operation.group in chosen.groups):
+            yield operation
 
 
-def _lines(shown: Iterable[Stage]) -> Iterable[str]:
-    for stage in shown:
-        yield f"{stage.name} ({stage.group}): {stage.title}"
-        yield f"    ({'; '.join(map(port_text, stage.inputs))}) -> {'; '.join(map(port_text, stage.outputs))}"
+def _lines(shown: Iterable[Operation]) -> Iterable[str]:
+    for operation in shown:
+        yield f"{operation.name} ({operation.group}): {operation.title}"
+        yield f"    ({'; '.join(map(port_text, operation.inputs))}) -> {'; '.join(map(port_text, operation.outputs))}"
 
 
 def port_text(port: Port) -> str:
@@ -80,38 +80,47 @@ def port_text(port: Port) -> str:
 
 
 def checks_of(folder: Path) -> Mapping[tuple[str, str], set[str]]:
-    """The classes of checks of each stage's outputs among the vectors of a folder; none where there are no vectors."""
+    """The classes of checks of each operation's outputs among the vectors of a folder; empty without vectors."""
     found: dict[tuple[str, str], set[str]] = {}
     for path in folder.glob("*/*/*/manifest.json"):
         manifest = json.loads(path.read_text(encoding="utf-8"))
         for name, entry in manifest["outputs"].items():
-            found.setdefault((manifest["stage"], name), set()).add(entry["check"])
+            found.setdefault((manifest["operation"], name), set()).add(entry["check"])
     return found
 
 
 def markdown(folder: Path) -> str:
-    """The table of all stages; the checks are those of a folder's vectors."""
+    """The table of all operations; the checks are those of a folder's vectors."""
     checks = checks_of(folder)
-    lines = ["| stage | class | inputs | outputs: check |", "|---|---|---|---|"]
-    for stage in stages().values():
-        inputs = "<br>".join(f"`{port_text(port)}`" for port in stage.inputs)
+    lines = ["| operation | class | inputs | outputs: check |", "|---|---|---|---|"]
+    for operation in operations().values():
+        inputs = "<br>".join(f"`{port_text(port)}`" for port in operation.inputs)
         outputs = "<br>".join(
-            f"`{port_text(port)}`: {', '.join(sorted(checks.get((stage.name, port.name), ())))}"
-            for port in stage.outputs
+            f"`{port_text(port)}`: {', '.join(sorted(checks.get((operation.name, port.name), ())))}"
+            for port in operation.outputs
         )
         lines.append(
-            f"| `{stage.name}`: {stage.title} | {stage.group} | {inputs} | {outputs} |".replace("u1|u2", "u1\\|u2")
+            f"| `{operation.name}`: {operation.title} | {operation.group} | {inputs} | {outputs} |".replace(
+                "u1|u2", "u1\\|u2"
+            )
         )
     return "\n".join(lines)
 
 
-def _stage_object(stage: Stage, checks: Mapping[tuple[str, str], set[str]]) -> dict[str, Any]:
+def _operation_object(operation: Operation, checks: Mapping[tuple[str, str], set[str]]) -> dict[str, Any]:
     def port(entry: Port) -> dict[str, Any]:
         return {"name": entry.name, "type": entry.type, "shape": entry.shape}
 
-    outputs = [{**port(out), "checks": sorted(checks.get((stage.name, out.name), ()))} for out in stage.outputs]
-    return {"name": stage.name, "class": stage.group, "title": stage.title, "inputs": [port(p) for p in stage.inputs],
-            "outputs": outputs, "equations": stage.equations, "rules": stage.rules}  # fmt: skip
+    outputs = [{**port(out), "checks": sorted(checks.get((operation.name, out.name), ()))} for out in operation.outputs]
+    return {
+        "name": operation.name,
+        "class": operation.group,
+        "title": operation.title,
+        "inputs": [port(p) for p in operation.inputs],
+        "outputs": outputs,
+        "equations": operation.equations,
+        "rules": operation.rules,
+    }
 
 
 def _case_object(case: Case) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""``mutants``: check the suite itself: every named bug must be found by a vector."""
+"""``mutants``: check the suite itself: every mutant must be found by a vector."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from conformance.commands import add_selection, add_vectors, selection
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import Vector
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "A mutant is the decoder inside spec.md with one bug. Exit code 1: one of them survives all vectors. With a "
-        "selection, only those count that change what its vectors run and that no other vector says to find."
+        "A mutant is the decoder inside spec.md with one mistake. Exit code 1: one of them survives all vectors. "
+        "With a selection, only those count that change what its vectors run and that no other vector says to find."
     )
     add_vectors(parser)
     add_selection(parser)
@@ -40,14 +40,12 @@ def run(arguments: Namespace) -> int:
     UsageError
         No mutant has such a name, or none changes what the selected vectors run.
     """
-    from conformance.mutants import all_mutants
+    from conformance.mutants import MUTANTS
 
     patterns = arguments.mutant or ["*"]
-    mutants = [m for m in all_mutants() if any(fnmatchcase(m.name, pattern) for pattern in patterns)]
+    mutants = [m for m in MUTANTS if any(fnmatchcase(m.name, pattern) for pattern in patterns)]
     if not mutants:
-        raise UsageError(
-            f"no mutant is called {' or '.join(patterns)}; there are {plural(len(all_mutants()), 'mutant')}"
-        )
+        raise UsageError(f"no mutant is called {' or '.join(patterns)}; there are {plural(len(MUTANTS), 'mutant')}")
     folder = VectorFolder(arguments.vectors)
     names = folder.select(selection(arguments))
     vectors = list(folder.read(names))
@@ -95,7 +93,7 @@ def runs(vector: Vector) -> frozenset[str]:
     """The functions of spec.md that a vector runs: only mutants of these can answer it differently."""
     from conformance.mutants import called
 
-    return called(vector.stage, vector.inputs)
+    return called(vector.operation, vector.inputs)
 
 
 def describe(found: dict[str, list[str]]) -> list[str]:

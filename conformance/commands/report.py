@@ -11,7 +11,7 @@ from conformance.report.console import describe, last_line
 from conformance.report.json import read
 from conformance.report.pictures import PictureBook
 from conformance.results import Report
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
@@ -52,7 +52,7 @@ def _pictures(report: Report, kept: Path, vectors: Path) -> PictureBook:
     book = PictureBook()
     for vector in VectorFolder(vectors).read(list(results)):
         try:
-            outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.stage.outputs}
+            outputs = {port.name: read_output(kept / vector.id / "out", port) for port in vector.operation.outputs}
         except ValueError as error:
             raise UsageError(f"{kept / vector.id / 'out'}: {error}; keep the outputs again") from None
         book.add(vector, outputs, results[vector.id])

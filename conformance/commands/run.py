@@ -18,11 +18,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         "1: something is wrong; 2: nothing was judged."
     )
     which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD STAGE IN_DIR OUT_DIR")
+    which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD OPERATION IN_DIR OUT_DIR")
     which.add_argument(
         "--module",
         metavar="NAME",
-        help="a Python module (mine, not mine.py) with functions named as the stages; from the current folder, "
+        help="a Python module (mine, not mine.py) with functions named as the operations; from the current folder, "
         "installed, or in PYTHONPATH",
     )
     which.add_argument("--reference", action="store_true", help="gsvc_ref itself")

@@ -5,8 +5,8 @@ from collections import Counter
 from importlib import import_module
 
 from conformance.commands import add_vectors
-from conformance.selection import ALL_LEVELS, VectorFolder
-from conformance.stage import stages
+from conformance.operation import operations
+from conformance.vector_folder import ALL_LEVELS, VectorFolder
 from conformance.vectors import set_hash
 from gsvc_ref.cli.text import plural, show, table
 
@@ -33,9 +33,9 @@ def run(arguments: Namespace) -> int:
 
 
 def counts(names: list[str]) -> list[str]:
-    """A table of vectors by stage and level."""
+    """A table of vectors by operation and level."""
     count = Counter(tuple(name.split("/")[:2]) for name in names)
     levels = [level for level in ALL_LEVELS if any(key[0] == level for key in count)]
-    rows = [[name, *(str(count[level, name] or "") for level in levels)] for name in stages()]
+    rows = [[name, *(str(count[level, name] or "") for level in levels)] for name in operations()]
     total = ["all", *(str(sum(n for key, n in count.items() if key[0] == level)) for level in levels)]
-    return table(["stage", *levels], [*rows, total])
+    return table(["operation", *levels], [*rows, total])

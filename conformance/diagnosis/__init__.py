@@ -1,8 +1,8 @@
 """What wrong outputs look like: a diagnosis that says what it can tell, and nothing else.
 
-The generic looks come first, since they need to know no bug: an output that nothing was written to, what the vector
+The generic looks come first, since they need to know no mutant: an output that nothing was written to, what the vector
 before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
-the catalogue of known bugs is asked, both ways. Where neither says anything, it is told where the errors are.
+the catalogue of mutants is asked, both ways. Where neither says anything, it is told where the errors are.
 """
 
 import math
@@ -12,21 +12,21 @@ from typing import Final
 import numpy as np
 
 from conformance.diagnosis import catalogue
-from conformance.diagnosis.catalogue import bugs_for
+from conformance.diagnosis.catalogue import mutants_for
 from conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from conformance.diagnosis.looks import Look, generic_looks
 from conformance.diagnosis.places import common_condition, output_sentence
 from conformance.diagnosis.ratios import spread
 from conformance.diagnosis.streams import kind_sentence, refusal_sentence
-from conformance.diagnosis.verdicts import bugs_by_verdicts
+from conformance.diagnosis.verdicts import mutants_by_verdicts
 from conformance.expectations import Bounded, Exact, Refusal
-from conformance.stage import input_size
+from conformance.operation import input_size
 from conformance.vectors import Vector
 
-__all__ = ["EXAMINED", "VAGUE", "Failure", "bugs_for", "diagnose", "examined"]
+__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "mutants_for"]
 
 EXAMINED: Final = 12
-"""Failures of a stage that are looked at, from the smallest inputs to the largest."""
+"""Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """How sentences begin that say where errors are, not what they are."""
@@ -67,16 +67,16 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
 def diagnose(
     failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
 ) -> dict[str, list[str]]:
-    """What the failures of one stage look like.
+    """What the failures of one operation look like.
 
     Parameters
     ----------
     failures
-        All of the stage; those that `examined` chooses are looked at.
+        All of the operation; those that `examined` chooses are looked at.
     passed
-        Vectors of the stage that were answered rightly.
+        Vectors of the operation that were answered rightly.
     errors
-        Vectors of the stage that ended with an error.
+        Vectors of the operation that ended with an error.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def diagnose(
         return {failure.vector.id: [kind] for failure in chosen}
     common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
     open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
-    alike = bugs_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
     told = {
         failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
@@ -108,9 +108,9 @@ def _simplest(errors: Sequence[Vector]) -> str:
     return f"every vector ends with an error, the smallest too, which is {first.id}"
 
 
-def _told(failure: Failure, look: Look, bugs: list[str], common: str) -> list[str]:
+def _told(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
     """The sentences of one failure: what it is, or at least where."""
-    told = [*look.strong[:2], *bugs]
+    told = [*look.strong[:2], *mutants]
     if not told:
         found = parts(failure)
         compared = found if len(found) == len(wrong_outputs(failure.vector, failure.outputs)) else []

@@ -10,7 +10,7 @@ from conformance import spec
 from conformance.diagnosis.failures import Array, Failure, Part, wrong_outputs
 from conformance.diagnosis.regions import Candidate
 from conformance.mutants import time_limit
-from conformance.stage import Values
+from conformance.operation import Values
 from conformance.vectors import Vector
 
 Change = Callable[[Mapping[str, Any]], Mapping[str, Any]]
@@ -70,18 +70,19 @@ def _equal_arrays(theirs: Any, mine: Any) -> bool:
 def _trials(vector: Vector) -> list[tuple[str, Values]]:
     """What the code of spec.md gives for each altered input of a vector that it can take."""
     tried = [
-        (sentence, _outputs(vector.stage.name, vector.inputs, change)) for sentence, change in _changes(vector.inputs)
+        (sentence, _outputs(vector.operation.name, vector.inputs, change))
+        for sentence, change in _changes(vector.inputs)
     ]
     return [(sentence, theirs) for sentence, theirs in tried if theirs is not None]
 
 
-def _outputs(stage: str, inputs: Values, change: Change) -> Values | None:
+def _outputs(operation: str, inputs: Values, change: Change) -> Values | None:
     try:
         with np.errstate(all="ignore"), time_limit(SECONDS):
             new = change(inputs)
             if all(_equal(new[name], inputs[name]) for name in new):
                 return None
-            given: Values = spec.namespace()[stage](**{**inputs, **new})
+            given: Values = spec.namespace()[operation](**{**inputs, **new})
             return given
     except Exception:  # what the code of spec.md makes of such inputs is its own affair
         return None

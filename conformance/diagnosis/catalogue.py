@@ -1,9 +1,9 @@
-"""Known bugs that an implementation looks like, asked both ways.
+"""Mutants that an implementation looks like, asked both ways.
 
-A bug *explains* a failure if it gives nearly all elements that are wrong, and nearly all elements that it gets wrong
-were given. Small numbers agree by chance, so a bug must fit the whole stage: one that would fail vectors that the
-implementation passes fits badly. Where a failure is only a refusal or a few wrong elements, bugs that have nothing in
-common agree: then it is told that they end in the same refusal, not that one of them is there.
+A mutant *explains* a failure if it gives nearly all elements that are wrong, and nearly all elements that it gets wrong
+were given. Small numbers agree by chance, so a mutant must fit the whole operation: one that would fail vectors that
+the implementation passes fits badly. Where a failure is only a refusal or a few wrong elements, mutants that have
+nothing in common agree: then the report says that they end in the same refusal, not that one of them is there.
 """
 
 from collections import Counter
@@ -15,58 +15,58 @@ import numpy as np
 
 from conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
 from conformance.expectations import Exact, Refusal
-from conformance.mutants import Mutant, all_mutants, answer, called
-from conformance.stage import Values
+from conformance.mutants import MUTANTS, Mutant, answer, called
+from conformance.operation import Values
 from conformance.vectors import Vector
 
 MIN_FIT: Final = 0.5
-"""Bugs that fit the stage worse are not named."""
+"""Minimum fit of a mutant that is named."""
 
 MIN_FIT_OF_FEW: Final = 0.9
-"""The same of bugs that explain only failures that tell little."""
+"""Minimum fit of mutants that explain only failures that tell little."""
 
 FEW: Final = 4
-"""So few wrong elements tell little."""
+"""Number of wrong elements below which a failure tells little."""
 
 LARGE: Final = 2**20
-"""An integer of so much, such as a checksum, agrees with nothing by chance."""
+"""An integer of this size, such as a checksum, agrees with nothing by chance."""
 
 MOST: Final = 2
-"""So many bugs are named."""
+"""Maximum number of mutants that are named."""
 
 MAX_ALIKE: Final = 4
-"""So many bugs that cannot be told apart are named."""
+"""Maximum number of mutants named of those that a failure does not tell apart."""
 
 PAIRED: Final = 3
-"""Failures that no bug explains for which pairs of bugs are tried."""
+"""Maximum number of unexplained failures for which pairs of mutants are tried."""
 
 FIRST_OF_PAIR: Final = 2
-"""So many bugs, those that give most, are tried together with each other one."""
+"""Number of mutants, those that give most, that are tried in pairs with all others."""
 
 MIN_WRONG: Final = 20
-"""Wrong elements that a pair must explain: fewer agree with one of so many by chance."""
+"""Minimum number of wrong elements that a pair must explain: fewer agree with one of many pairs by chance."""
 
 MISSING: Final = 2
-"""Failures of which nothing but a part is missing that a bug must explain: a part may be missing for many reasons."""
+"""Minimum number of failures by a missing part that a mutant must explain: a part is missing for many reasons."""
 
-ALIKE: Final = "the same refusal as with known bugs"
-"""Begins what is said of a refusal that says no more."""
+ALIKE: Final = "the same refusal as with mutants"
+"""Beginning of the sentence about a refusal that says no more."""
 
 CAPACITY: Final = "capacity"
-"""The flag of vectors that are too large for bugs to be tried on them."""
+"""The flag of vectors that are too large for mutants to be tried on them."""
 
 
 def named(
     failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()
 ) -> dict[str, list[str]]:
-    """Sentences of the bugs that the failures of one stage look like, by the id of a vector; at most two each.
+    """Sentences of the mutants that the failures of one operation look like, by the id of a vector; at most two each.
 
     Parameters
     ----------
     failures, passed
         As those of `diagnose`.
     accounted
-        Ids of failures for which no two bugs at once are tried, since something else accounts for them.
+        Ids of failures for which no two mutants at once are tried, since something else accounts for them.
     """
     passed = list(passed)
     found = {failure.vector.id: _explanations(failure) for failure in failures}
@@ -97,11 +97,11 @@ def named(
 
 
 def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterable[Vector]) -> dict[Mutant, float]:
-    """Of the vectors that a bug would fail, the fraction that it explains."""
+    """The fraction that each mutant explains of the vectors that it would fail."""
     vectors = [*passed, *(failure.vector for failure in failures)]
     foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
     return {
-        mutant: number / max(number, foreseen[mutant.name])  # of two bugs at once nothing is foreseen
+        mutant: number / max(number, foreseen[mutant.name])  # of two mutants at once nothing is foreseen
         for mutant, number in explained.items()
     }
 
@@ -140,12 +140,12 @@ def _missing_part(failure: Failure) -> bool:
 
 
 def _best(ranked: Sequence[Mutant], fit: Mapping[Mutant, float]) -> list[str]:
-    """The sentences of the bugs that fit about as well as the first."""
+    """The sentences of the mutants that fit about as well as the first."""
     return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
 
 
 def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
-    """What is said of bugs that a failure, or an error without outputs, does not tell apart."""
+    """The sentence about mutants that a failure, or an error without outputs, does not tell apart."""
     if not sentences:
         return []
     refused = failure is not None and any(
@@ -158,33 +158,33 @@ def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
     which = "; ".join(sentences[:MAX_ALIKE]) + others
     if refused:
         return [f"{ALIKE}, which need not be yours: {which}"]
-    return [f"one of {len(sentences)} known bugs not told apart here, or another one: {which}"]
+    return [f"one of {len(sentences)} mutants not told apart here, or another one: {which}"]
 
 
 def _explanations(failure: Failure) -> list[Mutant]:
-    """The bugs that explain one failure; where none refuses at the same bit, those that name the same rule."""
+    """The mutants that explain one failure; where none refuses at the same bit, those that name the same rule."""
     vector, outputs, _ = failure
     texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
     for told in (outputs, {**outputs, **texts}):
-        found = [mutant for mutant in bugs_for(vector) if _share(vector, told, mutant) >= EXPLAINED]
+        found = [mutant for mutant in mutants_for(vector) if _share(vector, told, mutant) >= EXPLAINED]
         if found or not texts:
             return found
     return []
 
 
-def bugs_for(vector: Vector) -> list[Mutant]:
-    """The bugs that a vector can show: those that it is known to find, or all that it leads to; none of a large one."""
+def mutants_for(vector: Vector) -> list[Mutant]:
+    """The mutants that a vector can show: those it is known to find, else all that it reaches; none if it is large."""
     if CAPACITY in vector.manifest.get("flags", ()):
         return []
     kills = vector.manifest.get("kills")
     if kills is not None:
-        return [mutant for mutant in all_mutants() if mutant.name in kills]
-    run = called(vector.stage, vector.inputs)
-    return [mutant for mutant in all_mutants() if run & mutant.touched()]
+        return [mutant for mutant in MUTANTS if mutant.name in kills]
+    run = called(vector.operation, vector.inputs)
+    return [mutant for mutant in MUTANTS if run & mutant.touched()]
 
 
 def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> None:
-    """Name two bugs together for failures that no one of them explains."""
+    """Name two mutants together for failures that none of them alone explains."""
     pairs: list[Mutant] = []
     for vector, outputs, _ in failures:
         these = [pair for pair in pairs if _share(vector, outputs, pair) >= EXPLAINED]
@@ -195,12 +195,12 @@ def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> 
 
 
 def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
-    """The pairs of bugs that explain a failure, the best first."""
+    """The pairs of mutants that explain a failure, the best first."""
     wrong = sum(count(vector.expected[name], outputs.get(name)) for name in wrong_outputs(vector, outputs))
     if wrong < MIN_WRONG:
         return []
-    bugs = sorted(bugs_for(vector), key=lambda bug: -_share(vector, outputs, bug))
-    tried = [_both(a, b) for place, a in enumerate(bugs[:FIRST_OF_PAIR]) for b in bugs[place + 1 :]]
+    mutants = sorted(mutants_for(vector), key=lambda mutant: -_share(vector, outputs, mutant))
+    tried = [_both(a, b) for place, a in enumerate(mutants[:FIRST_OF_PAIR]) for b in mutants[place + 1 :]]
     shares = {pair: _share(vector, outputs, pair) for pair in tried}
     return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
 
@@ -210,21 +210,21 @@ def _both(a: Mutant, b: Mutant) -> Mutant:
 
 
 def gives(mutant: Mutant, failure: Failure) -> bool:
-    """Whether a bug explains a failure."""
+    """Whether a mutant explains a failure."""
     return _share(failure.vector, failure.outputs, mutant) >= EXPLAINED
 
 
 def crashes(mutant: Mutant, vector: Vector) -> bool:
-    """Whether a bug ends with an error."""
+    """Whether a mutant ends with an error."""
     return _answer(mutant, vector) is None
 
 
 def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
-    """How far a bug gives what was given, both ways."""
+    """The share of wrong elements that a mutant and the implementation have in common, both ways."""
     theirs = _answer(mutant, vector)
     return 0.0 if theirs is None else share(vector, outputs, theirs)
 
 
 @lru_cache(maxsize=4096)
 def _answer(mutant: Mutant, vector: Vector) -> Values | None:
-    return answer(mutant, vector.stage, vector.inputs)
+    return answer(mutant, vector.operation, vector.inputs)

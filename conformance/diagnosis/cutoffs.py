@@ -55,9 +55,9 @@ CUTOFFS: Final[tuple[tuple[str, Keeps], ...]] = (
 def cutoff_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     """Which other end of the support gives a wrong sum, frame or gradient."""
     inputs = failure.vector.inputs
-    if (part.stage.name, part.name) not in OF_STAGES or not part.right.size:
+    if (part.operation.name, part.name) not in OF_OPERATIONS or not part.right.size:
         return
-    make = OF_STAGES[part.stage.name, part.name]
+    make = OF_OPERATIONS[part.operation.name, part.name]
     with np.errstate(all="ignore"):
         if part.name != "gradients" and (blended := _blended(inputs, part)) is not None and part.agrees(blended):
             yield Candidate("splats blended front to back with a transmittance, in place of added")
@@ -128,9 +128,9 @@ def _gradients(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Par
     return part.at(chosen), np.array(rows)
 
 
-OF_STAGES: Final[Mapping[tuple[str, str], Callable[..., tuple[Part, F8] | None]]] = {
+OF_OPERATIONS: Final[Mapping[tuple[str, str], Callable[..., tuple[Part, F8] | None]]] = {
     ("render_sum", "sum"): _sum,
     ("render_frame", "frame"): _sum,
     ("render_gradients", "gradients"): _gradients,
 }
-"""By stage and output."""
+"""By operation and output."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
-from conformance.stage import Stage, Values
+from conformance.operation import Operation, Values
 from conformance.vectors import Vector
 
 Array = NDArray[Any]
@@ -19,7 +19,7 @@ EXPLAINED: Final = 0.9
 """Fraction of the wrong elements that an account must give, and of its own that must have been given."""
 
 NEARNESS: Final = 0.25
-"""An element is given by a bug if it is so many times nearer to the bug's answer than to the right one."""
+"""An element is given by a mutant if it is this many times nearer to the mutant's answer than to the right one."""
 
 SLACK: Final = 4.0
 """Bounds from a number that was computed otherwise, within which it is taken for the same."""
@@ -42,7 +42,7 @@ class Part:
 
     Attributes
     ----------
-    stage, name
+    operation, name
         Whose output it is.
     right, mine
         What is expected and what was given.
@@ -54,7 +54,7 @@ class Part:
         As they are.
     """
 
-    stage: Stage
+    operation: Operation
     name: str
     right: F8
     mine: F8
@@ -107,7 +107,7 @@ def parts(failure: Failure) -> list[Part]:
         right = expectation.value.astype(np.float64)
         found.append(
             Part(
-                failure.vector.stage,
+                failure.vector.operation,
                 name,
                 right,
                 given.astype(np.float64),
@@ -157,10 +157,10 @@ def count(expectation: Expectation, mine: Any) -> int:
 
 
 def share(vector: Vector, outputs: Values, theirs: Values) -> float:
-    """How far a bug's outputs are those that were given, asked both ways, in the output of which least is.
+    """How far a mutant's outputs are those that were given, asked both ways, in the output of which least is.
 
-    The one way it is the fraction of the wrong elements that the bug gives, the other way the fraction of what the bug
-    gets wrong that was given: a bug that spoils much explains nothing of which only a part is spoiled.
+    The one way it is the fraction of the wrong elements that the mutant gives, the other way the fraction of what the
+    mutant gets wrong that was given: a mutant that spoils much explains nothing of which only a part is spoiled.
     """
     mine_wrong, theirs_wrong = wrong_outputs(vector, outputs), wrong_outputs(vector, theirs)
     if not mine_wrong:

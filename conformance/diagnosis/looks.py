@@ -35,7 +35,7 @@ Key = tuple[str, str]
 
 @dataclass
 class Look:
-    """What is told of one failure: accounts of all that is wrong, and mere places; `whole` if no bug need be asked."""
+    """What a failure looks like: accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
 
     strong: list[str] = field(default_factory=list)
     weak: list[str] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Look:
 
 
 def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, Look]:
-    """What the failures of one stage look like without a bug in mind, by the id of a vector."""
+    """What the failures of one operation look like without a mutant in mind, by the id of a vector."""
     told = {failure.vector.id: Look() for failure in failures}
     empty = _empty(failures, passed)
     strong: dict[Key, list[Candidate]] = {}
@@ -92,14 +92,14 @@ def _by_vector(chosen: dict[Key, str], wrong: dict[Key, Part]) -> Iterator[tuple
     for (name, output), sentence in chosen.items():
         homes[name, sentence].append(output)
     for (name, sentence), outputs in homes.items():
-        several = len(next(part for key, part in wrong.items() if key[0] == name).stage.outputs) > 1
+        several = len(next(part for key, part in wrong.items() if key[0] == name).operation.outputs) > 1
         everywhere = len(outputs) == sum(key[0] == name for key in wrong) > 1
         yield name, f"{sentence} (of {', '.join(outputs)})" if several and not everywhere else sentence
 
 
 def _accounts(failure: Failure, part: Part) -> Iterator[Candidate]:
     """Accounts of all that is wrong in one output, the simplest first; of the first kind that has any."""
-    names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
+    names = columns(part.operation, part.name, part.right.shape[-1] if part.right.ndim else None)
     if found := list(stale_candidates(failure, part)):
         yield from found
         return

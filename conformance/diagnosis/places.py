@@ -8,7 +8,7 @@ import numpy as np
 
 from conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, wrong_outputs
 from conformance.diagnosis.regions import Candidate, content
-from conformance.stage import Values
+from conformance.operation import Values
 from conformance.vectors import Vector
 
 Conditions = Iterator[tuple[str, Any]]
@@ -33,7 +33,7 @@ def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
     if not shape or part.wrong.all():
         return
     with np.errstate(all="ignore"):
-        for words, met in _conditions(part.stage.name, part.name, failure.vector.inputs, part):
+        for words, met in _conditions(part.operation.name, part.name, failure.vector.inputs, part):
             mask = _spread(np.asarray(met), shape)
             if mask is None or not 0 < mask.mean() <= COMMON or not mask[part.wrong].all():
                 continue
@@ -58,8 +58,8 @@ def _spread(met: Any, shape: tuple[int, ...]) -> Mask | None:
     return None
 
 
-def _conditions(stage: str, output: str, inputs: Mapping[str, Any], part: Part) -> Conditions:
-    yield from OF_STAGES.get(stage, _nothing)(inputs)
+def _conditions(operation: str, output: str, inputs: Mapping[str, Any], part: Part) -> Conditions:
+    yield from OF_OPERATIONS.get(operation, _nothing)(inputs)
     right = part.right
     if right.min() < 0:
         yield "where the right number is negative", right < 0
@@ -146,7 +146,7 @@ def _weights(inputs: Mapping[str, Any]) -> Conditions:
     yield "in splats with a negative weight", inputs["values"][:, 8] < 0
 
 
-OF_STAGES: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = {
+OF_OPERATIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = {
     "render_gradients": _splats, "scale_parameters": _splats, "to_frame": _samples, "to_frame_deterministic": _samples,
     "adan_step": _rows, "lsq_quantize": _lsq, "lsq_gradients": _lsq, "from_half": _halves, "to_half": _halves,
     "loss": _losses, "weighted_parameters": _weights, "weighted_gradients": _weights,
@@ -154,7 +154,7 @@ OF_STAGES: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = {
 
 
 def output_sentence(vector: Vector, outputs: Values) -> str:
-    """Which outputs of several are wrong; '' if all or the stage has one."""
+    """Which outputs of several are wrong; '' if all or the operation has one."""
     wrong = [name for name in wrong_outputs(vector, outputs) if name != "error"]
     right = [name for name in vector.expected if name not in wrong and name != "error"]
     if not wrong or not right:

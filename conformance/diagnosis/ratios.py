@@ -43,7 +43,7 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
         if abs(offset) == 1:
             words = f"one {'more' if offset > 0 else 'less'} than the right ones (counted from another first number?)"
         yield Candidate(f"numbers {words}, everywhere", None, MIN_SINGLE, 0.5)
-    names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
+    names = columns(part.operation, part.name, part.right.shape[-1] if part.right.ndim else None)
     if part.right.ndim == 2 and part.given.dtype.kind == "f" and _row_by_row(part):
         yield Candidate("each row times a factor of its own, the same in all its columns")
     if part.right.ndim < 2 or len(names) != part.right.shape[-1]:

@@ -47,12 +47,12 @@ class Candidate(NamedTuple):
     foresees
         Whether a vector that expects an array would show it, too; None: not known.
     least
-        Of the failures of the stage the fraction that must show it.
+        Of the failures of the operation the fraction that must show it.
     telling
         How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
         number agrees with one of many accounts by chance.
     single
-        Whether it names single terms, which many other bugs spoil in some vector: then most failures must have such.
+        Whether it names single terms, which many other mutants spoil in some vector: then most failures must have such.
     """
 
     sentence: str
@@ -81,9 +81,9 @@ def size_hint(k: int) -> str:
 
 def axes(part: Part) -> list[Axis]:
     """The axes of an output that is no table's columns: its items, and for pictures rows, columns and all pixels."""
-    letters = [letter.upper() for letter in dimensions(part.stage, part.name)]
+    letters = [letter.upper() for letter in dimensions(part.operation, part.name)]
     if not ("H" in letters and "W" in letters):
-        return [_axis(f"{item(part.stage, part.name)}s", lambda s, g: g[0])] if part.right.shape else []
+        return [_axis(f"{item(part.operation, part.name)}s", lambda s, g: g[0])] if part.right.shape else []
     y, x = letters.index("H"), letters.index("W")
     found = [_axis("rows of pixels", lambda s, g: g[y]), _axis("columns of pixels", lambda s, g: g[x])]
     if y > 0:
@@ -233,7 +233,7 @@ def _edges(part: Part, state: str, seen: Mask) -> Iterator[Candidate]:
 
 def column_candidates(part: Part) -> Iterator[Candidate]:
     """The columns or channels that alone are wrong, by name; nothing where all are."""
-    names = columns(part.stage, part.name, part.right.shape[-1] if part.right.ndim else None)
+    names = columns(part.operation, part.name, part.right.shape[-1] if part.right.ndim else None)
     if part.name == "header":
         yield Candidate(f"errors in {', '.join(names[place] for place in np.flatnonzero(part.wrong))} alone")
         return

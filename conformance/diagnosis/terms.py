@@ -53,7 +53,7 @@ class Terms:
 
 def terms_of(failure: Failure, part: Part) -> Terms | None:
     """The terms of a wrong output; None where it is no sum, or too large a one."""
-    make = TERMS.get((part.stage.name, part.name))
+    make = TERMS.get((part.operation.name, part.name))
     with np.errstate(all="ignore"):
         return make(failure.vector.inputs, part) if make else None
 
@@ -212,7 +212,7 @@ TERMS: Final[Mapping[tuple[str, str], Callable[[Mapping[str, Any], Part], Terms 
     ("commitment", "loss"): _commitment,
     ("rendering_work", "work"): _work,
 }
-"""By stage and output."""
+"""By operation and output."""
 
 
 def names_of(noun: str, weights: F8) -> Iterator[str]:

@@ -1,5 +1,5 @@
-/* Two stages behind the process protocol of GSVC's conformance kit (protocol.md), for little-endian machines:
-   cc -O2 -o minimal minimal.c -lm && python -m conformance run --impl ./minimal --stage from_half */
+/* Two operations behind the process protocol of GSVC's conformance kit (protocol.md), for little-endian machines:
+   cc -O2 -o minimal minimal.c -lm && python -m conformance run --impl ./minimal --operation from_half */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -17,7 +17,7 @@ static FILE *open_npy(const char *folder, const char *name, const char *mode) {
     return file;
 }
 
-static struct array read_npy(const char *name) {    /* the stage says what the type is */
+static struct array read_npy(const char *name) {    /* the operation says what the type is */
     FILE *file = open_npy(in_dir, name, "rb");
     unsigned char start[10];                        /* magic, version 1.0, length of the header */
     char header[65536] = "";

@@ -1,6 +1,8 @@
-"""Two stages behind the process protocol of GSVC's conformance kit (protocol.md); `--module` takes the functions alone.
+"""Two operations behind the process protocol of GSVC's conformance kit (protocol.md).
 
-python -m conformance run --impl "python conformance/examples/minimal.py" --stage render_sum
+As `--module` the functions alone would do.
+
+python -m conformance run --impl "python conformance/examples/minimal.py" --operation render_sum
 """
 
 import sys
@@ -31,14 +33,14 @@ def render_sum(parameters: Any, width: int, height: int) -> Values:
     return {"sum": total.astype("<f4")}
 
 
-def main(stage: str, in_dir: str, out_dir: str) -> int:
-    """Read the inputs, call the stage's function, write its outputs."""
+def main(operation: str, in_dir: str, out_dir: str) -> int:
+    """Read the inputs, call the operation's function, write its outputs."""
     functions: dict[str, Callable[..., Values]] = {"from_half": from_half, "render_sum": render_sum}
-    if stage not in functions:
+    if operation not in functions:
         return 77  # not supported
     inputs = {path.stem: np.load(path) for path in Path(in_dir).glob("*.npy")}
     inputs = {name: value.item() if value.ndim == 0 else value for name, value in inputs.items()}
-    for name, value in functions[stage](**inputs).items():
+    for name, value in functions[operation](**inputs).items():
         np.save(Path(out_dir, f"{name}.npy"), value)
     return 0
 

@@ -1,4 +1,4 @@
-"""Several reports beside each other, in Markdown: what was judged where, classes, stages, and speeds."""
+"""Several reports beside each other, in Markdown: what was judged where, classes, operations, and speeds."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from conformance.operation import Group, operations
 from conformance.report.console import conclusion, ratio_text
 from conformance.results import Report, Summary
-from conformance.stage import Group, stages
 from gsvc_ref.errors import UsageError
 
 SPEEDS: Final = "speeds/1"
@@ -47,7 +47,7 @@ def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None
     speeds
         What `read_speeds` gave.
     """
-    parts = [_implementations(entries), *_notes(entries), _classes(entries), _stages(entries)]
+    parts = [_implementations(entries), *_notes(entries), _classes(entries), _operations(entries)]
     if speeds is not None:
         parts += _speeds(entries, speeds)
     return "\n\n".join(parts)
@@ -111,27 +111,28 @@ def _classes(entries: Sequence[Entry]) -> str:
     return table(["class", *(entry.name for entry in entries)], rows)
 
 
-def _stages(entries: Sequence[Entry]) -> str:
-    summaries = [{summary.name: summary for summary in entry.report.stages()} for entry in entries]
+def _operations(entries: Sequence[Entry]) -> str:
+    summaries = [{summary.name: summary for summary in entry.report.operations()} for entry in entries]
     ratios = [core_ratios(entry.report) for entry in entries]
-    names = [name for name in stages() if any(name in summary for summary in summaries)]
+    names = [name for name in operations() if any(name in summary for summary in summaries)]
     columns = list(zip(summaries, ratios, strict=True))
     rows = [
-        [f"`{name}`", *(stage_cell(summary.get(name), core.get(name)) for summary, core in columns)] for name in names
+        [f"`{name}`", *(operation_cell(summary.get(name), core.get(name)) for summary, core in columns)]
+        for name in names
     ]
-    return table(["stage", *(entry.name for entry in entries)], rows)
+    return table(["operation", *(entry.name for entry in entries)], rows)
 
 
 def core_ratios(report: Report) -> dict[str, float]:
-    """The worst error/bound ratio of the core vectors of each stage that has any."""
+    """The worst error/bound ratio of the core vectors of each operation that has any."""
     worst: dict[str, float] = {}
     for result in report.results:
         if result.level == "core" and result.ratio is not None:
-            worst[result.stage] = max(result.ratio, worst.get(result.stage, 0.0))
+            worst[result.operation] = max(result.ratio, worst.get(result.operation, 0.0))
     return worst
 
 
-def stage_cell(summary: Summary | None, core: float | None) -> str:
+def operation_cell(summary: Summary | None, core: float | None) -> str:
     """``82/82 (0.113; 1)``: what passes of how many vectors, what becomes of the others, the worst error/bound ratios.
 
     The first ratio is that of core vectors, the second that of all, if it is another: where a stress vector has a pixel

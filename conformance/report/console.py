@@ -17,7 +17,7 @@ LONGEST: Final = 240
 """Characters of such a line."""
 MAX_CAUSES: Final = 3
 RARE: Final = 0.3
-"""What less of the examined failures of its stages look like is no probable cause."""
+"""What less of the examined failures of its operations look like is no probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
     "failed": ("failed", ""),
@@ -36,7 +36,7 @@ def describe(report: Report, most: int) -> list[str]:
     most
         How many failures to describe.
     """
-    lines = [*runs_on_lines(report), *stage_table(report), ""]
+    lines = [*runs_on_lines(report), *operation_table(report), ""]
     faults = report.simplest_first()
     for result in faults[:most]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
@@ -77,9 +77,9 @@ def cause_lines(report: Report) -> list[str]:
     for result in report.faults:
         for cause in result.causes:
             like.setdefault(cause, []).append(result)
-    failures = Counter(result.stage for result in report.faults if result.outcome == "fail")
-    errors = Counter(result.stage for result in report.faults if result.outcome != "fail" and result.causes)
-    looked = {stage: min(failures[stage], EXAMINED) + errors[stage] for stage in {*failures, *errors}}
+    failures = Counter(result.operation for result in report.faults if result.outcome == "fail")
+    errors = Counter(result.operation for result in report.faults if result.outcome != "fail" and result.causes)
+    looked = {operation: min(failures[operation], EXAMINED) + errors[operation] for operation in {*failures, *errors}}
     explained: set[str] = set()
     lines: list[str] = []
     for cause, results in sorted(like.items(), key=_by_weight):
@@ -88,8 +88,8 @@ def cause_lines(report: Report) -> list[str]:
         if not explained.issuperset(result.id for result in results) and len(lines) < MAX_CAUSES:
             explained.update(result.id for result in results)
             places = [
-                f"{stage}: {count} of {looked[stage]} examined"
-                for stage, count in Counter(result.stage for result in results).items()
+                f"{operation}: {count} of {looked[operation]} examined"
+                for operation, count in Counter(result.operation for result in results).items()
             ]
             lines.append(f"{cause} ({', '.join(places)})")
     return lines
@@ -107,33 +107,33 @@ def refusal_lines(report: Report) -> list[str]:
 def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
     """Causes are told by how many failures look like them; what only says where errors are comes last."""
     cause, results = entry
-    return cause.startswith(VAGUE), -len(results), min(complexity(result.stage) for result in results)
+    return cause.startswith(VAGUE), -len(results), min(complexity(result.operation) for result in results)
 
 
 def _rare(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
     """Whether so few of the failures that were looked at are like this that it is not told of all."""
-    examined = sum(looked[stage] for stage in {result.stage for result in results})
+    examined = sum(looked[operation] for operation in {result.operation for result in results})
     return len(results) < RARE * examined or len(results) < min(2, examined - 1)
 
 
-def stage_table(report: Report) -> list[str]:
-    """Counts and the worst ratio of each stage."""
-    answered, unsupported = folded(report.stages())
+def operation_table(report: Report) -> list[str]:
+    """Counts and the worst ratio of each operation."""
+    answered, unsupported = folded(report.operations())
     rows = [_cells(summary) for summary in answered]
     lines = (
-        table(["stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound"], rows)
+        table(["operation", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound"], rows)
         if rows
         else []
     )
     return [*lines, unsupported] if unsupported else lines
 
 
-def folded(stages: Sequence[Summary]) -> tuple[list[Summary], str]:
-    """The stages of which anything is not unsupported, and a line about the others."""
-    answered = [stage for stage in stages if stage.counts.get("unsupported", 0) < stage.total]
-    others = [stage for stage in stages if stage not in answered]
-    vectors = plural(sum(stage.total for stage in others), "vector")
-    return answered, f"{plural(len(others), 'stage')}: unsupported ({vectors})" if others else ""
+def folded(operations: Sequence[Summary]) -> tuple[list[Summary], str]:
+    """The operations of which anything is not unsupported, and a line about the others."""
+    answered = [operation for operation in operations if operation.counts.get("unsupported", 0) < operation.total]
+    others = [operation for operation in operations if operation not in answered]
+    vectors = plural(sum(operation.total for operation in others), "vector")
+    return answered, f"{plural(len(others), 'operation')}: unsupported ({vectors})" if others else ""
 
 
 def class_table(report: Report) -> list[str]:
@@ -180,12 +180,12 @@ def ratio_text(ratio: float | None) -> str:
     return f"{ratio:.3g}" if math.isfinite(ratio) else "infinite"
 
 
-def progress_text(stage: str, results: Sequence[Result]) -> str:
-    """What the progress line says of the stage that runs."""
-    count = Counter(result.outcome for result in results if result.stage == stage)
+def progress_text(operation: str, results: Sequence[Result]) -> str:
+    """What the progress line says of the operation that runs."""
+    count = Counter(result.outcome for result in results if result.operation == operation)
     wrong = sum(count[outcome] for outcome in FAULTS)
     parts = [f"{count['pass']} pass", f"{wrong} wrong" if wrong else "", plural_unsupported(count["unsupported"])]
-    return f"{stage}: {', '.join(part for part in parts if part)}"
+    return f"{operation}: {', '.join(part for part in parts if part)}"
 
 
 def plural_unsupported(count: int) -> str:

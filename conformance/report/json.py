@@ -64,7 +64,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "classes": [
             {**_summary_object(group), "verdict": group.verdict, "reason": group.reason} for group in report.groups()
         ],
-        "stages": [_summary_object(stage) for stage in report.stages()],
+        "operations": [_summary_object(operation) for operation in report.operations()],
         "results": [_result_object(result) for result in report.results],
     }
 

@@ -10,15 +10,15 @@ NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_xml(report: Report) -> str:
-    """The report: a suite for each stage, a test for each vector; what is unsupported is skipped."""
+    """The report: a suite for each operation, a test for each vector; what is unsupported is skipped."""
     root = ET.Element("testsuites", name="GSVC conformance", tests=str(len(report.results)))
-    for stage in report.stages():
-        suite = ET.SubElement(root, "testsuite", name=stage.name, tests=str(stage.total))
+    for operation in report.operations():
+        suite = ET.SubElement(root, "testsuite", name=operation.name, tests=str(operation.total))
         properties = ET.SubElement(suite, "properties")  # of a suite: the format knows none of the whole
         told = {f"implementation.{name}": value for name, value in report.runs_on.items()}
         for name, value in {**report.environment, **told}.items():
             ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
-        tests = [_test(result, report) for result in report.results if result.stage == stage.name]
+        tests = [_test(result, report) for result in report.results if result.operation == operation.name]
         suite.extend(tests)
         for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
             suite.set(name, str(sum(test.find(kind) is not None for test in tests)))
@@ -28,8 +28,8 @@ def junit_xml(report: Report) -> str:
 
 
 def _test(result: Result, report: Report) -> ET.Element:
-    level, stage, slug = result.id.split("/")
-    test = ET.Element("testcase", classname=f"{level}.{stage}", name=slug, time=f"{result.seconds:.3f}")
+    level, operation, slug = result.id.split("/")
+    test = ET.Element("testcase", classname=f"{level}.{operation}", name=slug, time=f"{result.seconds:.3f}")
     if result.outcome == "pass":
         return test
     wrong = result.outcome in FAULTS

@@ -38,7 +38,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         cards_section(_cards(report)),
         _runs_on(report.runs_on),
         _classes(report.groups()),
-        _stages(report.stages()),
+        _operations(report.operations()),
         _faults(report, pictures or {}),
         _waived(report.results),
         _vectors(report.results),
@@ -72,7 +72,7 @@ def _cards(report: Report) -> list[Figure]:
     count: dict[str, int] = {
         outcome: sum(result.outcome == outcome for result in report.results) for outcome in OUTCOMES
     }
-    ratios = [stage.ratio for stage in report.stages() if stage.ratio is not None]
+    ratios = [operation.ratio for operation in report.operations() if operation.ratio is not None]
     cards = [
         Figure("Vectors", f"{len(report.results):,}", "", report.selection and f"only {report.selection}"),
         Figure("Pass", f"{count['pass']:,}"),
@@ -105,21 +105,23 @@ def _badge(group: Summary) -> str:
     return COLORS.get(str(group.verdict), "other")
 
 
-def _stages(stages: Sequence[Summary]) -> str:
+def _operations(operations: Sequence[Summary]) -> str:
     rows = ""
-    answered, unsupported = folded(stages)
-    for stage in answered:
-        excused = stage.counts.get("waived", 0) + stage.counts.get("skipped", 0)
-        numbers = (stage.total, stage.counts.get("pass", 0), stage.faults, stage.counts.get("unsupported", 0), excused)
+    answered, unsupported = folded(operations)
+    for operation in answered:
+        excused = operation.counts.get("waived", 0) + operation.counts.get("skipped", 0)
+        right, unsupported_ones = (operation.counts.get(outcome, 0) for outcome in ("pass", "unsupported"))
+        numbers = (operation.total, right, operation.faults, unsupported_ones, excused)
         cells = "".join(f"<td>{number or ''}</td>" for number in numbers)
-        mark = ' class="key"' if stage.faults else ""
+        mark = ' class="key"' if operation.faults else ""
         rows += (
-            f'<tr{mark}><td class="text">{html.escape(stage.name)}</td>{cells}<td>{ratio_text(stage.ratio)}</td>'
-            f'<td class="text long">{html.escape(stage.place)}</td></tr>'
+            f'<tr{mark}><td class="text">{html.escape(operation.name)}</td>{cells}'
+            f"<td>{ratio_text(operation.ratio)}</td>"
+            f'<td class="text long">{html.escape(operation.place)}</td></tr>'
         )
-    head = ("stage", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound", "where")
+    head = ("operation", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound", "where")
     others = f"<p>{unsupported}.</p>" if unsupported else ""
-    return f"<h2>Stages</h2>{_table(head, rows, 1) if rows else ''}{others}"
+    return f"<h2>Operations</h2>{_table(head, rows, 1) if rows else ''}{others}"
 
 
 def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:

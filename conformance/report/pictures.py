@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
+from conformance.operation import Values
 from conformance.results import Result
-from conformance.stage import Values
 from conformance.vectors import Vector
 from gsvc_lab.pages.pictures import png_uri
 
@@ -22,8 +22,8 @@ TABLE_COLUMNS: Final = 16
 """A matrix that is no wider than this is a table, such as (N, 8); a wider one is a plane of pixels."""
 FEWEST: Final = 4
 """Of so few numbers the sentence says enough."""
-WORST_OF_STAGE: Final = 3
-"""How many wrong vectors of a stage have pictures."""
+WORST_OF_OPERATION: Final = 3
+"""How many wrong vectors of an operation have pictures."""
 FLATTEST: Final = 8
 """A picture that is more than so many times as wide as high is stretched."""
 
@@ -172,20 +172,20 @@ def _picture(pixels: U1, caption: str) -> Picture:
 
 
 class PictureBook:
-    """The pictures of the worst few wrong vectors of each stage."""
+    """The pictures of the worst few wrong vectors of each operation."""
 
     def __init__(self) -> None:
         self._chosen: dict[str, list[tuple[float, str, list[Picture]]]] = {}
 
     def add(self, vector: Vector, outputs: Values, result: Result) -> None:
-        """Take the pictures of a wrong vector, if it is among the worst of its stage so far."""
-        chosen = self._chosen.setdefault(vector.stage.name, [])
+        """Take the pictures of a wrong vector, if it is among the worst of its operation so far."""
+        chosen = self._chosen.setdefault(vector.operation.name, [])
         ratio = result.ratio or 0.0
-        if len(chosen) < WORST_OF_STAGE or ratio > chosen[-1][0]:
+        if len(chosen) < WORST_OF_OPERATION or ratio > chosen[-1][0]:
             if pictures := pictures_of(vector, outputs, result):
                 chosen.append((ratio, vector.id, pictures))
             chosen.sort(key=lambda entry: -entry[0])
-            del chosen[WORST_OF_STAGE:]
+            del chosen[WORST_OF_OPERATION:]
 
     def pictures(self) -> dict[str, list[Picture]]:
         """By id of the vector."""

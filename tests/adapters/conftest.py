@@ -1,4 +1,4 @@
-"""What all tests of adapters share: judging a module by the vectors of a stage, and what must hold of its source."""
+"""What all tests of adapters share: judging a module by an operation's vectors, and what must hold of its source."""
 
 import ast
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from conformance.implementations import load_module
 from conformance.results import FAULTS
 from conformance.runner import run_suite
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS
 
 ADAPTERS = Path(__file__).parents[2] / "conformance" / "adapters"
@@ -22,11 +22,11 @@ def vector_folder():
 
 @pytest.fixture(scope="session")
 def judge(vector_folder):
-    """judge(module, stage): the results of a module for all vectors of a stage; it fails if one of them is wrong."""
+    """judge(module, operation): the results of a module for all vectors of an operation; it fails if one is wrong."""
 
-    def judged(module, stage):
-        names = [name for name in vector_folder.names if name.split("/")[1] == stage]
-        assert names, f"there are no vectors of {stage}"
+    def judged(module, operation):
+        names = [name for name in vector_folder.names if name.split("/")[1] == operation]
+        assert names, f"there are no vectors of {operation}"
         results = run_suite(load_module(module), vector_folder.read(names))
         wrong = [f"{result.id}: {result.outcome}: {result.message}" for result in results if result.outcome in FAULTS]
         assert not wrong, "\n".join(wrong)

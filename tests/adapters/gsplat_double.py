@@ -21,7 +21,7 @@ import torch
 
 from conformance.implementations import load_module
 from conformance.runner import judge_vector
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS
 
 FAULTS = {
@@ -37,7 +37,7 @@ FAULTS = {
 TILE = 16
 CAP = 256
 PAIRS = 2**22  # of a splat and a pixel at once
-STAGES = ("render_sum", "render_frame", "render_gradients")
+OPERATIONS = ("render_sum", "render_frame", "render_gradients")
 ADAPTER = "conformance.adapters.gsplat_cuda"
 EXPECTED = Path(__file__).parents[2] / "conformance" / "adapters" / "gsplat_cuda" / "expected_failures.json"
 
@@ -253,9 +253,9 @@ def adapter(monkeypatch, mended=(), fused=False):
 
 
 def vectors():
-    """All vectors of the stages that the adapter has."""
+    """All vectors of the operations that the adapter has."""
     folder = VectorFolder(VECTORS)
-    return list(folder.read([name for name in folder.names if name.split("/")[1] in STAGES]))
+    return list(folder.read([name for name in folder.names if name.split("/")[1] in OPERATIONS]))
 
 
 def pairs(vector):

@@ -95,7 +95,7 @@ def test_no_splat_is_black_and_a_degenerate_one_is_none(monkeypatch):
 def test_it_has_only_what_the_rasteriser_has(monkeypatch):
     functions = double.adapter(monkeypatch).functions
     assert [name for name in functions if name.startswith(("render_", "decode_", "reconstruct_"))] == list(
-        double.STAGES
+        double.OPERATIONS
     )
 
 

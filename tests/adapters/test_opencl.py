@@ -9,7 +9,7 @@ cl = pytest.importorskip("pyopencl", reason="pyopencl is one of the extra adapte
 from conformance import spec  # noqa: E402
 from conformance.adapters import opencl  # noqa: E402
 from conformance.adapters.opencl import device, reconstruction, rendering  # noqa: E402
-from conformance.stage import stages  # noqa: E402
+from conformance.operation import operations  # noqa: E402
 from conformance.vectors import VECTORS  # noqa: E402
 
 
@@ -23,7 +23,7 @@ def _has_device():
 pytestmark = pytest.mark.skipif(not _has_device(), reason="there is no OpenCL device, such as that of pocl-opencl-icd")
 
 MODULE = "conformance.adapters.opencl"
-STAGES = sorted(stages().keys() & vars(opencl).keys())
+OPERATIONS = sorted(operations().keys() & vars(opencl).keys())
 
 
 @pytest.fixture
@@ -51,18 +51,18 @@ def small_work_groups(monkeypatch):
         function.cache_clear()
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_vectors(judge, stage):
-    assert all(result.outcome == "pass" for result in judge(MODULE, stage))
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_vectors(judge, operation):
+    assert all(result.outcome == "pass" for result in judge(MODULE, operation))
 
 
-def test_stages_are_exported():
-    assert set(opencl.__all__) == {*STAGES, "environment"}
+def test_operations_are_exported():
+    assert set(opencl.__all__) == {*OPERATIONS, "environment"}
 
 
 def test_the_docstring_names_what_is_missing():
     parsers = {"read_stream", "decode_plane", "encode_plane", "planes_to_frame", "frame_to_planes", "metrics"}
-    missing = stages().keys() - set(STAGES) - parsers
+    missing = operations().keys() - set(OPERATIONS) - parsers
     assert all(f"`{name}`" in opencl.__doc__ for name in missing)
 
 

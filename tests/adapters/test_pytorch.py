@@ -1,4 +1,4 @@
-"""The PyTorch adapter: every stage by the vectors, and what no vector is large enough for."""
+"""The PyTorch adapter: every operation by the vectors, and what no vector is large enough for."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch", reason="PyTorch, of the extra peers, is not
 
 from conformance.adapters import pytorch  # noqa: E402
 from conformance.adapters.pytorch import deterministic, device, quantization, rendering, tiles, training  # noqa: E402
-from conformance.stage import stages  # noqa: E402
+from conformance.operation import operations  # noqa: E402
 
 MODULE = "conformance.adapters.pytorch"
 
@@ -47,9 +47,9 @@ def in_small_parts(monkeypatch):
     monkeypatch.setattr(quantization, "MAX_DISTANCES", 40)
 
 
-@pytest.mark.parametrize("stage", sorted(stages().keys() - MISSING))
-def test_the_vectors_of_a_stage_pass(judge, stage):
-    assert all(result.outcome == "pass" for result in judge(MODULE, stage))
+@pytest.mark.parametrize("operation", sorted(operations().keys() - MISSING))
+def test_the_vectors_of_an_operation_pass(judge, operation):
+    assert all(result.outcome == "pass" for result in judge(MODULE, operation))
 
 
 def test_what_is_missing_is_what_the_parser_does():

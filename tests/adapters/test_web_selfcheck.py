@@ -11,7 +11,7 @@ import web_pages
 
 from conformance.adapters import web
 from conformance.adapters.web import browser
-from conformance.stage import stages
+from conformance.operation import operations
 from conformance.vectors import VECTORS, set_hash
 
 ROOT = VECTORS.parent
@@ -43,7 +43,7 @@ def open_page():
 
 
 def some_vectors(folder, *parts):
-    """A copy of the vectors of stages, such as core/to_half, with the sums of all, in `folder`/vectors."""
+    """A copy of the vectors of operations, such as core/to_half, with the sums of all, in `folder`/vectors."""
     for part in parts:
         shutil.copytree(VECTORS / part, folder / "vectors" / part)
     shutil.copy(VECTORS / "SHA256SUMS", folder / "vectors")
@@ -52,7 +52,7 @@ def some_vectors(folder, *parts):
 
 @pytest.fixture(scope="module")
 def served_page(open_page, server):
-    page = open_page(f"{server}{WEB}/stages.html")
+    page = open_page(f"{server}{WEB}/operations.html")
     page.evaluate("() => GSVC.bridge.start('auto')")
     return page
 
@@ -71,11 +71,11 @@ def test_a_right_decoder_passes(checked, vector_folder):
     assert checked["failures"] == []
     assert checked["complete"]
     for row in checked["rows"]:
-        assert row["vectors"] == sum(name.split("/")[1] == row["stage"] for name in vector_folder.names)
+        assert row["vectors"] == sum(name.split("/")[1] == row["operation"] for name in vector_folder.names)
         assert row["wrong"] == 0
         assert row["passed"] == row["vectors"] or row["group"] == "rendering"  # there may be no renderer
-    assert [row["stage"] for row in checked["rows"]] == SOME
-    checks = {row["stage"]: row["checks"] for row in checked["rows"]}
+    assert [row["operation"] for row in checked["rows"]] == SOME
+    checks = {row["operation"]: row["checks"] for row in checked["rows"]}
     assert (checks["to_half"], checks["to_frame"], checks["render_frame"]) == (["exact"], ["decision"], ["interval"])
     verdicts = {group["name"]: group["verdict"] for group in checked["classes"]}
     assert verdicts == {
@@ -91,22 +91,24 @@ def test_the_set_of_vectors_is_named_by_its_hash(checked):
     assert checked["sums"] == set_hash()
 
 
-def test_every_stage_of_the_page_is_of_a_class_that_a_decoder_claims(served_page):
+def test_every_operation_of_the_page_is_of_a_class_that_a_decoder_claims(served_page):
     script = """
     async () => {
       const { classes } = await GSVC.selfCheck({ ids: [], listed: [] });
-      return { names: Object.keys(GSVC.stages), classes: classes.map(({ name }) => name) };
+      return { names: Object.keys(GSVC.operations), classes: classes.map(({ name }) => name) };
     }
     """
     page = served_page.evaluate(script)
     assert page["classes"] == ["bitstream", "reconstruction", "rendering", "deterministic"]
-    assert set(page["names"]) == {name for name, stage in stages().items() if stage.group in page["classes"]}
+    assert set(page["names"]) == {
+        name for name, operation in operations().items() if operation.group in page["classes"]
+    }
     assert all(callable(getattr(web, name)) for name in page["names"])
 
 
 def test_the_viewer_has_the_scripts_that_are_judged():
     judged, seen = (
-        re.findall(r'src="(.*?)"', (ROOT / WEB / page).read_text()) for page in ("stages.html", "index.html")
+        re.findall(r'src="(.*?)"', (ROOT / WEB / page).read_text()) for page in ("operations.html", "index.html")
     )
     assert judged[-1] == "bridge.js"
     assert seen[: len(judged) - 1] == judged[:-1]
@@ -115,22 +117,22 @@ def test_the_viewer_has_the_scripts_that_are_judged():
 def test_a_wrong_decoder_fails_and_is_told_where(served_page):
     script = """
     async () => {
-      const { from_half, to_frame } = GSVC.stages;
-      GSVC.stages.from_half = async (inputs) => {
+      const { from_half, to_frame } = GSVC.operations;
+      GSVC.operations.from_half = async (inputs) => {
         const outputs = await from_half(inputs);
         outputs.values.data[1] += 1;
         return outputs;
       };
-      GSVC.stages.to_frame = async () => { throw new Error("out of ink"); };
+      GSVC.operations.to_frame = async () => { throw new Error("out of ink"); };
       const told = [];
       const options = { only: ["from_half", "to_frame"], onProgress: (progress) => told.push(progress) };
       const result = await GSVC.selfCheck(await GSVC.vectorsAt("../../../vectors/"), options);
-      Object.assign(GSVC.stages, { from_half, to_frame });
+      Object.assign(GSVC.operations, { from_half, to_frame });
       return { ...result, told };
     }
     """
     result = served_page.evaluate(script)
-    assert [(row["stage"], row["passed"]) for row in result["rows"]] == [("from_half", 0), ("to_frame", 0)]
+    assert [(row["operation"], row["passed"]) for row in result["rows"]] == [("from_half", 0), ("to_frame", 0)]
     verdicts = {group["name"]: group["verdict"] for group in result["classes"]}
     assert (verdicts["reconstruction"], verdicts["rendering"]) == ("failed", "failed")
     messages = {failure["id"].split("/")[1]: failure["message"] for failure in result["failures"]}
@@ -162,7 +164,7 @@ def test_vectors_that_are_not_those_of_the_sums_are_refused(open_page, tmp_path)
     shutil.copytree(ROOT / WEB, tmp_path / "web")
     script = f"{CHECK}.catch((error) => error.message)"
     with web_pages.serving(tmp_path) as url:
-        page = open_page(f"{url}web/stages.html")
+        page = open_page(f"{url}web/operations.html")
         message = page.evaluate(script, ["../vectors/", ["from_half"]])
     assert message == f"{path.relative_to(folder).as_posix()} is not what SHA256SUMS says"
 
@@ -179,7 +181,7 @@ def test_a_folder_that_is_chosen(local_page, tmp_path):
     local_page.set_input_files("#folder", tmp_path / "vectors")
     script = "async () => GSVC.selfCheck(await GSVC.vectorsAmong(document.querySelector('#folder').files))"
     result = local_page.evaluate(script)
-    assert [(row["stage"], row["wrong"]) for row in result["rows"]] == [("to_half", 0), ("reconstruct_intra", 0)]
+    assert [(row["operation"], row["wrong"]) for row in result["rows"]] == [("to_half", 0), ("reconstruct_intra", 0)]
     assert {group["name"] for group in result["classes"] if group["verdict"] == "incomplete"} == {"reconstruction"}
     assert result["sums"] == set_hash()
 
@@ -202,7 +204,7 @@ WAIT_FOR_A_DROP = """
 )
 def test_a_folder_that_is_dropped(open_page, server, tmp_path, dropped, sums, how):
     # Browsers without handles have entries; Chromium has both, but its entries fail on a page of a disk.
-    page = open_page(browser.PAGE.as_uri() if how == "handles" else f"{server}{WEB}/stages.html")
+    page = open_page(browser.PAGE.as_uri() if how == "handles" else f"{server}{WEB}/operations.html")
     some_vectors(tmp_path, "core/from_half", "faulty/reconstruct_stream")  # entries come a hundred at a time
     page.evaluate(WAIT_FOR_A_DROP, how)
     drop(page, tmp_path / dropped)

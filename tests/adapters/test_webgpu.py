@@ -12,7 +12,7 @@ from conformance.adapters import webgpu  # noqa: E402
 from conformance.adapters.webgpu import entropy, gpu, rendering  # noqa: E402
 
 MODULE = "conformance.adapters.webgpu"
-STAGES = (
+OPERATIONS = (
     "read_stream",
     "decode_plane",
     "encode_plane",
@@ -52,9 +52,9 @@ def splats():
     return made
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_vector_of_a_stage_passes(judge, stage):
-    results = judge(MODULE, stage)
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_every_vector_of_an_operation_passes(judge, operation):
+    results = judge(MODULE, operation)
     assert {result.outcome for result in results} == {"pass"}
 
 

@@ -4,27 +4,29 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import toy_stages
+import toy_operations
 
 USERS = (
-    "vectors", "results", "selection", "report.comparison", "commands", "commands.list", "commands.verify", "reference",
-    "implementations",
+    "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.list", "commands.verify",
+    "reference", "implementations",
 )  # fmt: skip
-"""Modules that have `stages` by name."""
+"""Modules that have `operations` by name."""
 
 
 @pytest.fixture
 def toys(monkeypatch) -> dict:
-    """The toy stages in place of all others."""
+    """The toy operations in place of all others."""
     for name in USERS:
-        monkeypatch.setattr(importlib.import_module(f"conformance.{name}"), "stages", lambda: toy_stages.STAGES)
-    return toy_stages.STAGES
+        monkeypatch.setattr(
+            importlib.import_module(f"conformance.{name}"), "operations", lambda: toy_operations.OPERATIONS
+        )
+    return toy_operations.OPERATIONS
 
 
 @pytest.fixture
 def folder(toys, tmp_path) -> Path:
-    """Vectors of the toy stages."""
-    return toy_stages.write_vectors(tmp_path / "vectors")
+    """Vectors of the toy operations."""
+    return toy_operations.write_vectors(tmp_path / "vectors")
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def toy_module(monkeypatch) -> Callable[..., str]:
 
     def make(**changes) -> str:
         module = type(sys)("toy_implementation")
-        vars(module).update({**toy_stages.REFERENCE, **changes})
+        vars(module).update({**toy_operations.REFERENCE, **changes})
         monkeypatch.setitem(sys.modules, module.__name__, module)
         return module.__name__
 

@@ -1,4 +1,4 @@
-"""What a variant of a stage gets wrong in the cases of that stage."""
+"""What a variant of an operation gets wrong in the cases of that operation."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -6,22 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from conformance.case import LEVELS, Case, of_stage
+from conformance.case import LEVELS, Case, of_operation
 from conformance.cases import CAPACITY
 from conformance.expectations import Expectation
-from conformance.stage import Values
+from conformance.operation import Values
 
 
 @cache
-def runs(stage: str) -> list[tuple[Case, Values, Mapping[str, Expectation]]]:
-    """Each small case of a stage, its inputs and its expectations; large ones have no other arithmetic than these."""
-    return [(case, *case.run()) for case in of_stage(stage) if case.level in LEVELS and CAPACITY not in case.flags]
+def runs(operation: str) -> list[tuple[Case, Values, Mapping[str, Expectation]]]:
+    """Each small case of an operation, its inputs and expectations; large ones have no other arithmetic than these."""
+    return [
+        (case, *case.run()) for case in of_operation(operation) if case.level in LEVELS and CAPACITY not in case.flags
+    ]
 
 
-def judged(stage: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[str, ...] = LEVELS):
-    """For every case of a stage, by id: the outputs of a variant that fail."""
+def judged(operation: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[str, ...] = LEVELS):
+    """For every case of an operation, by id: the outputs of a variant that fail."""
     found = {}
-    for case, inputs, expected in runs(stage):
+    for case, inputs, expected in runs(operation):
         if case.level in levels:
             with np.errstate(all="ignore"):
                 outputs = variant(**inputs)
@@ -29,14 +31,14 @@ def judged(stage: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[
     return found
 
 
-def assert_legal(stage: str, variant: Callable[..., Mapping[str, Any]]) -> None:
+def assert_legal(operation: str, variant: Callable[..., Mapping[str, Any]]) -> None:
     """A variant passes all cases."""
-    assert not {name: wrong for name, wrong in judged(stage, variant).items() if wrong}
+    assert not {name: wrong for name, wrong in judged(operation, variant).items() if wrong}
 
 
-def assert_found(stage: str, variant: Callable[..., Mapping[str, Any]]) -> None:
+def assert_found(operation: str, variant: Callable[..., Mapping[str, Any]]) -> None:
     """A variant fails a core case."""
-    assert any(judged(stage, variant, ("core",)).values())
+    assert any(judged(operation, variant, ("core",)).values())
 
 
 def in_sequence(terms: np.ndarray) -> np.float32:

@@ -6,21 +6,21 @@ import platform
 
 import numpy as np
 import pytest
-import toy_stages
-from toy_stages import INPUTS, PROGRAM, judge, module, outcomes, write_program
+import toy_operations
+from toy_operations import INPUTS, PROGRAM, judge, module, outcomes, write_program
 
 from conformance.__main__ import main
 from conformance.commands.judging import shuffled
 from conformance.process import ProcessImplementation
 from conformance.report.json import read
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 
-HALVE = Selection(stages=("halve",))
+HALVE = Selection(operations=("halve",))
 NAME = "core/halve/one_to_six"
 
 
 class Halves:
-    """The toy stage, which goes wrong, or another legal way, when it is called for the given times."""
+    """The toy operation, which goes wrong, or another legal way, when it is called for the given times."""
 
     def __init__(self, wrong=(), other=(), fails=()) -> None:
         self.wrong, self.other, self.fails, self.calls = wrong, other, fails, 0
@@ -29,7 +29,7 @@ class Halves:
         self.calls += 1
         if self.calls in self.fails:
             raise RuntimeError("now and then")
-        answer = toy_stages.halve(values)
+        answer = toy_operations.halve(values)
         if self.calls in self.other:
             answer["half"][4] = 3  # 5/2 may be 2 or 3
         return {**answer, "count": np.asarray(0)} if self.calls in self.wrong else answer
@@ -73,7 +73,7 @@ def test_memory_that_a_module_uses_again_is_no_answer_to_the_next(folder):
     memory = np.zeros(6, "<i8")
 
     def halve(values):
-        memory[:] = toy_stages.halve(values)["half"] + (halve.calls % 2)
+        memory[:] = toy_operations.halve(values)["half"] + (halve.calls % 2)
         halve.calls += 1
         return {"half": memory, "count": np.asarray(6)}
 
@@ -102,7 +102,7 @@ def test_what_is_unsupported_or_takes_too_long_is_not_asked_again(folder, tmp_pa
 def test_memory_that_is_not_written_to_differs_in_a_command(folder, tmp_path, monkeypatch):
     """Each answer comes from a new process, whose new memory is zero as often as not."""
     monkeypatch.delenv("MALLOC_PERTURB_", raising=False)
-    text = PROGRAM.format(home=os.path.dirname(toy_stages.__file__))
+    text = PROGRAM.format(home=os.path.dirname(toy_operations.__file__))
     text += "\nimport ctypes\nC = ctypes.CDLL(None)\nC.malloc.restype = ctypes.POINTER(ctypes.c_longlong * 6)\n"
     text += "half = np.array(C.malloc(48).contents)\nnp.save(Path(outside, 'half.npy'), half)\n"
     report = judge(folder, ProcessImplementation(write_program(tmp_path, text), 60.0), HALVE, repeat=3)
@@ -132,7 +132,7 @@ def test_what_is_kept_from_vector_to_vector_shows_in_another_order(folder, toy_m
         rows = max(len(values), int(np.count_nonzero(kept.any(axis=1))) if factor == 2 else 0)
         return {"scaled": kept[:rows].copy()}
 
-    words = ["run", "--module", toy_module(scale=scale), "--vectors", str(folder), "--stage", "scale", "--quiet"]
+    words = ["run", "--module", toy_module(scale=scale), "--vectors", str(folder), "--operation", "scale", "--quiet"]
     outcome = {}
     for seed in (5, 1):
         kept[:] = 0

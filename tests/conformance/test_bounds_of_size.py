@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from conformance.stage import stages
+from conformance.operation import operations
 from gsvc_ref.rendering import exact_gradients_with_bound, render_gradients
 from gsvc_ref.rendering.bounds import additions, gamma
 from gsvc_ref.splats import Splats
@@ -13,7 +13,7 @@ SIZES = {"161x161": (161, 161), "1920x1080": (1080, 1920), "3840x2160": (2160, 3
 
 
 def oracle(name, **inputs):
-    return stages()[name].oracle(**inputs)
+    return operations()[name].oracle(**inputs)
 
 
 def test_the_most_additions_of_a_term():

@@ -1,26 +1,26 @@
-"""Vectors are large enough: an implementation that ends at any capacity in any dimension fails one of its stage."""
+"""Vectors are large enough: an implementation that ends at any capacity in any dimension fails one of its operation."""
 
 import pytest
 
 from conformance.__main__ import main
 from conformance.capacities import CAPACITIES, LIMITS, dimensions, rows, symbols
-from conformance.stage import Port, stages
+from conformance.operation import Port, operations
 from conformance.vectors import VECTORS, read
 
 
 def vectors_of(name):
-    """All vectors of a stage."""
+    """All vectors of an operation."""
     return [read(path.parent) for path in sorted(VECTORS.glob(f"*/{name}/*/manifest.json"))]
 
 
-@pytest.mark.parametrize("name", stages())
+@pytest.mark.parametrize("name", operations())
 def test_every_capacity_is_caught(name):
-    missed = {row.dimension: row.missed for row in rows(stages()[name], vectors_of(name)) if row.missed}
+    missed = {row.dimension: row.missed for row in rows(operations()[name], vectors_of(name)) if row.missed}
     assert missed == {}
 
 
 def test_the_command_prints_the_table(capsys):
-    assert main(["capacities", "--stage", "to_half"]) == 0
+    assert main(["capacities", "--operation", "to_half"]) == 0
     out = capsys.readouterr().out
     assert "| `to_half` | N | 70,001 | 32 to 65,536 | all |" in out
     assert out.endswith("every capacity is caught\n")
@@ -32,7 +32,7 @@ def test_the_command_says_what_is_missed(capsys):
 
 
 def test_limits_are_those_of_dimensions_that_exist_and_have_a_reason():
-    there = {(name, dimension) for name, stage in stages().items() for dimension in dimensions(stage)}
+    there = {(name, dimension) for name, operation in operations().items() for dimension in dimensions(operation)}
     for (name, dimension), (most, reason) in LIMITS.items():
         assert (name, dimension) in there or (name == "*" and dimension in {other for _, other in there})
         assert reason
@@ -45,7 +45,7 @@ def test_symbols_of_shapes():
         assert symbols(Port("port", "f4", shape)) == expected
 
 
-def test_without_its_large_vectors_a_stage_is_found_wanting():
+def test_without_its_large_vectors_an_operation_is_found_wanting():
     small = [vector for vector in vectors_of("weighted_gradients") if "capacity" not in vector.manifest["flags"]]
-    (row,) = rows(stages()["weighted_gradients"], small)
+    (row,) = rows(operations()["weighted_gradients"], small)
     assert row.missed == CAPACITIES

@@ -14,11 +14,11 @@ CASES = [case for case in cases().values() if case.level in LEVELS]
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_case(case):
     inputs, expected = case.run()
-    assert list(inputs) == [port.name for port in case.stage.inputs]
-    assert list(expected) == [port.name for port in case.stage.outputs]
+    assert list(inputs) == [port.name for port in case.operation.inputs]
+    assert list(expected) == [port.name for port in case.operation.outputs]
     assert case.title.endswith(".")
     assert set(case.flags) <= FLAGS.keys()
-    outputs = case.stage.reference(**inputs)
+    outputs = case.operation.reference(**inputs)
     assert list(outputs) == list(expected)
     for name, expectation in expected.items():
         strict = replace(expectation, in_full=True) if isinstance(expectation, Refusal) else expectation

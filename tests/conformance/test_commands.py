@@ -9,14 +9,14 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-import toy_stages
-from toy_stages import INPUTS, good_program, write_program
+import toy_operations
+from toy_operations import INPUTS, good_program, write_program
 
 from conformance import reference
 from conformance.__main__ import COMMANDS, main
 from conformance.commands import list as listing
 from conformance.report.json import from_object
-from conformance.selection import VectorFolder
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
@@ -24,11 +24,11 @@ QUIET = ["--quiet", "--no-diagnosis"]
 
 
 def wrong_halves(values):
-    return {**toy_stages.halve(values), "count": np.asarray(0)}
+    return {**toy_operations.halve(values), "count": np.asarray(0)}
 
 
 def wrong_frames(width, height, bit_depth):
-    return {"frame": toy_stages.paint(width, height, bit_depth)["frame"][::-1].copy()}
+    return {"frame": toy_operations.paint(width, height, bit_depth)["frame"][::-1].copy()}
 
 
 def run(folder, *words) -> int:
@@ -73,11 +73,11 @@ def test_a_run_that_passes(folder, toy_module, capsys):
     assert "class training      passed: 3 vectors pass" in out
 
 
-def test_the_reference_is_the_stages_own(folder, capsys):
+def test_the_reference_is_the_operations_own(folder, capsys):
     assert run(folder, "--reference") == 0
-    assert reference.halve is toy_stages.halve
+    assert reference.halve is toy_operations.halve
     with pytest.raises(AttributeError):
-        reference.__getattr__("no_such_stage")
+        reference.__getattr__("no_such_operation")
 
 
 def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy_module, capsys):
@@ -96,9 +96,11 @@ def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy
 
 
 def test_a_run_of_a_command(folder, tmp_path, capsys):
-    assert run(folder, "--impl", good_program(tmp_path), "--level", "core", "--stage", "halve", "--timeout", "50") == 0
+    assert (
+        run(folder, "--impl", good_program(tmp_path), "--level", "core", "--operation", "halve", "--timeout", "50") == 0
+    )
     broken = write_program(tmp_path, "raise SystemExit(1)")
-    assert run(folder, "--impl", broken, "--stage", "halve", "--timeout", "50") == 1
+    assert run(folder, "--impl", broken, "--operation", "halve", "--timeout", "50") == 1
     assert f"--impl '{broken}' --timeout 50 --vectors" in capsys.readouterr().out
 
 
@@ -107,8 +109,8 @@ def test_missing_vectors_and_empty_selections_are_no_success(folder, toy_module,
     assert run(tmp_path / "nowhere", "--module", name) == 2
     assert "python -m conformance generate" in capsys.readouterr().err
     assert run(folder, "--module", name, "--case", "unicorn") == 2
-    assert run(folder, "--module", name, "--stage", "unicorn") == 2
-    assert "there is no stage 'unicorn'" in capsys.readouterr().err
+    assert run(folder, "--module", name, "--operation", "unicorn") == 2
+    assert "there is no operation 'unicorn'" in capsys.readouterr().err
     assert run(folder, "--module", "no_such_module") == 2
     assert run(folder, "--impl", "/no/such/program") == 2
     assert run(folder, "--module", name, "--html", str(tmp_path / "no" / "page.html")) == 2
@@ -172,7 +174,7 @@ def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):
     assert run(folder, "--module", toy_module(halve=wrong_halves, paint=wrong_frames), "--keep", str(kept)) == 1
     (kept / "core/paint/mine.txt").write_text("not the kit's")
     assert (kept / "core/halve/one_to_six/out/count.npy").is_file()
-    assert run(folder, "--module", toy_module(), "--stage", "halve", "--keep", str(kept)) == 0
+    assert run(folder, "--module", toy_module(), "--operation", "halve", "--keep", str(kept)) == 0
     assert not (kept / "core/halve/one_to_six").exists()
     assert (kept / "core/paint/odd_size/out/frame.npy").is_file()
     assert run(folder, "--module", toy_module(), "--keep", str(kept)) == 0
@@ -201,7 +203,7 @@ def test_what_a_module_runs_on_stands_in_every_report(folder, toy_module, tmp_pa
 
 
 def test_what_a_command_runs_on_is_told_by_an_option(folder, tmp_path, capsys):
-    words = ["--impl", good_program(tmp_path), "--stage", "halve", "--level", "core", "--environment"]
+    words = ["--impl", good_program(tmp_path), "--operation", "halve", "--level", "core", "--environment"]
     assert run(folder, *words, "device=NVIDIA=H200") == 0
     assert capsys.readouterr().out.startswith("device  NVIDIA=H200\n\n")
     for word, message in (
@@ -236,17 +238,17 @@ def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
     def even_sizes(width, height, bit_depth):
         if width % 2:
             raise NotImplementedError
-        return toy_stages.paint(width, height, bit_depth)
+        return toy_operations.paint(width, height, bit_depth)
 
     assert run(folder, "--module", toy_module(paint=even_sizes)) == 0
     out = capsys.readouterr().out
     assert "class rendering     incomplete: 1 vector pass, none is wrong; without part of paint (1 vector)\n" in out
     assert out.endswith("\nNOTHING IS WRONG, but incomplete: rendering\n")
-    assert run(folder, "--module", toy_module(paint=even_sizes), "--stage", "paint") == 0
+    assert run(folder, "--module", toy_module(paint=even_sizes), "--operation", "paint") == 0
     assert capsys.readouterr().out.endswith("\nNOTHING IS WRONG; no class is complete\n")
-    assert run(folder, "--module", toy_module(paint=even_sizes), "--stage", "paint", "--level", "core") == 2
+    assert run(folder, "--module", toy_module(paint=even_sizes), "--operation", "paint", "--level", "core") == 2
     out = capsys.readouterr().out
-    assert "1 stage: unsupported (1 vector)\n" in out
+    assert "1 operation: unsupported (1 vector)\n" in out
     assert out.endswith("\nNOTHING WAS JUDGED: no vector passed, and none is wrong\n")
 
 
@@ -254,11 +256,11 @@ def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
     ("words", "message"),
     [
         (["--show", "-1"], "'-1' is less than 0"),
-        (["--stage", "halves"], "there is no stage 'halves'; did you mean halve?"),
+        (["--operation", "halves"], "there is no operation 'halves'; did you mean halve?"),
         (["--case", "core/scale/by_tow"], "no vector matches --case core/scale/by_tow; did you mean core/scale/by_two"),
         (["--case", "by_two", "--case", "xyzzy"], "no vector matches --case xyzzy; see: "),
         (["--skip", "by_tow"], "no vector matches --skip by_tow; did you mean by_two"),
-        (["--stage", "scale", "--case", "one_to_six"], "no vector is selected by stage scale, case one_to_six"),
+        (["--operation", "scale", "--case", "one_to_six"], "no vector is selected by operation scale, case one_to_six"),
         (["--level", "full"], "python -m conformance generate --full DIR, then add --vectors DIR"),
         (["--rule", "R-13-33"], "no vector has R-13-33 among its rules; did you mean R-13-3"),
         (["--equation", "77-1"], "no vector has 77-1 among its equations; "),
@@ -274,19 +276,19 @@ def test_vectors_of_rules_and_equations(folder, toy_module, monkeypatch, capsys)
     assert run(folder, "--module", toy_module(), "--rule", "R-13-3", "--equation", "(9-1)") == 0
     out = capsys.readouterr().out
     assert "class training  passed: 3 vectors pass\nof rule R-13-3, equation 9-1 only\n" in out
-    monkeypatch.setattr(listing, "cases", lambda: {name: toy_stages.case_of(name) for name in INPUTS})
+    monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
     assert main(["list", "--cases", "--vectors", str(folder), "--rule", "R-13-3", "--level", "stress"]) == 0
     assert capsys.readouterr().out == "stress/scale/nothing: The vector nothing.\n"
     assert main(["list", "--vectors", str(folder), "--rule", "R-13-3"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
     assert main(["list", "--class", "training"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
-    assert main(["list", "--cases", "--level", "stress", "--stage", "halve"]) == 2
+    assert main(["list", "--cases", "--level", "stress", "--operation", "halve"]) == 2
 
 
-def test_a_module_without_stages(folder, monkeypatch, capsys):
+def test_a_module_without_operations(folder, monkeypatch, capsys):
     module = type(sys)("almost")
-    module.scales, module.other = toy_stages.scale, toy_stages.paint
+    module.scales, module.other = toy_operations.scale, toy_operations.paint
     monkeypatch.setitem(sys.modules, "almost", module)
     assert run(folder, "--module", "almost") == 2
     assert "is it scales for scale?" in capsys.readouterr().err
@@ -348,17 +350,17 @@ def test_without_a_package_no_command_works(package, words):
 
 def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, capsys):
     name = toy_module(scale=lambda values, factor: {"scaled": np.full_like(values, 9)}, halve=wrong_halves)
-    bugs = [ToyMutant(name, {"scale"}) for name in "abc"]
-    monkeypatch.setattr("conformance.diagnosis.bugs_for", lambda vector: bugs)
+    toys = [ToyMutant(name, {"scale"}) for name in "abc"]
+    monkeypatch.setattr("conformance.diagnosis.mutants_for", lambda vector: toys)
     known = {"core/scale/by_two": ["a nine"], "core/scale/by_a_third": []}
     monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed, errors: known)
     assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
     out = capsys.readouterr().out
     assert "Probable cause: a nine (scale: 1 of 2 examined)\n" in out
-    assert "note: scale: no known bug gives exactly what 1 of 2 failures gave (3 tried)\n" in out
-    assert "note: halve: no known bug gives exactly what 1 of 1 failure gave (3 tried)\n" in out
+    assert "note: scale: no mutant gives exactly what 1 of 2 failures gave (3 tried)\n" in out
+    assert "note: halve: no mutant gives exactly what 1 of 1 failure gave (3 tried)\n" in out
     assert main(["run", "--module", name, "--vectors", str(folder), *QUIET]) == 1
-    assert "no known bug" not in capsys.readouterr().out
+    assert "no mutant" not in capsys.readouterr().out
 
 
 def test_arrays_of_another_type_are_not_taken_for_bad_arithmetic(folder, toy_module, capsys):
@@ -367,7 +369,7 @@ def test_arrays_of_another_type_are_not_taken_for_bad_arithmetic(folder, toy_mod
     out = capsys.readouterr().out
     assert "output scaled has type float64; it must be float32" in out
     assert "Probable cause" not in out
-    assert "no known bug" not in out
+    assert "no mutant" not in out
 
 
 def test_a_report_of_something_else(tmp_path, capsys):
@@ -385,7 +387,7 @@ def test_kept_files_of_a_module_that_returns_nonsense(folder, toy_module, tmp_pa
 
 
 def test_list(toys, folder, capsys):
-    assert main(["list", "--stage", "paint"]) == 0
+    assert main(["list", "--operation", "paint"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "paint (rendering): The toy paint.",
         "    (width: int; height: int; bit_depth: int) -> frame: u1|u2 (H, W, 3)",
@@ -393,13 +395,13 @@ def test_list(toys, folder, capsys):
 
 
 def test_list_of_cases_and_json(folder, monkeypatch, capsys):
-    monkeypatch.setattr(listing, "cases", lambda: {name: toy_stages.case_of(name) for name in INPUTS})
+    monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
     assert main(["list", "--cases", "--level", "faulty"]) == 0
     assert capsys.readouterr().out == "faulty/parse/bad_letter: The vector bad_letter.\n"
     assert main(["list", "--json", "--vectors", str(folder)]) == 0
     value = json.loads(capsys.readouterr().out)
     assert [case["id"] for case in value["cases"]] == list(INPUTS)
-    halve = next(stage for stage in value["stages"] if stage["name"] == "halve")
+    halve = next(operation for operation in value["operations"] if operation["name"] == "halve")
     assert [(port["name"], port["checks"]) for port in halve["outputs"]] == [
         ("half", ["decision"]),
         ("count", ["exact"]),
@@ -407,9 +409,9 @@ def test_list_of_cases_and_json(folder, monkeypatch, capsys):
 
 
 def test_list_of_a_flag_is_that_of_its_cases(capsys):
-    assert main(["list", "--flag", "hard", "--stage", "render_sum"]) == 0
+    assert main(["list", "--flag", "hard", "--operation", "render_sum"]) == 0
     plain = capsys.readouterr().out
-    assert main(["list", "--flag", "hard", "--stage", "render_sum", "--cases"]) == 0
+    assert main(["list", "--flag", "hard", "--operation", "render_sum", "--cases"]) == 0
     assert capsys.readouterr().out == plain
     assert all("/render_sum/" in line.split(":")[0] for line in plain.splitlines())
 
@@ -432,7 +434,7 @@ def test_verify(folder, monkeypatch, capsys):
     monkeypatch.setattr("conformance.coverage.verify", lambda vectors: found)
     assert main(["verify", "--vectors", str(folder)]) == 0
     out = capsys.readouterr().out
-    assert out.splitlines()[0].split() == ["stage", "core", "uncommon", "stress", "faulty"]
+    assert out.splitlines()[0].split() == ["operation", "core", "uncommon", "stress", "faulty"]
     assert f"{len(INPUTS)} vectors, " in out
     assert set_hash(folder) in out
     assert out.endswith("nothing is wrong\n")
@@ -455,7 +457,7 @@ def test_generate(folder, monkeypatch, capsys):
 
 class ToyMutant:
     def __init__(self, name, functions) -> None:
-        self.name, self.sentence, self._functions = name, f"a bug called {name}", frozenset(functions)
+        self.name, self.sentence, self._functions = name, f"a mutant called {name}", frozenset(functions)
 
     def touched(self) -> frozenset[str]:
         return self._functions
@@ -468,13 +470,13 @@ def test_mutants(folder, monkeypatch, capsys):
         ToyMutant("alive", {"paint"}),
     )
     killed = {"found-early": "core/scale/by_two", "found-late": "faulty/parse/bad_letter"}
-    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
-    monkeypatch.setattr("conformance.mutants.called", lambda stage, inputs: frozenset({stage.name}))
+    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
+    monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
     monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     words = ["mutants", "--vectors", str(folder), "--quiet"]
     assert main(words) == 1
     assert capsys.readouterr().out.splitlines() == [
-        "alive SURVIVES: a bug called alive",
+        "alive SURVIVES: a mutant called alive",
         "found-early: core/scale/by_two",
         "found-late: faulty/parse/bad_letter",
         "",
@@ -496,13 +498,13 @@ def test_mutants_of_a_selection_are_those_that_it_is_to_find(folder, monkeypatch
         ToyMutant("alive", {"halve"}),
     )
     killed = {"of-both": "core/halve/one_to_six"}
-    monkeypatch.setattr("conformance.mutants.all_mutants", lambda: mutants)
-    monkeypatch.setattr("conformance.mutants.called", lambda stage, inputs: frozenset({stage.name}))
+    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
+    monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
     monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     monkeypatch.setattr(
         VectorFolder, "killed_by", lambda self, names: {"claimed"} if "core/scale/by_two" in names else {}
     )
-    words = ["mutants", "--vectors", str(folder), "--quiet", "--stage", "halve"]
+    words = ["mutants", "--vectors", str(folder), "--quiet", "--operation", "halve"]
     assert main([*words, "--mutant", "*[bd]*"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "of-both: core/halve/one_to_six",

@@ -3,23 +3,23 @@
 import json
 
 import pytest
-from toy_stages import INPUTS, STAGES
+from toy_operations import INPUTS, OPERATIONS
 
 from conformance.__main__ import main
 from conformance.commands.compare import BEGIN, END
-from conformance.report.comparison import Entry, comparison, stage_cell
+from conformance.report.comparison import Entry, comparison, operation_cell
 from conformance.report.json import to_text
 from conformance.results import OutputResult, Report, Result
 
 
 def report_of(name, outcomes, runs_on=None, **environment) -> Report:
-    """A report in which the vectors of some stages have an outcome and a ratio; the others are unsupported."""
+    """A report in which the vectors of some operations have an outcome and a ratio; the others are unsupported."""
     results = []
     for vector in INPUTS:
-        stage = vector.split("/")[1]
-        outcome, ratio = outcomes.get(stage, ("unsupported", None))
+        operation = vector.split("/")[1]
+        outcome, ratio = outcomes.get(operation, ("unsupported", None))
         outputs = () if outcome == "unsupported" else (OutputResult("x", "bounded", outcome == "pass", ratio=ratio),)
-        results.append(Result(vector, "A vector.", STAGES[stage].group, outcome, outputs=outputs))
+        results.append(Result(vector, "A vector.", OPERATIONS[operation].group, outcome, outputs=outputs))
     around = {
         "implementation": name,
         "vectors": "a" * 64,
@@ -33,7 +33,7 @@ def report_of(name, outcomes, runs_on=None, **environment) -> Report:
 @pytest.fixture
 def entries(toys) -> list[Entry]:
     good = report_of(
-        "pkg.good", {name: ("pass", 0.25 if name == "scale" else None) for name in STAGES}, {"device": "a|b"}
+        "pkg.good", {name: ("pass", 0.25 if name == "scale" else None) for name in OPERATIONS}, {"device": "a|b"}
     )
     bad = report_of("pkg.bad", {"scale": ("fail", 7.5), "halve": ("waived", float("inf")), "parse": ("pass", None)})
     return [Entry("good", good, {"page": "good.html"}), Entry("bad", bad)]
@@ -74,8 +74,8 @@ def test_the_tables(entries):
         ["training", "passed", "failed"],
         ["quantization", "passed", "not claimed"],
     ]
-    assert rows(text, "stage") == [
-        ["stage", "good", "bad"],
+    assert rows(text, "operation") == [
+        ["operation", "good", "bad"],
         ["`parse`", "3/3", "3/3"],
         ["`paint`", "2/2", "–"],
         ["`scale`", "3/3 (0.25)", "0/3, **3 wrong** (7.5)"],
@@ -84,11 +84,11 @@ def test_the_tables(entries):
     assert "**" not in text.replace("**3 wrong**", "")
 
 
-def test_a_stage_that_an_implementation_has_in_part(entries):
+def test_an_operation_that_an_implementation_has_in_part(entries):
     some = [Result(f"core/paint/{n}", "x", "rendering", "unsupported" if n else "pass") for n in range(3)]
-    (summary,) = Report({}, "", "", [], some).stages()
-    assert stage_cell(summary, None) == "1/3, 2 unsupported"
-    assert stage_cell(None, None) == "–"
+    (summary,) = Report({}, "", "", [], some).operations()
+    assert operation_cell(summary, None) == "1/3, 2 unsupported"
+    assert operation_cell(None, None) == "–"
 
 
 def test_the_ratio_of_core_vectors_stands_before_that_of_all(entries):
@@ -104,10 +104,10 @@ def test_the_ratio_of_core_vectors_stands_before_that_of_all(entries):
 
 def test_what_cannot_be_compared_is_told(entries):
     other = report_of("pkg.late", {"parse": ("pass", None)}, vectors="b" * 64)
-    partial = Report(other.environment, "", "stage parse", [], [r for r in other.results if r.stage == "parse"])
+    partial = Report(other.environment, "", "operation parse", [], [r for r in other.results if r.operation == "parse"])
     text = comparison([*entries, Entry("late", partial)])
     assert "**Not the same vectors**: aaaaaaaaaaaaaaaa of good, bad; bbbbbbbbbbbbbbbb of late." in text
-    assert "**late** was judged in part: stage parse." in text
+    assert "**late** was judged in part: operation parse." in text
     assert "Not the same spec.md" not in text
 
 

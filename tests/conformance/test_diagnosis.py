@@ -1,4 +1,4 @@
-"""Causes of failures: layouts first, then bugs, then two bugs at once."""
+"""Causes of failures: layouts first, then mutants, then two mutants at once."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from conformance.diagnosis import catalogue, diagnose
 from conformance.diagnosis.catalogue import _both
 from conformance.diagnosis.places import common_condition
-from conformance.mutants import all_mutants, answer, called, kills
-from conformance.selection import VectorFolder
+from conformance.mutants import MUTANTS, answer, called, kills
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS
 
 FOLDER = VectorFolder(VECTORS)
@@ -20,22 +20,22 @@ def vector_of(name):
     return vector
 
 
-def mutant(name):
-    return next(mutant for mutant in all_mutants() if mutant.name == name)
+def mutant_called(name):
+    return next(mutant for mutant in MUTANTS if mutant.name == name)
 
 
-def test_a_layout_comes_before_the_bugs():
+def test_a_layout_comes_before_the_mutants():
     vector = vector_of(CORNERS)
     mirrored = vector.expected["sum"].value.astype(np.float32)[::-1]
     assert diagnose([(vector, {"sum": mirrored})]) == {CORNERS: ["the y axis upwards"]}
 
 
-def test_one_empty_picture_among_others_may_be_a_bug():
+def test_one_empty_picture_among_others_may_be_a_mutant():
     names = ["core/render_sum/a_determinant_that_cancels", MIDDLE, CORNERS]
-    dropping = mutant("determinant-by-cancellation")
-    failures = [(v, answer(dropping, v.stage, v.inputs)) for v in FOLDER.read(names[:1])]
-    shifted = mutant("pixel-centre-at-integer")
-    failures += [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names[1:])]
+    dropping = mutant_called("determinant-by-cancellation")
+    failures = [(v, answer(dropping, v.operation, v.inputs)) for v in FOLDER.read(names[:1])]
+    shifted = mutant_called("pixel-centre-at-integer")
+    failures += [(v, answer(shifted, v.operation, v.inputs)) for v in FOLDER.read(names[1:])]
     assert not failures[0][1]["sum"].any()
     told = diagnose(failures)
     assert not any("nothing was written to" in sentence for sentence in told[names[0]])
@@ -43,27 +43,27 @@ def test_one_empty_picture_among_others_may_be_a_bug():
 
 
 def test_what_explains_more_is_preferred_to_what_explains_a_pixel():
-    shifted = mutant("pixel-centre-at-integer")
+    shifted = mutant_called("pixel-centre-at-integer")
     names = ["core/render_sum/a_determinant_that_cancels", CORNERS]
-    failures = [(v, answer(shifted, v.stage, v.inputs)) for v in FOLDER.read(names)]
+    failures = [(v, answer(shifted, v.operation, v.inputs)) for v in FOLDER.read(names)]
     alone = diagnose(failures[:1], [vector_of(MIDDLE)])[names[0]]
     assert shifted.sentence not in alone
     assert diagnose(failures)[names[0]] == [shifted.sentence]
 
 
 @pytest.mark.parametrize("pair", [("pixel-centre-at-integer", "support-without-end"), ("l21-sign", "sigma-not-halved")])
-def test_two_bugs_at_once(pair):
-    both = _both(*map(mutant, pair))
+def test_two_mutants_at_once(pair):
+    both = _both(*map(mutant_called, pair))
     vector = vector_of(CORNERS)
-    (sentences,) = diagnose([(vector, answer(both, vector.stage, vector.inputs))]).values()
-    assert set(sentences[0].split(", and ")) == {mutant(name).sentence for name in pair}
+    (sentences,) = diagnose([(vector, answer(both, vector.operation, vector.inputs))]).values()
+    assert set(sentences[0].split(", and ")) == {mutant_called(name).sentence for name in pair}
 
 
 def test_few_wrong_elements_are_no_pair():
     vector = vector_of(CORNERS)
     right = vector.expected["sum"].value.astype(np.float32)
-    both = _both(mutant("pixel-centre-at-integer"), mutant("support-without-end"))
-    theirs = answer(both, vector.stage, vector.inputs)["sum"]
+    both = _both(mutant_called("pixel-centre-at-integer"), mutant_called("support-without-end"))
+    theirs = answer(both, vector.operation, vector.inputs)["sum"]
     place = np.unravel_index(abs(theirs - right).argmax(), right.shape)
     right[place] = theirs[place]
     told = diagnose([(vector, {"sum": right})])[CORNERS]
@@ -98,57 +98,57 @@ def test_not_a_number():
     assert "infinity" in sentence
 
 
-def failures_of(bug, stage):
-    """The failures of an implementation with this bug, and the vectors of the stage that it passes."""
+def failures_of(mutant, operation):
+    """The failures of an implementation with this mutant, and the vectors of the operation that it passes."""
     failures, passed = [], []
-    for vector in FOLDER.read([name for name in FOLDER.names if name.split("/")[1] == stage]):
-        if called(vector.stage, vector.inputs) & bug.touched() and kills(vector, bug):
-            failures.append((vector, answer(bug, vector.stage, vector.inputs)))
+    for vector in FOLDER.read([name for name in FOLDER.names if name.split("/")[1] == operation]):
+        if called(vector.operation, vector.inputs) & mutant.touched() and kills(vector, mutant):
+            failures.append((vector, answer(mutant, vector.operation, vector.inputs)))
         else:
             passed.append(vector)
     return failures, passed
 
 
-def test_refusals_that_many_bugs_share_name_none_of_them_alone():
-    bug = mutant("crc-not-inverted")
-    failures, passed = failures_of(bug, "reconstruct_stream")
+def test_refusals_that_many_mutants_share_name_none_of_them_alone():
+    mutant = mutant_called("crc-not-inverted")
+    failures, passed = failures_of(mutant, "reconstruct_stream")
     for sentences in diagnose(failures[:3], passed).values():
         (sentence,) = sentences
         assert sentence.startswith(catalogue.ALIKE)
-        assert bug.sentence in sentence
+        assert mutant.sentence in sentence
 
 
-def test_refusals_at_another_bit_are_another_bug():
-    failures, passed = failures_of(mutant("words-backwards"), "reconstruct_stream")
-    bug = mutant("words-backwards").sentence
+def test_refusals_at_another_bit_are_another_mutant():
+    failures, passed = failures_of(mutant_called("words-backwards"), "reconstruct_stream")
+    mutant = mutant_called("words-backwards").sentence
     told = diagnose(failures, passed)
-    assert all(bug in sentences[0] for sentences in told.values())
+    assert all(mutant in sentences[0] for sentences in told.values())
     vector, outputs = next(failure for failure in failures if failure[0].id.endswith("rich_stream"))
     without_bit = {**outputs, "error": "malformed R-7-1"}
     sentence = diagnose([(vector, without_bit)])[vector.id][0]
     assert sentence.startswith(catalogue.ALIKE)
 
 
-def test_a_number_that_is_near_that_of_a_bug_is_not_its_answer(monkeypatch):
+def test_a_number_that_is_near_that_of_a_mutant_is_not_its_answer(monkeypatch):
     """A work of 2^29 in place of 9 2^29 is nearer to the 0 of "the sign of l21" than to the right one."""
-    bug = mutant("work-in-32-bits")
-    failures, passed = failures_of(bug, "rendering_work")
+    mutant = mutant_called("work-in-32-bits")
+    failures, passed = failures_of(mutant, "rendering_work")
     failures = [failure for failure in failures if "capacity" not in failure[0].manifest["flags"]]
     (told,) = diagnose(failures, passed).values()
-    assert told == [bug.sentence]
-    without = tuple(other for other in all_mutants() if other != bug)
-    monkeypatch.setattr(catalogue, "all_mutants", lambda: without)
+    assert told == [mutant.sentence]
+    without = tuple(other for other in MUTANTS if other != mutant)
+    monkeypatch.setattr(catalogue, "MUTANTS", without)
     (told,) = diagnose(failures, passed).values()
     assert not any("sign" in sentence for sentence in told)
 
 
 def test_errors_in_place_of_outputs_are_named_by_the_vectors_that_end_so():
-    bug = mutant("renormalised-at-2-16-too")
-    failures, passed = failures_of(bug, "decode_plane")
+    mutant = mutant_called("renormalised-at-2-16-too")
+    failures, passed = failures_of(mutant, "decode_plane")
     errors = [vector for vector, outputs in failures if outputs is None]
     told = diagnose([failure for failure in failures if failure[1] is not None], passed, errors)
     assert len(errors) > 20
-    assert all(told[vector.id] == [bug.sentence] for vector in errors)
+    assert all(told[vector.id] == [mutant.sentence] for vector in errors)
 
 
 def test_nothing_but_errors_names_the_smallest_vector():
@@ -159,11 +159,11 @@ def test_nothing_but_errors_names_the_smallest_vector():
         ]
 
 
-def test_a_checksum_agrees_with_no_bug_by_chance():
-    bug = mutant("checksum-by-splat")
-    failures, passed = failures_of(bug, "parameter_checksum")
+def test_a_checksum_agrees_with_no_mutant_by_chance():
+    mutant = mutant_called("checksum-by-splat")
+    failures, passed = failures_of(mutant, "parameter_checksum")
     told = diagnose(failures, passed)
-    assert told["core/parameter_checksum/checksum_many"] == [bug.sentence]
+    assert told["core/parameter_checksum/checksum_many"] == [mutant.sentence]
 
 
 def test_two_conditions_together_tell_which_vectors_fail():

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from conformance.case import of_stage
+from conformance.case import of_operation
 from conformance.cases.building import overview_bytes
 from conformance.element_values import plane_values, used, values
 from conformance.elements import ELEMENTS, UNCOVERED, coverage
+from conformance.operation import operations
 from conformance.spec import SPEC
-from conformance.stage import stages
 from gsvc_ref.draws import Draws
 
 
@@ -49,14 +49,14 @@ def test_elements_of_a_plane():
 def covered():
     """The coverage of the cases themselves, so that it does not wait for vectors/ to be written."""
     legal, faulty = {}, {}
-    for stage in stages().values():
-        for case in of_stage(stage.name):
+    for operation in operations().values():
+        for case in of_operation(operation.name):
             if case.level == "full":
                 continue
-            if any(port.type == "stream" for port in stage.inputs):
+            if any(port.type == "stream" for port in operation.inputs):
                 inputs = next(run(case))
                 (faulty if case.level == "faulty" else legal)[case.id] = values(inputs["stream"])
-            elif stage.name == "decode_plane":
+            elif operation.name == "decode_plane":
                 inputs = next(run(case))
                 numbers = {name: value for name, value in inputs.items() if name != "data"}
                 legal[case.id] = plane_values(np.asarray(inputs["data"]).tobytes(), numbers)

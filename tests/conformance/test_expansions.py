@@ -20,7 +20,7 @@ from conformance.expansions import (
     two_sum,
     where,
 )
-from conformance.stage import stages
+from conformance.operation import operations
 
 COUNT = 40
 BITS = 1500
@@ -153,7 +153,7 @@ def test_distinct_rows_come_in_the_order_of_their_first():
 
 
 def test_a_learning_rate_that_underflows_has_a_bound():
-    rates = stages()["learning_rates"].oracle(
+    rates = operations()["learning_rates"].oracle(
         iterations=np.array([0, 2**40]), rate=1e-3, factor=0.999, interval=1000
     )["rates"]  # fmt: skip
     assert rates.value[1] == 0

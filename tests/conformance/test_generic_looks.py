@@ -1,4 +1,4 @@
-"""The looks that know no bug: places, factors, terms of sums, what was left behind; also on outputs of 70,000 rows."""
+"""Looks that know no mutant: places, factors, terms of sums, what was left behind; also on outputs of 70,000 rows."""
 
 import time
 
@@ -14,9 +14,9 @@ from conformance.diagnosis.regions import region_candidates, size_hint
 from conformance.diagnosis.terms import pixel_gradients
 from conformance.expectations import Bounded
 from conformance.names import element, told
-from conformance.selection import VectorFolder
+from conformance.operation import operations
 from conformance.spec import complexity, namespace
-from conformance.stage import stages
+from conformance.vector_folder import VectorFolder
 from conformance.vectors import VECTORS, Vector
 
 FOLDER = VectorFolder(VECTORS)
@@ -30,13 +30,13 @@ def vector_of(name):
     return vector
 
 
-def large(stage="weighted_parameters", rows=ROWS):
+def large(operation="weighted_parameters", rows=ROWS):
     """A vector of many rows, as the flag `capacity` marks them."""
     values = RNG.uniform(0.5, 2, (rows, 9)).astype(np.float32)
     right = namespace()["weighted_parameters"](values)["parameters"].astype(np.float64)
     expected = {"parameters": Bounded(right, abs(right) * 2.0**-22)}
-    manifest = {"id": f"stress/{stage}/large", "title": "Large.", "flags": ["capacity"]}
-    return Vector(f"stress/{stage}/large", manifest, stages()[stage], {"values": values}, expected)
+    manifest = {"id": f"stress/{operation}/large", "title": "Large.", "flags": ["capacity"]}
+    return Vector(f"stress/{operation}/large", manifest, operations()[operation], {"values": values}, expected)
 
 
 @pytest.mark.parametrize("capacity", [32, 64, 96, 1024, 40_000, 65_536])
@@ -94,9 +94,9 @@ def test_what_the_vector_before_left():
 def test_splats_that_are_missing_or_drawn_twice(change, words):
     parameters = RNG.uniform(4, 28, (11, 8)).astype(np.float32)
     parameters[:, 2:5] = RNG.uniform(1, 3, (11, 3))
-    draw, oracle = namespace()["render_sum"], stages()["render_sum"].oracle
+    draw, oracle = namespace()["render_sum"], operations()["render_sum"].oracle
     inputs = {"parameters": parameters, "width": 37, "height": 29}
-    vector = Vector("core/render_sum/some", {}, stages()["render_sum"], inputs, oracle(**inputs))
+    vector = Vector("core/render_sum/some", {}, operations()["render_sum"], inputs, oracle(**inputs))
     outputs = draw(change(parameters), 37, 29)
     told_of = diagnose([(vector, outputs)])[vector.id]
     assert words in told_of[0]
@@ -124,7 +124,7 @@ def test_sizes_have_hints():
 
 
 @pytest.mark.parametrize(
-    ("stage", "output", "place", "shape", "name"),
+    ("operation", "output", "place", "shape", "name"),
     [
         ("render_gradients", "gradients", (2, 3), (9, 8), "splat 2, l21"),
         ("weighted_gradients", "gradients", (2, 8), (9, 9), "splat 2, w"),
@@ -141,23 +141,25 @@ def test_sizes_have_hints():
         ("to_half", "bits", (4,), (9,), "element 4"),
     ],
 )
-def test_elements_have_names(stage, output, place, shape, name):
-    assert element(stages()[stage], output, place, shape) == name
+def test_elements_have_names(operation, output, place, shape, name):
+    assert element(operations()[operation], output, place, shape) == name
 
 
 def test_sentences_have_names_in_place_of_indices():
-    stage = stages()["render_gradients"]
-    assert told(stage, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8)) == "is 1 at splat 2, l21, expected 2"
-    assert told(stage, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
+    operation = operations()["render_gradients"]
+    assert (
+        told(operation, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8)) == "is 1 at splat 2, l21, expected 2"
+    )
+    assert told(operation, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
         "l11, l21, l22 is"
     )
 
 
-def test_leaf_stages_are_the_simplest():
+def test_leaf_operations_are_the_simplest():
     order = ["to_frame", "render_frame", "decode_stream"]
     assert sorted(order, key=complexity) == order
     assert complexity("decode_plane") < complexity("read_stream")
-    assert complexity("no_stage") == 0
+    assert complexity("no_operation") == 0
 
 
 @pytest.mark.parametrize(
@@ -188,13 +190,13 @@ def failure_of(name, change):
     return Failure(vector, {"sum": mine})
 
 
-@pytest.mark.parametrize("stage", ["render_sum", "render_gradients"])
-def test_a_support_that_ends_elsewhere(stage):
+@pytest.mark.parametrize("operation", ["render_sum", "render_gradients"])
+def test_a_support_that_ends_elsewhere(operation):
     """Patched spec.md is another arithmetic than the look's."""
-    old = "sigma <= LN_255, np.exp" if stage == "render_sum" else "covered = sigma <= LN_255"
-    function = namespace([(old, old.replace("LN_255", "4.0"))])[stage]
+    old = "sigma <= LN_255, np.exp" if operation == "render_sum" else "covered = sigma <= LN_255"
+    function = namespace([(old, old.replace("LN_255", "4.0"))])[operation]
     told = []
-    for vector in FOLDER.read([name for name in FOLDER.names if name.startswith(f"core/{stage}/")][:12]):
+    for vector in FOLDER.read([name for name in FOLDER.names if name.startswith(f"core/{operation}/")][:12]):
         failure = Failure(vector, function(**vector.inputs))
         told += [c.sentence for part in parts(failure) if part.wrong.any() for c in cutoff_candidates(failure, part)]
     assert set(told) == {"a support that ends at sigma 4"}

@@ -10,7 +10,7 @@ import pytest
 from conformance import diagnosis, expectations
 from conformance.__main__ import main
 from conformance.commands import judging
-from conformance.mutants import all_mutants
+from conformance.mutants import MUTANTS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -62,7 +62,7 @@ def test_links_and_names():
 
 
 def test_what_the_report_says_is_what_it_can_say():
-    known = [mutant.sentence for mutant in all_mutants()]
+    known = [mutant.sentence for mutant in MUTANTS]
     sources = [*Path(diagnosis.__file__).parent.glob("*.py"), Path(expectations.__file__), Path(judging.__file__)]
     known += [path.read_text(encoding="utf-8") for path in sources]
     text = GUIDE.read_text(encoding="utf-8")

@@ -11,8 +11,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-import toy_stages
-from toy_stages import write_program
+import toy_operations
+from toy_operations import write_program
 
 from conformance.__main__ import main
 from conformance.report.json import from_object, read, to_object
@@ -152,7 +152,7 @@ def test_what_is_wrong_before_the_end_is_wrong(folder, toy_module, tmp_path):
         raise KeyboardInterrupt
 
     def paint(width, height, bit_depth):
-        return {"frame": toy_stages.paint(width, height, bit_depth)["frame"] * 0}
+        return {"frame": toy_operations.paint(width, height, bit_depth)["frame"] * 0}
 
     path = tmp_path / "report.json"
     assert run(folder, "--module", toy_module(paint=paint, halve=halve), "--json", path) == 130
@@ -206,7 +206,7 @@ def test_a_run_that_is_asked_to_end_ends_its_command_and_writes_the_report(tmp_p
         "run",
         "--impl",
         write_program(tmp_path, text),
-        "--stage",
+        "--operation",
         "to_half",
     ]
     command += ["--json", str(tmp_path / "report.json"), "--quiet", "--no-diagnosis"]

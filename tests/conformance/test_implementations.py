@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import toy_stages
-from toy_stages import judge, module
+import toy_operations
+from toy_operations import judge, module
 
 from conformance.expectations import Bounded, Decision, Exact, Interval
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 
 ROOT = Path(__file__).parents[2]
 
@@ -46,26 +46,26 @@ def test_no_check_passes_what_is_masked_or_no_plain_array(expected):
         assert f"is {type(other).__name__}, not an array" in judgement.message
 
 
-@pytest.mark.parametrize("stage", ["scale", "paint", "halve"])
-def test_a_masked_array_is_refused(folder, stage):
+@pytest.mark.parametrize("operation", ["scale", "paint", "halve"])
+def test_a_masked_array_is_refused(folder, operation):
     def answer(**inputs):
-        return {name: masked(value) for name, value in toy_stages.REFERENCE[stage](**inputs).items()}
+        return {name: masked(value) for name, value in toy_operations.REFERENCE[operation](**inputs).items()}
 
-    report = judge(folder, module(**{stage: answer}), Selection(stages=(stage,)))
+    report = judge(folder, module(**{operation: answer}), Selection(operations=(operation,)))
     assert {result.outcome for result in report.results} == {"error"}
     assert "as a masked array: return a plain one" in report.results[0].message
 
 
 def test_other_subclasses_are_taken_for_what_they_hold(folder):
     def right(values, factor):
-        return {"scaled": toy_stages.scale(values, factor)["scaled"].view(Shy)}
+        return {"scaled": toy_operations.scale(values, factor)["scaled"].view(Shy)}
 
     def wrong(values):
-        return {**toy_stages.halve(values), "half": np.full(6, 99, "<i8").view(Shy)}
+        return {**toy_operations.halve(values), "half": np.full(6, 99, "<i8").view(Shy)}
 
     report = judge(folder, module(scale=right, halve=wrong))
-    assert {result.outcome for result in report.results if result.stage == "scale"} == {"pass"}
-    assert [result.outcome for result in report.results if result.stage == "halve"] == ["fail"]
+    assert {result.outcome for result in report.results if result.operation == "scale"} == {"pass"}
+    assert [result.outcome for result in report.results if result.operation == "halve"] == ["fail"]
 
 
 STREAMS = {

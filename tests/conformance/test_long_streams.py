@@ -9,7 +9,7 @@ from conformance import spec
 from conformance.case import cases
 from conformance.expectations import Expectation
 from conformance.mutants import judge
-from conformance.stage import Values
+from conformance.operation import Values
 
 SURVIVORS: Final = "    parameters = reference[survivors == 1]  # R-6.4-5\n"
 WRONG: Final = {
@@ -18,7 +18,7 @@ WRONG: Final = {
         (("    state.next_number += 1\n", "    state.next_number = (state.next_number + 1) % 2**14\n"),),
     ),
     "a level of 2^16 splats that may not be reached": (
-        "core/{stage}/as_many_splats_as_level_2_allows",
+        "core/{operation}/as_many_splats_as_level_2_allows",
         (('    if splat_count > state.limits["splats"]:', '    if splat_count >= state.limits["splats"]:'),),
     ),
     "survivors whose indices have 16 bits": (
@@ -54,17 +54,17 @@ WRONG: Final = {
 @pytest.mark.parametrize("sentence", WRONG)
 def test_what_ends_at_a_size_is_found(sentence: str) -> None:
     name, patches = WRONG[sentence]
-    for stage in ("read_stream", "reconstruct_stream", "decode_stream") if "{" in name else ("",):
-        case = cases()[name.format(stage=stage)]
+    for operation in ("read_stream", "reconstruct_stream", "decode_stream") if "{" in name else ("",):
+        case = cases()[name.format(operation=operation)]
         inputs, expected = case.run()
-        assert right(spec.namespace(), case.stage.name, inputs, expected)
-        assert not right(spec.namespace(patches), case.stage.name, inputs, expected)
+        assert right(spec.namespace(), case.operation.name, inputs, expected)
+        assert not right(spec.namespace(patches), case.operation.name, inputs, expected)
 
 
-def right(code: dict[str, Any], stage: str, inputs: Values, expected: Mapping[str, Expectation]) -> bool:
+def right(code: dict[str, Any], operation: str, inputs: Values, expected: Mapping[str, Expectation]) -> bool:
     """Whether the answer of code like that of spec.md is judged as right."""
     try:
-        outputs = code[stage](**inputs)
+        outputs = code[operation](**inputs)
     except (code["Fault"], IndexError):  # it refuses the stream, or counts beyond its arrays
         return False
     return all(verdict.passed for verdict in judge(expected, outputs))

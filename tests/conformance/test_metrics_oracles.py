@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracle_checks import assert_legal, in_blocks, runs
 
-from conformance.stages.color_map import ColorMap
+from conformance.operations.color_map import ColorMap
 
 F4 = np.float32
 
@@ -122,12 +122,12 @@ EXACT_TIES = ("ties_of", "impulse", "edges", "ycgco")
 """Cases with exact ties or exact coefficients, which numbers that were brought to 0..1 do not keep."""
 
 
-@pytest.mark.parametrize("stage", ["planes_to_frame", "frame_to_planes"])
+@pytest.mark.parametrize("operation", ["planes_to_frame", "frame_to_planes"])
 @pytest.mark.parametrize("normalised", [False, True])
-def test_colour_in_binary32_is_legal(stage, normalised):
-    variant = frame_in_binary32 if stage == "planes_to_frame" else planes_in_binary32
+def test_colour_in_binary32_is_legal(operation, normalised):
+    variant = frame_in_binary32 if operation == "planes_to_frame" else planes_in_binary32
     open_decisions = 0
-    for case, inputs, expected in runs(stage):
+    for case, inputs, expected in runs(operation):
         if normalised and any(part in case.id for part in EXACT_TIES):
             continue
         outputs = variant(*inputs.values(), normalised=normalised)

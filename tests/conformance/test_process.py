@@ -7,19 +7,19 @@ import sys
 
 import numpy as np
 import pytest
-from toy_stages import good_program, judge, write_program
+from toy_operations import good_program, judge, write_program
 
 from conformance.implementations import Failure, Unsupported
+from conformance.operation import Port
 from conformance.process import MAX_BYTES, ProcessImplementation, read_output
-from conformance.selection import Selection
-from conformance.stage import Port
+from conformance.vector_folder import Selection
 from conformance.vectors import npy
 from gsvc_ref.errors import UsageError
 
 
 def outcome_of(folder, tmp_path, text, timeout=60.0):
     command = write_program(tmp_path, text)
-    report = judge(folder, ProcessImplementation(command, timeout), Selection(stages=("halve",)))
+    report = judge(folder, ProcessImplementation(command, timeout), Selection(operations=("halve",)))
     assert not report.passed
     return report.results[0]
 
@@ -102,7 +102,7 @@ def test_other_files_are_ignored(folder, tmp_path):
     text = good_program(tmp_path).split()[1]
     with open(text, "a") as program:
         program.write("Path(outside, 'more.npy').write_bytes(b'garbage'); Path(outside, 'x').mkdir()\n")
-    assert judge(folder, ProcessImplementation(f"{sys.executable} {text}", 60), Selection(stages=("halve",))).passed
+    assert judge(folder, ProcessImplementation(f"{sys.executable} {text}", 60), Selection(operations=("halve",))).passed
 
 
 def header(text, version=b"\x01\x00") -> bytes:
@@ -165,8 +165,8 @@ def test_inputs_as_files(toys, tmp_path):
     inputs = {"values": np.arange(3, dtype="<f4"), "width": 7, "factor": 0.5, "stream": b"\x00\xff"}
     answer = ProcessImplementation(write_program(tmp_path, text), 60).run(toys["halve"], inputs)
     assert isinstance(answer, Unsupported)
-    stage, found = json.loads((tmp_path / "found.json").read_text())
-    assert stage == "halve"
+    operation, found = json.loads((tmp_path / "found.json").read_text())
+    assert operation == "halve"
     assert sorted(found) == ["factor.npy", "stream.gsvc", "values.npy", "width.npy"]
     assert found["stream.gsvc"] == "00ff"
     for name, dtype in (("values", "<f4"), ("width", "<i8"), ("factor", "<f8")):
@@ -206,7 +206,7 @@ def test_a_program_of_the_current_folder_without_its_path(tmp_path, monkeypatch)
 def test_no_shell_sees_a_command(folder, tmp_path):
     target = tmp_path / "made"
     command = f"{sys.executable} -c 'raise SystemExit(77)' ; touch {target}"
-    judge(folder, ProcessImplementation(command, 60), Selection(stages=("halve",)))
+    judge(folder, ProcessImplementation(command, 60), Selection(operations=("halve",)))
     assert not target.exists()
 
 

@@ -13,20 +13,20 @@ from typing import get_args
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
-from toy_stages import INPUTS
+from toy_operations import INPUTS
 
-from conformance.case import of_stage
+from conformance.case import of_operation
 from conformance.commands.list import BEGIN, END, markdown
 from conformance.diagnosis import EXAMINED
 from conformance.expectations import Exact
 from conformance.implementations import ModuleImplementation, Unsupported, load_module
+from conformance.operation import operations
 from conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
 from conformance.report.console import CONCLUSIONS
 from conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from conformance.runner import judge_vector, run_suite
-from conformance.selection import SCHEMA, matches
-from conformance.stage import stages
 from conformance.streams import PARTS
+from conformance.vector_folder import SCHEMA, matches
 from conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +34,7 @@ PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")
 EXAMPLES = ROOT / "conformance" / "examples"
 
 
-def test_the_table_of_stages_is_that_of_the_code():
+def test_the_table_of_operations_is_that_of_the_code():
     between = PROTOCOL.partition(BEGIN)[2].partition(END)[0].strip()
     assert between == markdown(VECTORS), "write it again: python -m conformance list --markdown conformance/protocol.md"
 
@@ -116,8 +116,8 @@ def example(request):
     return found if isinstance(found, ModuleImplementation) else ProcessImplementation(found, 60)
 
 
-def vector(stage, inputs, expected) -> Vector:
-    return Vector(f"core/{stage}/x", {"title": "x"}, stages()[stage], inputs, expected)
+def vector(operation, inputs, expected) -> Vector:
+    return Vector(f"core/{operation}/x", {"title": "x"}, operations()[operation], inputs, expected)
 
 
 @pytest.mark.parametrize("count", [0, 1, 63488])
@@ -137,12 +137,12 @@ def test_examples_render(example, count):
         parameters[3, 2] = 0  # degenerate: covers nothing
         parameters[4, 4] = 1e-40
     inputs = {"parameters": parameters, "width": 21, "height": 13}
-    result = judge_vector(example, vector("render_sum", inputs, stages()["render_sum"].oracle(**inputs))).result
+    result = judge_vector(example, vector("render_sum", inputs, operations()["render_sum"].oracle(**inputs))).result
     assert result.outcome == "pass", result.message
 
 
-def test_examples_do_not_support_other_stages(example):
-    assert isinstance(example.run(stages()["metrics"], {"bit_depth": 8}), Unsupported)
+def test_examples_do_not_support_other_operations(example):
+    assert isinstance(example.run(operations()["metrics"], {"bit_depth": 8}), Unsupported)
 
 
 # Manifests
@@ -219,8 +219,8 @@ def test_a_refusal_has_kind_rule_and_bit(folder, value):
 
 
 def test_jobs_change_the_time_alone(python):
-    cases = [from_files(files_of(case, *case.run())) for case in islice(of_stage("from_half"), 2)]
-    cases += [from_files(files_of(case, *case.run())) for case in islice(of_stage("render_sum"), 4)]
+    cases = [from_files(files_of(case, *case.run())) for case in islice(of_operation("from_half"), 2)]
+    cases += [from_files(files_of(case, *case.run())) for case in islice(of_operation("render_sum"), 4)]
     one, many = (run_suite(ProcessImplementation(python, 60), cases, jobs=jobs) for jobs in (1, 3))
     assert [(result.id, result.outcome) for result in many] == [(vector.id, "pass") for vector in cases]
     assert [replace(result, seconds=0) for result in one] == [replace(result, seconds=0) for result in many]

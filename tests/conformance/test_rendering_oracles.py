@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 
 from conformance import reference
-from conformance.case import of_stage
+from conformance.case import of_operation
 from conformance.cases import CAPACITY
 from conformance.cases.gradients import ALL_GROUPS, noise, slope
 from conformance.cases.splat_sets import MIN_GUARDS, population, splat, splats
-from conformance.stage import stages
-from conformance.stages.rendering import MIN_SPLATS, edge_margins
+from conformance.operation import operations
+from conformance.operations.rendering import MIN_SPLATS, edge_margins
 from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL
 
 
 def oracle(name, **inputs):
-    return stages()[name].oracle(**inputs)
+    return operations()[name].oracle(**inputs)
 
 
 @cache
 def vectors(name):
-    """Inputs and expectations of all small cases of a stage; large ones have no other arithmetic than these."""
-    return {case.id: case.run() for case in of_stage(name) if case.level != "full" and CAPACITY not in case.flags}
+    """Inputs and expectations of all small cases of an operation; large ones have no other arithmetic than these."""
+    return {case.id: case.run() for case in of_operation(name) if case.level != "full" and CAPACITY not in case.flags}
 
 
 def nearest(x):

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from PIL import Image
-from toy_stages import REFERENCE, STAGES, paint
+from toy_operations import OPERATIONS, REFERENCE, paint
 
 from conformance.expectations import Bounded, Decision, Exact, Interval
 from conformance.implementations import ModuleImplementation
@@ -20,20 +20,20 @@ from conformance.report.console import cause_lines, describe, ends, last_line, p
 from conformance.report.json import from_object, to_object, to_text
 from conformance.report.junit import junit_xml
 from conformance.report.page import MAX_FAULTS, report_html
-from conformance.report.pictures import NOT_FINITE, WORST_OF_STAGE, PictureBook, error_ratios, pictures_of, ramp
+from conformance.report.pictures import NOT_FINITE, WORST_OF_OPERATION, PictureBook, error_ratios, pictures_of, ramp
 from conformance.results import OutputResult, Report, Result
 from conformance.runner import judge_vector
-from conformance.selection import Selection, VectorFolder
+from conformance.vector_folder import Selection, VectorFolder
 from conformance.vectors import Vector
 from gsvc_ref.errors import UsageError
 
 EVIL = '<script>alert("&")</script>'
 
 
-def result(slug, outcome="pass", stage="scale", level="core", ratio=0.5, **changes) -> Result:
+def result(slug, outcome="pass", operation="scale", level="core", ratio=0.5, **changes) -> Result:
     output = OutputResult("scaled", "bounded", outcome == "pass", "", ratio, (2, 1))
-    group = STAGES[stage].group
-    return replace(Result(f"{level}/{stage}/{slug}", f"Shows {slug}.", group, outcome, "", (output,)), **changes)
+    group = OPERATIONS[operation].group
+    return replace(Result(f"{level}/{operation}/{slug}", f"Shows {slug}.", group, outcome, "", (output,)), **changes)
 
 
 RESULTS = [
@@ -41,11 +41,11 @@ RESULTS = [
     result("also_good", ratio=0.75),
     result("wrong", "fail", ratio=math.inf, message="scaled is inf", causes=("a factor of two",)),
     result("dead", "crash", message="killed by SIGSEGV", log="before\x00\x1b[31m the end", outputs=()),
-    result("none", "unsupported", stage="halve", outputs=()),
-    result("ten_bits", "unsupported", stage="paint", level="uncommon", outputs=()),
-    result("eight_bits", stage="paint", ratio=None),
-    result("known", "waived", stage="parse", message="bug 12 (waived fail: is 1)"),
-    result("fine", stage="parse", ratio=None, seconds=1.5),
+    result("none", "unsupported", operation="halve", outputs=()),
+    result("ten_bits", "unsupported", operation="paint", level="uncommon", outputs=()),
+    result("eight_bits", operation="paint", ratio=None),
+    result("known", "waived", operation="parse", message="bug 12 (waived fail: is 1)"),
+    result("fine", operation="parse", ratio=None, seconds=1.5),
 ]
 ENVIRONMENT = {"implementation": "./toy", "vectors": "0" * 64}
 
@@ -73,7 +73,7 @@ def test_the_console(report):
     text = "\n".join(lines)
     assert last_line(report) == "FAILED"
     assert "Probable cause: a factor of two (scale: 1 of 1 examined)" in lines
-    assert "1 stage: unsupported (1 vector)" in lines
+    assert "1 operation: unsupported (1 vector)" in lines
     assert not any(line.startswith("halve ") for line in lines)
     assert "FAIL core/scale/wrong: Shows wrong." in lines
     assert "  scaled is inf" in lines
@@ -93,12 +93,12 @@ def test_the_console_describes_no_more_failures_than_it_is_told(report):
 
 
 def test_a_selection_stands_beside_the_verdict(report):
-    text = "\n".join(describe(replace(report, selection="stage parse"), 10))
-    assert "of stage parse only" in text
+    text = "\n".join(describe(replace(report, selection="operation parse"), 10))
+    assert "of operation parse only" in text
 
 
 def test_what_the_implementation_tells_of_its_environment(report):
-    assert describe(report, 0)[0].startswith("stage ")
+    assert describe(report, 0)[0].startswith("operation ")
     told = replace(report, runs_on={"device": "a GPU", "driver version": "1.2"})
     assert describe(told, 0)[:3] == ["device          a GPU", "driver version  1.2", ""]
     assert "a GPU" in report_html(told)
@@ -121,7 +121,7 @@ def test_json_and_back(report):
     assert to_object(from_object(json.loads(text))) == json.loads(text)
     assert from_object(json.loads(text)) == report
     value = json.loads(text)
-    assert (value["passed"], value["stages"][2]["fail"]) == (False, 1)
+    assert (value["passed"], value["operations"][2]["fail"]) == (False, 1)
     assert value["results"][2]["outputs"][0]["ratio"] == "infinite"
 
 
@@ -175,8 +175,8 @@ def test_junit(report):
 
 def test_what_is_incomplete_is_no_failure(report):
     results = [
-        result("good", stage="halve"),
-        result("none", "unsupported", stage="halve", outputs=()),
+        result("good", operation="halve"),
+        result("none", "unsupported", operation="halve", outputs=()),
         *(result(slug, "unsupported", outputs=()) for slug in ("a", "b")),
     ]
     partial = replace(report, results=results)
@@ -189,10 +189,10 @@ def test_what_is_incomplete_is_no_failure(report):
     page = report_html(partial)
     assert '<p class="verdict warn">Nothing is wrong; no class is complete</p>' in page
     assert '<span class="badge warn">incomplete</span>' in page
-    assert "<p>1 stage: unsupported (2 vectors).</p>" in page
-    more = replace(partial, results=[*results, result("eight_bits", stage="paint")])
+    assert "<p>1 operation: unsupported (2 vectors).</p>" in page
+    more = replace(partial, results=[*results, result("eight_bits", operation="paint")])
     assert (last_line(more), more.exit_code) == ("NOTHING IS WRONG, but incomplete: quantization", 0)
-    wrong = replace(partial, results=[*results, result("b", "fail", stage="paint")])
+    wrong = replace(partial, results=[*results, result("b", "fail", operation="paint")])
     assert (last_line(wrong), wrong.exit_code) == ("FAILED", 1)
 
 
@@ -209,20 +209,20 @@ def test_classes_come_in_the_order_of_the_specification(report):
 
 
 def test_causes_are_told_once_and_the_most_frequent_first(report):
-    def wrong(slug, *causes, stage="scale"):
-        return result(slug, "fail", stage=stage, causes=causes)
+    def wrong(slug, *causes, operation="scale"):
+        return result(slug, "fail", operation=operation, causes=causes)
 
     results = [
         wrong("a", "one"),
         wrong("b", "two", "covered"),
         wrong("c", "two"),
-        wrong("d", "two", stage="halve"),
+        wrong("d", "two", operation="halve"),
         *(wrong(f"m{n}", "one") for n in range(4)),
         *(wrong(f"n{n}", "two") for n in range(5)),
         wrong("o", "rare"),
         *(wrong(f"p{n}") for n in range(9)),
-        wrong("e", "three", stage="paint"),
-        wrong("f", "errors in red alone", stage="paint"),
+        wrong("e", "three", operation="paint"),
+        wrong("f", "errors in red alone", operation="paint"),
     ]
     assert cause_lines(replace(report, results=results)) == [
         "two (scale: 7 of 12 examined, halve: 1 of 1 examined)",
@@ -307,7 +307,7 @@ def test_the_page_of_many_failures_is_not_endless(report):
 
 
 def vector_of(expectation, name="frame", **inputs) -> Vector:
-    return Vector("core/paint/x", {"title": "x"}, STAGES["paint"], inputs, {name: expectation})
+    return Vector("core/paint/x", {"title": "x"}, OPERATIONS["paint"], inputs, {name: expectation})
 
 
 def judged(expectation, actual, **inputs):
@@ -407,9 +407,9 @@ def test_the_simplest_failures_come_first(report, failing):
     faults += [replace(result("stress", "fail"), id="stress/decode_plane/small", size=1)]
     shown = replace(report, results=faults)
     names = [fault.id.split("/")[1:] for fault in shown.simplest_first()]
-    assert [slug for stage, slug in names if stage == "scale"] == ["n1", "n3", "n2", "n0"]
-    order = [slug for stage, slug in names if stage != "scale"]
-    assert order == ["large", "small", "tiny"]  # a leaf stage, core before stress, then what is made of it
+    assert [slug for operation, slug in names if operation == "scale"] == ["n1", "n3", "n2", "n0"]
+    order = [slug for operation, slug in names if operation != "scale"]
+    assert order == ["large", "small", "tiny"]  # a leaf operation, core before stress, then what is made of it
     text = report_html(shown).split("What is wrong")[1]
     assert re.findall(r"</span> \w+/\w+/(\w+)</h3>", text) == [
         fault.id.split("/")[2] for fault in shown.simplest_first()
@@ -423,7 +423,7 @@ def test_the_ramp_tells_allowed_from_not():
     assert np.all(np.diff(outside[:, 1].astype(int)) <= 0)
 
 
-def test_the_book_keeps_the_worst_of_each_stage(folder):
+def test_the_book_keeps_the_worst_of_each_operation(folder):
     book, vectors = PictureBook(), VectorFolder(folder)
     (vector,) = vectors.read(vectors.select(Selection(patterns=("by_a_third",))))
     for step in (1, 5, 3, 9, 2):
@@ -433,5 +433,5 @@ def test_the_book_keeps_the_worst_of_each_stage(folder):
         renamed = replace(vector, id=f"core/scale/step_{step}")
         judgement = judge_vector(wrong, renamed)
         book.add(renamed, judgement.outputs, judgement.result)
-    assert len(book.pictures()) == WORST_OF_STAGE
+    assert len(book.pictures()) == WORST_OF_OPERATION
     assert set(book.pictures()) == {"core/scale/step_3", "core/scale/step_5", "core/scale/step_9"}

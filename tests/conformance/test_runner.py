@@ -5,12 +5,12 @@ import types
 
 import numpy as np
 import pytest
-import toy_stages
-from toy_stages import INPUTS, REFERENCE, good_program, judge, module, outcomes, verdicts
+import toy_operations
+from toy_operations import INPUTS, REFERENCE, good_program, judge, module, outcomes, verdicts
 
 from conformance.implementations import ModuleImplementation, from_namespace, load_module
 from conformance.process import ProcessImplementation
-from conformance.selection import Selection
+from conformance.vector_folder import Selection
 from gsvc_ref.errors import UsageError
 
 
@@ -22,7 +22,7 @@ def test_the_reference_passes(folder):
     assert report.passed
 
 
-def test_vectors_come_by_level_and_then_in_the_order_of_the_stages(folder):
+def test_vectors_come_by_level_and_then_in_the_order_of_the_operations(folder):
     order = [result.id for result in judge(folder, module()).results]
     assert order[:2] == ["core/parse/three_bytes", "core/paint/odd_size"]
     assert [name.split("/")[0] for name in order] == ["core"] * 5 + ["uncommon"] * 2 + ["stress", "faulty"]
@@ -36,14 +36,14 @@ def test_the_reference_passes_as_a_process(folder, tmp_path):
 def test_an_implementation_that_accepts_everything_fails(folder):
     """It returns zeros of the right type and shape, and no error for any stream."""
 
-    def zeros(stage):
+    def zeros(operation):
         def answer(**inputs):
-            given = REFERENCE[stage](**inputs)
+            given = REFERENCE[operation](**inputs)
             return {name: "" if isinstance(value, str) else np.zeros_like(value) for name, value in given.items()}
 
         return answer
 
-    report = judge(folder, ModuleImplementation("zeros", {stage: zeros(stage) for stage in REFERENCE}))
+    report = judge(folder, ModuleImplementation("zeros", {operation: zeros(operation) for operation in REFERENCE}))
     assert not report.passed
     assert set(verdicts(report).values()) == {"failed"}
     assert outcomes(report)["faulty/parse/bad_letter"] == "fail"
@@ -85,7 +85,7 @@ def test_an_exception_is_an_error_with_its_last_line(folder):
     def broken(values):
         raise KeyError("no such thing")
 
-    result = judge(folder, module(halve=broken), Selection(stages=("halve",))).results[0]
+    result = judge(folder, module(halve=broken), Selection(operations=("halve",))).results[0]
     assert result.outcome == "error"
     assert "KeyError: 'no such thing'" in result.message
     assert "test_runner.py" in result.message
@@ -95,7 +95,7 @@ def test_an_exception_is_an_error_with_its_last_line(folder):
     "function", [lambda values: 0, lambda values, factor, more: 0, lambda *values: 0, lambda values, /, factor: 0]
 )
 def test_a_function_with_other_parameters_is_told_which_it_must_have(folder, function):
-    result = judge(folder, module(scale=function), Selection(stages=("scale",))).results[0]
+    result = judge(folder, module(scale=function), Selection(operations=("scale",))).results[0]
     assert result.outcome == "error"
     assert result.message.startswith("scale must take (values, factor): ")
 
@@ -103,13 +103,13 @@ def test_a_function_with_other_parameters_is_told_which_it_must_have(folder, fun
 def test_a_function_that_does_not_tell_its_parameters_is_called(folder):
     class Silent:
         def __call__(self, **inputs):
-            return toy_stages.scale(**inputs)
+            return toy_operations.scale(**inputs)
 
         @property
         def __signature__(self):
             raise ValueError("no signature found")
 
-    for function in (lambda **inputs: toy_stages.scale(**inputs), Silent()):
+    for function in (lambda **inputs: toy_operations.scale(**inputs), Silent()):
         assert outcomes(judge(folder, module(scale=function)))["core/scale/by_two"] == "pass"
 
 
@@ -124,7 +124,7 @@ def test_a_module_that_makes_the_processor_flush_subnormal_numbers_is_in_error(f
         report = judge(folder, module(halve=halve))
     finally:
         torch.set_flush_denormal(False)
-    wrong = [result for result in report.results if result.stage == "halve"]
+    wrong = [result for result in report.results if result.operation == "halve"]
     assert {result.outcome for result in wrong} == {"error"}
     assert "subnormal" in wrong[0].message
 
@@ -139,7 +139,7 @@ def test_not_implemented_is_unsupported(folder):
     def missing(values):
         raise NotImplementedError("on this GPU")
 
-    result = judge(folder, module(halve=missing), Selection(stages=("halve",))).results[0]
+    result = judge(folder, module(halve=missing), Selection(operations=("halve",))).results[0]
     assert (result.outcome, result.message) == ("unsupported", "on this GPU")
 
 
@@ -153,7 +153,7 @@ def test_an_implementation_cannot_change_what_it_is_judged_by(folder):
 
 
 def test_single_numbers_may_be_pythons(folder):
-    report = judge(folder, module(parse=lambda stream: {**toy_stages.parse(stream), "count": len(stream) % 20}))
+    report = judge(folder, module(parse=lambda stream: {**toy_operations.parse(stream), "count": len(stream) % 20}))
     assert outcomes(report)["core/parse/three_bytes"] == "pass"
 
 
@@ -161,12 +161,12 @@ def test_one_missing_core_vector_makes_a_class_incomplete_and_an_uncommon_one_do
     def few_bits(width, height, bit_depth):
         if bit_depth != 8:
             raise NotImplementedError
-        return toy_stages.paint(width, height, bit_depth)
+        return toy_operations.paint(width, height, bit_depth)
 
     def no_odd_sizes(width, height, bit_depth):
         if width % 2:
             raise NotImplementedError
-        return toy_stages.paint(width, height, bit_depth)
+        return toy_operations.paint(width, height, bit_depth)
 
     assert verdicts(judge(folder, module(paint=few_bits)))["rendering"] == "passed"
     report = judge(folder, module(paint=no_odd_sizes))
@@ -179,7 +179,7 @@ def test_an_uncommon_stream_may_be_refused_as_unsupported_and_as_nothing_else(fo
     for error, outcome in (("unsupported R-6.1-2 40", "unsupported"), ("malformed", "fail"), ("limit", "fail")):
 
         def parse(stream, error=error):
-            return {"count": np.asarray(0), "error": error} if not stream else toy_stages.parse(stream)
+            return {"count": np.asarray(0), "error": error} if not stream else toy_operations.parse(stream)
 
         report = judge(folder, module(parse=parse))
         assert outcomes(report)["uncommon/parse/empty"] == outcome
@@ -188,7 +188,7 @@ def test_an_uncommon_stream_may_be_refused_as_unsupported_and_as_nothing_else(fo
 
 def test_rule_and_bit_of_a_refusal_are_judged_for_the_projects_own_only(folder):
     def vague(stream):
-        given = toy_stages.parse(stream)
+        given = toy_operations.parse(stream)
         return {**given, "error": given["error"].partition(" ")[0]}
 
     assert judge(folder, module(parse=vague)).passed
@@ -196,12 +196,14 @@ def test_rule_and_bit_of_a_refusal_are_judged_for_the_projects_own_only(folder):
 
 
 def test_waivers(folder):
-    wrong = module(halve=lambda values: {**toy_stages.halve(values), "count": np.asarray(0)})
+    wrong = module(halve=lambda values: {**toy_operations.halve(values), "count": np.asarray(0)})
     report = judge(folder, wrong, waivers={"core/halve/one_to_six": "bug 12"})
     assert outcomes(report)["core/halve/one_to_six"] == "waived"
     assert "bug 12" in next(r.message for r in report.results if r.outcome == "waived")
     assert report.passed
-    assert not judge(folder, wrong, Selection(stages=("halve",)), waivers={"core/halve/one_to_six": "bug 12"}).passed
+    assert not judge(
+        folder, wrong, Selection(operations=("halve",)), waivers={"core/halve/one_to_six": "bug 12"}
+    ).passed
 
 
 def test_a_skipped_vector_is_not_run_and_its_class_not_passed(folder):
@@ -218,8 +220,8 @@ def test_the_worst_ratio_and_its_place(folder):
             scaled[2, 1] *= np.float32(1 + 2.0**-20)
         return {"scaled": scaled}
 
-    report = judge(folder, module(scale=off), Selection(stages=("scale",)))
-    (summary,) = report.stages()
+    report = judge(folder, module(scale=off), Selection(operations=("scale",)))
+    (summary,) = report.operations()
     assert summary.ratio == pytest.approx(8, rel=0.2)
     assert summary.place == "core/scale/by_two scaled splat 2, column 1"
     assert summary.faults == 1
@@ -231,5 +233,5 @@ def test_a_module_that_cannot_be_imported(toys, monkeypatch, tmp_path):
     for name in ("broken_module_of_a_test", "no_such_module_of_a_test"):
         with pytest.raises(UsageError, match=name):
             load_module(name)
-    monkeypatch.setitem(sys.modules, "module_of_a_test", types.SimpleNamespace(halve=toy_stages.halve))
-    assert load_module("module_of_a_test").functions["halve"] is toy_stages.halve
+    monkeypatch.setitem(sys.modules, "module_of_a_test", types.SimpleNamespace(halve=toy_operations.halve))
+    assert load_module("module_of_a_test").functions["halve"] is toy_operations.halve

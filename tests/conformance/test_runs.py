@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
-from toy_stages import case_of
+from toy_operations import case_of
 
 from conformance.coverage import SCHEMA
 from conformance.runs import LEAST, pack, unpack
@@ -73,7 +73,7 @@ def test_an_array_too_large_for_memory_is_refused():
 def test_a_vector_with_runs_is_read_as_it_was_written(toys):
     case = case_of("core/scale/by_two")
     inputs = {"values": broken(), "factor": 2.0}
-    files = files_of(case, inputs, case.stage.oracle(**inputs))
+    files = files_of(case, inputs, case.operation.oracle(**inputs))
     assert sum(map(len, files.values())) < 100_000
     manifest = json.loads(files["manifest.json"])
     assert list(Draft202012Validator(json.loads(SCHEMA.read_text())).iter_errors(manifest)) == []

@@ -41,8 +41,8 @@ PREFIX = 10
 """Bytes of magic and version."""
 
 
-def spec(stage: str, **inputs: Any) -> Values:
-    outputs: Values = namespace()[stage](**inputs)
+def spec(operation: str, **inputs: Any) -> Values:
+    outputs: Values = namespace()[operation](**inputs)
     return outputs
 
 

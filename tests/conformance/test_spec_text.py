@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from conformance import spec
-from conformance.stage import Port, stages
+from conformance.operation import Port, operations
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
@@ -106,21 +106,23 @@ def test_kinds_are_those_of_gsvc_ref() -> None:
         assert spec.namespace()["kind_of"](rule) == kind_of(rule), rule
 
 
-def test_classes_and_ports_are_those_of_the_stages() -> None:
+def test_classes_and_ports_are_those_of_the_operations() -> None:
     rows = re.findall(r"^\| `(\w+)` \| (`.*`) \|$", section("13.1"), re.MULTILINE)
     classes = {name: sorted(_names(row)) for name, row in rows}
     groups: dict[str, list[str]] = {}
-    for stage in stages().values():
-        groups.setdefault(stage.group, []).append(stage.name)
+    for operation in operations().values():
+        groups.setdefault(operation.group, []).append(operation.name)
     assert classes == {group: sorted(names) for group, names in groups.items()}
 
     def text(ports: tuple[Port, ...]) -> str:
         return "; ".join(f"`{p.name}` {p.type.replace('|', ' or ')} {p.shape}".strip() for p in ports)
 
     table = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", section("13.9"), re.MULTILINE)
-    assert table == [(s.name, text(s.inputs), text(s.outputs)) for s in stages().values()]
-    for stage in stages().values():
-        assert list(inspect.signature(spec.namespace()[stage.name]).parameters) == [p.name for p in stage.inputs]
+    assert table == [(s.name, text(s.inputs), text(s.outputs)) for s in operations().values()]
+    for operation in operations().values():
+        assert list(inspect.signature(spec.namespace()[operation.name]).parameters) == [
+            p.name for p in operation.inputs
+        ]
 
 
 def test_overview_stream() -> None:

@@ -1,4 +1,4 @@
-"""Sections 10 and 11 of spec.md against gsvc_ref: two implementations of each stage agree on painted inputs."""
+"""Sections 10 and 11 of spec.md against gsvc_ref: two implementations of each operation agree on painted inputs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ def normal(rng: Generator, *shape: int) -> np.ndarray:
     return rng.normal(size=shape).astype(f4)
 
 
-# What each stage is asked.
+# What each operation is asked.
 
 
 def size(rng: Generator) -> tuple[int, int]:
@@ -199,9 +199,9 @@ def paint_metrics(rng: Generator) -> Values:
 
 @dataclass(frozen=True)
 class Check:
-    """A stage, what paints its inputs, and how far an output may be off, relative to its largest value."""
+    """An operation, what paints its inputs, and how far an output may be off, relative to its largest value."""
 
-    stage: str
+    operation: str
     paint: Callable[[Generator], Values]
     tolerance: float = 0.0
 
@@ -235,14 +235,14 @@ def exact_render_gradients(parameters: np.ndarray, residual: np.ndarray) -> Valu
     return {"gradients": exact_gradients(Splats.from_array(parameters), residual).astype(f4)}
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.stage)
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.operation)
 def test_spec_and_reference_agree(check: Check) -> None:
-    answer = {"render_gradients": exact_render_gradients}.get(check.stage) or reference.namespace()[check.stage]
+    answer = {"render_gradients": exact_render_gradients}.get(check.operation) or reference.namespace()[check.operation]
     for seed in SEEDS:
         inputs = check.paint(np.random.default_rng(seed))
         expected = answer(**inputs)
         kept = {name: np.array(value) for name, value in inputs.items()}
-        found = namespace()[check.stage](**inputs)
+        found = namespace()[check.operation](**inputs)
         for name, value in inputs.items():
             np.testing.assert_array_equal(value, kept[name], err_msg=f"the input {name} was changed")
         assert list(found) == list(expected)

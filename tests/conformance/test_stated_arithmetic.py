@@ -7,13 +7,13 @@ import pytest
 
 import conformance
 import gsvc_ref
-from conformance.stage import MODULES
+from conformance.operation import MODULES
 
 KIT = Path(conformance.__file__).parent
 CODEC = Path(gsvc_ref.__file__).parent
 SOURCES = sorted(
     [
-        *(KIT / "stages").glob("*.py"),
+        *(KIT / "operations").glob("*.py"),
         *(KIT / name for name in ("distinct.py", "elementary.py", "expansions.py", "running_error.py")),
         *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "exponential.py")),
         CODEC / "rendering" / "deterministic.py",
@@ -63,7 +63,7 @@ def test_oracles_use_stated_operations_only(path):
     assert unstated(path.read_text(encoding="utf-8")) <= ALLOWED.get(path.name, set())
 
 
-def test_every_module_of_stages_is_looked_at():
+def test_every_module_of_operations_is_looked_at():
     assert {path.stem for path in SOURCES} >= {*MODULES, "exact_splats", "exact_ssim", "color_map", "codebooks"}
 
 

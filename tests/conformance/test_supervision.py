@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_stages import write_program
+from toy_operations import write_program
 
 from conformance import process
 from conformance.implementations import Failure

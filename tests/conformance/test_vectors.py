@@ -11,7 +11,7 @@ from conformance.diagnosis import EXAMINED, diagnose
 from conformance.expectations import Bounded, Refusal
 from conformance.generate import differences, make
 from conformance.implementations import Unsupported, from_namespace
-from conformance.mutants import Mutant, all_mutants, answer, bug, killed_by
+from conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
 from conformance.reference import namespace as reference
 from conformance.results import Report
 from conformance.runner import run_suite
@@ -59,14 +59,14 @@ def test_the_code_of_the_spec_passes(vectors):
 
 
 class Careless:
-    """Answers every stage with zeros of the right form, and accepts every stream."""
+    """Answers every operation with zeros of the right form, and accepts every stream."""
 
     name, in_full = "careless", False
 
     def __init__(self, expected):
         self.expected = expected
 
-    def run(self, stage, inputs, turn=0):
+    def run(self, operation, inputs, turn=0):
         return {name: zeros(expectation) for name, expectation in next(self.expected).items()}
 
 
@@ -81,8 +81,8 @@ class Refusing:
 
     name, in_full = "refusing", False
 
-    def run(self, stage, inputs, turn=0):
-        if stage.name == "reconstruct_stream":
+    def run(self, operation, inputs, turn=0):
+        if operation.name == "reconstruct_stream":
             return {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32), "error": "malformed"}
         return Unsupported("nothing is")
 
@@ -109,19 +109,19 @@ def test_who_refuses_everything_passes_in_no_class(vectors):
         ("r-6.2-2-unchecked", None),
     ],
 )
-def test_a_bug_is_recognised(vectors, name, vector):
-    mutant = next(mutant for mutant in all_mutants() if mutant.name == name)
+def test_a_mutant_is_recognised(vectors, name, vector):
+    mutant = next(mutant for mutant in MUTANTS if mutant.name == name)
     found = [v for v in vectors if name in v.manifest["kills"] and vector in (None, v.id)]
-    stage = found[0].stage.name
-    answers = [(v, answer(mutant, v.stage, v.inputs)) for v in found if v.stage.name == stage]
+    operation = found[0].operation.name
+    answers = [(v, answer(mutant, v.operation, v.inputs)) for v in found if v.operation.name == operation]
     failures = [(v, outputs) for v, outputs in answers if outputs is not None]
-    passed = [v for v in vectors if v.stage.name == stage and name not in v.manifest["kills"]]
+    passed = [v for v in vectors if v.operation.name == operation and name not in v.manifest["kills"]]
     told = diagnose(failures, passed)
     named = [any(mutant.sentence in sentence for sentence in sentences) for sentences in told.values()]
     assert named == [True] * min(len(failures), EXAMINED)
 
 
-def test_an_unknown_bug_is_not_given_a_name(vectors):
+def test_an_unknown_mutant_is_not_given_a_name(vectors):
     vector = next(v for v in vectors if v.id == "core/render_sum/corners_of_tiles")
     rng = np.random.default_rng(1)
     noise = rng.normal(0, 1, vector.expected["sum"].value.shape).astype(np.float32)
@@ -129,7 +129,7 @@ def test_an_unknown_bug_is_not_given_a_name(vectors):
 
 
 def test_a_patch_that_changes_nothing_is_found_by_no_vector(vectors):
-    same_code = bug("test", "none", "nothing", ("LOWEST_STATE = 2**16", "LOWEST_STATE = 1 << 16"))
+    same_code = mutant("test", "none", "nothing", ("LOWEST_STATE = 2**16", "LOWEST_STATE = 1 << 16"))
     assert same_code.touched() == frozenset()
     assert killed_by(vectors[:3], [same_code]) == {vector.id: [] for vector in vectors[:3]}
 
@@ -140,5 +140,5 @@ def test_a_patch_that_does_not_fit_is_an_error():
 
 
 def test_names_of_mutants_are_unique():
-    names = [mutant.name for mutant in all_mutants()]
+    names = [mutant.name for mutant in MUTANTS]
     assert len(names) == len(set(names))

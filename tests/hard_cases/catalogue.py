@@ -5,7 +5,9 @@ beside it
 
 - the *truth*: the same outputs from the same inputs in 60 digits, written from the equations of spec.md, which shares
   nothing with gsvc_ref nor with the kit's own oracles (`tests.hard_cases.oracle`);
-- a *naive* formula that loses the case, as proof that the bound is not idle (`tests.hard_cases.naive`).
+- a *naive* formula that loses the case, as proof that the bound is not idle: one of the kit's mutants
+  (`conformance.mutants`) where there is one, else a formula of `tests.hard_cases.naive`, because it needs binary32 or
+  binary16 throughout, or another algorithm, which no patch of spec.md's code makes.
 
 What no vector can hold, such as a hundred thousand steps, is a `LongRun`. Each module of `tests.hard_cases.fields` has
 a tuple CASES of both.
@@ -19,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from conformance.case import Case, cases
-from conformance.stage import stages
+from conformance.operation import operations
 from tests.hard_cases.measuring import Measurement, Truth, Variant, implementations, measure
 
 
@@ -30,13 +32,13 @@ class HardCase:
     Attributes
     ----------
     vector
-        Its id, ``level/stage/slug``.
+        Its id, ``level/operation/slug``.
     danger
         What could go wrong: one sentence.
     condition
         The condition number, or why the result cannot be accurate, and how the code behaves then: a sentence or two.
     truth
-        The inputs of the stage (by name) to the true outputs.
+        The inputs of the operation (by name) to the true outputs.
     naive
         A formula that fails, and what it does in a few words.
     also
@@ -56,8 +58,8 @@ class HardCase:
         return self.vector.rpartition("/")[2]
 
     @property
-    def stage(self) -> str:
-        """The stage of its vector."""
+    def operation(self) -> str:
+        """The operation of its vector."""
         return self.vector.split("/")[1]
 
     @property
@@ -72,7 +74,7 @@ class HardCase:
     def measure(self) -> Measurement:
         """The errors of all implementations, of the kit's oracle and of the naive formula."""
         inputs, expected = self.case().run()
-        ours = {**implementations(self.stage), **self.also}
+        ours = {**implementations(self.operation), **self.also}
         return measure(inputs, expected, self.truth(**inputs), ours, self.naive[1])
 
 
@@ -82,7 +84,7 @@ class LongRun:
 
     Attributes
     ----------
-    name, stage, danger, condition
+    name, operation, danger, condition
         As for `HardCase`.
     naive_name
         What the naive formula does.
@@ -91,7 +93,7 @@ class LongRun:
     """
 
     name: str
-    stage: str
+    operation: str
     danger: str
     condition: str
     naive_name: str
@@ -107,14 +109,14 @@ Entry = HardCase | LongRun
 
 @cache
 def catalogue() -> Mapping[str, Entry]:
-    """All entries by ``stage/name``, in the order of the stages and then of their modules."""
+    """All entries by ``operation/name``, in the order of the operations and then of their modules."""
     found: dict[str, Entry] = {}
     for path in sorted(Path(__file__).with_name("fields").glob("*.py")):
         module: Any = importlib.import_module(f"tests.hard_cases.fields.{path.stem}")
         for entry in module.CASES:
-            name = f"{entry.stage}/{entry.name}"
+            name = f"{entry.operation}/{entry.name}"
             if name in found:
                 raise ValueError(f"two hard cases are called {name}")
             found[name] = entry
-    order = list(stages())
-    return dict(sorted(found.items(), key=lambda item: order.index(item[1].stage)))
+    order = list(operations())
+    return dict(sorted(found.items(), key=lambda item: order.index(item[1].operation)))

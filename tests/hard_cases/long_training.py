@@ -48,7 +48,7 @@ class Run:
     path
         (STEPS + 1, kinds) f4, the parameters before the first step and after each.
     inputs
-        By sampled step, the inputs of the stage adan_step.
+        By sampled step, the inputs of the operation adan_step.
     outputs
         By sampled step, what the optimiser made of them.
     """

@@ -10,8 +10,9 @@ from mpmath import mpf, workdps
 from numpy.typing import ArrayLike, NDArray
 
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
+from conformance.mutants import MUTANTS
+from conformance.operation import Values, operations
 from conformance.spec import namespace
-from conformance.stage import Values, stages
 
 DIGITS: Final = 60
 """Decimal digits of the truth."""
@@ -28,7 +29,7 @@ it where terms cancel and the bound is that of the magnitudes.
 """
 
 Variant = Callable[..., Mapping[str, Any]]
-"""An implementation of a stage: from its inputs, by name, to its outputs."""
+"""An implementation of an operation: from its inputs, by name, to its outputs."""
 
 F8 = NDArray[np.float64]
 Objects = NDArray[np.object_]
@@ -124,9 +125,15 @@ class Measurement:
         return max(self.ours.values(), key=lambda worst: worst.rank)
 
 
-def implementations(stage: str) -> dict[str, Variant]:
-    """What the project has of a stage."""
-    return {"gsvc_ref": stages()[stage].reference, "spec.md": namespace()[stage]}
+def implementations(operation: str) -> dict[str, Variant]:
+    """What the project has of an operation."""
+    return {"gsvc_ref": operations()[operation].reference, "spec.md": namespace()[operation]}
+
+
+def mutated(operation: str, name: str) -> Variant:
+    """An operation by one of the kit's mutants."""
+    (mutant,) = (mutant for mutant in MUTANTS if mutant.name == name)
+    return lambda **inputs: mutant.namespace()[operation](**inputs)
 
 
 def measure(

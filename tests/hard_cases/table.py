@@ -9,7 +9,7 @@ from tests.hard_cases.catalogue import Entry, catalogue
 from tests.hard_cases.measuring import Measurement, Worst
 
 HEADER = (
-    "case", "stage", "naive formula", "naive / bound", "ours / bound", "naive error", "our error", "bound",
+    "case", "operation", "naive formula", "naive / bound", "ours / bound", "naive error", "our error", "bound",
 )  # fmt: skip
 
 BEGIN = "<!-- the table of `python -m tests.hard_cases --markdown`: begin -->"
@@ -36,7 +36,7 @@ def row(entry: Entry, measured: Measurement) -> tuple[str, ...]:
     """One line of the table; the naive error and ours are each those of their own worst element."""
     naive, ours = measured.naive, measured.worst
     return (
-        entry.name, entry.stage, entry.naive_name, _in_bounds(naive), _in_bounds(ours),
+        entry.name, entry.operation, entry.naive_name, _in_bounds(naive), _in_bounds(ours),
         number(naive.error), number(ours.error), number(ours.bound) if ours.bound else "exact",
     )  # fmt: skip
 
@@ -67,7 +67,7 @@ def plain(lines: Iterable[tuple[str, ...]]) -> str:
 def markdown(lines: Iterable[tuple[str, ...]]) -> str:
     """The table for a page, and below it what could go wrong and how accurate each case can be."""
     lines = list(lines)
-    names = [f"`{stage}` {case}" for case, stage, *_ in lines]
+    names = [f"`{operation}` {case}" for case, operation, *_ in lines]
     parts = [
         "| case | naive formula | naive / bound | ours / bound | naive error | our error | bound |",
         "|---|---|---:|---:|---:|---:|---:|",

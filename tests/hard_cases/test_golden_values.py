@@ -5,7 +5,7 @@ from math import prod
 import numpy as np
 import pytest
 
-from conformance.case import LEVELS, of_stage
+from conformance.case import LEVELS, of_operation
 from conformance.expectations import Bounded
 from gsvc_ref.draws import Draws
 from tests.hard_cases.oracle import losses, metrics, quantization, rendering, training
@@ -37,21 +37,21 @@ def work(inputs):
     return sum(array.size for array in arrays.values())
 
 
-@pytest.mark.parametrize("stage", TRUTHS)
-def test_expected_values_are_the_true_ones_rounded_once(stage):
+@pytest.mark.parametrize("operation", TRUTHS)
+def test_expected_values_are_the_true_ones_rounded_once(operation):
     compared = 0
-    for case in of_stage(stage):
+    for case in of_operation(operation):
         if case.level not in LEVELS or compared > 300:
             continue
         inputs = next(case.function(**case.arguments, **({} if case.seed is None else {"rng": Draws(case.seed)})))
-        if work(inputs) > WORK.get(stage, 400) or any(np.size(value) == 0 for value in inputs.values()):
+        if work(inputs) > WORK.get(operation, 400) or any(np.size(value) == 0 for value in inputs.values()):
             continue
-        truths = TRUTHS[stage](**inputs)
-        for name, expectation in case.stage.oracle(**inputs).items():
+        truths = TRUTHS[operation](**inputs)
+        for name, expectation in case.operation.oracle(**inputs).items():
             if isinstance(expectation, Bounded):
                 truth = truths[name].parts[0]
                 cancels = (expectation.value == 0) & (abs(truth) <= NOTHING * expectation.bound)
                 wrong = (expectation.value != truth) & ~cancels
                 assert not wrong.any(), f"{case.id} {name}: {expectation.value[wrong]} for {truth[wrong]}"
                 compared += truth.size
-    assert compared >= FEWEST.get(stage, 100)
+    assert compared >= FEWEST.get(operation, 100)

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from conformance.case import cases
+from conformance.operations.rendering import render_sum_deterministic
 from conformance.spec import namespace
-from conformance.stages.rendering import render_sum_deterministic
 from tests.hard_cases.catalogue import HardCase, catalogue
 
-SUMS = [entry.vector for entry in catalogue().values() if isinstance(entry, HardCase) and entry.stage == "render_sum"]
+SUMS = [
+    entry.vector for entry in catalogue().values() if isinstance(entry, HardCase) and entry.operation == "render_sum"
+]
 
 
 @pytest.mark.parametrize("vector", SUMS)

@@ -6,8 +6,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from conformance.operations.rendering import render_sum_deterministic
 from conformance.spec import namespace
-from conformance.stages.rendering import render_sum_deterministic
 from gsvc_ref.rendering import exact_gradients_with_bound, render_exact_with_bound, render_gradients, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing.strategies import HARD_NUMBERS, painters

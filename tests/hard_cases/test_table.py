@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[2] / "docs/stability.md"
 
 def test_the_page_lists_exactly_the_cases():
     table = PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
-    named = [f"{stage}/{case}" for stage, case in re.findall(r"^\| `(\w+)` (\S+) \|", table, re.MULTILINE)]
+    named = [f"{operation}/{case}" for operation, case in re.findall(r"^\| `(\w+)` (\S+) \|", table, re.MULTILINE)]
     assert named == [*catalogue(), *catalogue()]
 
 
@@ -41,7 +41,7 @@ def test_a_case_fails_if_ours_is_outside_or_the_naive_one_within():
 
 
 def test_only_the_table_of_a_page_is_replaced():
-    lines = [(entry.name, entry.stage, *"abcdef") for entry in catalogue().values()]
+    lines = [(entry.name, entry.operation, *"abcdef") for entry in catalogue().values()]
     page = replaced(f"before\n{BEGIN}\nwhat was\n{END}\nafter\n", markdown(lines))
     assert page.startswith(f"before\n{BEGIN}\n| case |")
     assert page.endswith(f"|\n{END}\nafter\n")

@@ -34,7 +34,7 @@ for line in (["encode", source, stream, "--splats", "20", "--iterations", "3"], 
     + """
 from conformance.__main__ import main
 
-raise SystemExit(main(["run", "--reference", "--stage", "from_half"]))
+raise SystemExit(main(["run", "--reference", "--operation", "from_half"]))
 """,
 }
 

@@ -4,13 +4,13 @@
 
 needs pyopencl (pip install '.[adapters]') and a driver: that of a GPU, or PoCL for CPUs (pocl-opencl-icd in Debian).
 PYOPENCL_CTX=0:1 chooses a device, as everywhere in pyopencl; without it, it is the first GPU, or the first device of
-all. A device without binary64 has all stages but `rendering_work`; one without subnormal numbers, or with neither
+all. A device without binary64 has all operations but `rendering_work`; one without subnormal numbers, or with neither
 binary64 nor correctly rounded quotients, has no exact ones. A frame is one buffer, and so are its splats: each may be
 as large as CL_DEVICE_MAX_MEM_ALLOC_SIZE says, often a quarter of the memory.
 
 The kernels are in `kernels/`, to be read in this order: splats.cl, lists.cl, render.cl, gradients.cl; then
 reconstruct.cl, checks.cl, training.cl, pruning.cl, quantization.cl, codebooks.cl. They are compiled twice: for speed,
-and for identical bytes. The Python around them allocates, uploads, launches and downloads, stage by stage.
+and for identical bytes. The Python around them allocates, uploads, launches and downloads, operation by operation.
 
 Streams are parsed by the decoder inside spec.md, through `conformance.adapters.host`, which also finds the rendering
 work of frames: so a device without binary64 decodes, too. Not here: `read_stream` and the
@@ -19,7 +19,7 @@ few numbers (`learning_rates`, `converged`, `pruning_plan`, `select_key_frames`)
 """
 
 from conformance.adapters import host
-from conformance.adapters.host import Stages
+from conformance.adapters.host import Operations
 from conformance.adapters.opencl.device import environment
 from conformance.adapters.opencl.quantization import (
     commitment,
@@ -89,7 +89,7 @@ __all__ = [
     "weighted_parameters",
 ]
 
-_streams: Stages = host.stream_stages({
+_streams: Operations = host.stream_operations({
     "reconstruct_intra": reconstruct_intra,
     "reconstruct_inter": reconstruct_inter,
     "parameter_checksum": parameter_checksum,

@@ -12,7 +12,7 @@ import pyopencl as cl
 Floats = np.ndarray[Any, np.dtype[np.float32]]
 Array = np.ndarray[Any, Any]
 Values = dict[str, Any]
-"""Outputs of a stage by their names."""
+"""Outputs of an operation by their names."""
 
 KERNELS: Final = Path(__file__).parent / "kernels"
 SOURCES: Final = (

@@ -32,7 +32,7 @@ def planes_to_frame(
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Arrays:
-    """Stage: planes to a frame."""
+    """Operation: planes to a frame."""
     height, width = y.shape
     matrix = _matrix_of(matrix_coefficients, height)
     gain, offset = _scale(matrix, video_full_range_flag, bit_depth)
@@ -53,7 +53,7 @@ def frame_to_planes(
     chroma_sample_loc_type: int,
     bit_depth: int,
 ) -> Arrays:
-    """Stage: a frame to planes."""
+    """Operation: a frame to planes."""
     matrix = _matrix_of(matrix_coefficients, frame.shape[0])
     gain, offset = _scale(matrix, video_full_range_flag, bit_depth)
     row_phase, column_phase = _phases(chroma_format, chroma_sample_loc_type)

@@ -14,7 +14,7 @@ from conformance.adapters.pytorch.device import Array, Arrays
 
 
 def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last: int, interval: int) -> Arrays:
-    """Stage: (10-25)."""
+    """Operation: (10-25)."""
     total = round(fraction * splats)
     times = [*range(first, last, interval), last]
     share = total // len(times)
@@ -29,7 +29,7 @@ def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last
 
 
 def converged(losses: Array, patience: int, tolerance: float) -> Arrays:
-    """Stage: (10-31) as a window over all iterations: the first `patience` quiet steps in a row."""
+    """Operation: (10-31) as a window over all iterations: the first `patience` quiet steps in a row."""
     quiet = torch.tensor(losses).diff().abs() <= tolerance  # of iterations 2, 3, …, counted from 1
     if len(quiet) < patience:
         return {"iteration": 0}
@@ -40,7 +40,7 @@ def converged(losses: Array, patience: int, tolerance: float) -> Arrays:
 def select_key_frames(
     losses_i: Array, losses_p: Array, window: int, threshold: float, guard_ratio: float, robust: int
 ) -> Arrays:
-    """Stage: (10-28) to (10-30) in rational numbers; neither a ratio nor a root is formed."""
+    """Operation: (10-28) to (10-30) in rational numbers; neither a ratio nor a root is formed."""
     alone = [Fraction(value) for value in losses_i.tolist()]
     predicted = [Fraction(0), *(Fraction(value) for value in losses_p.tolist())]
     D = [p - i for p, i in zip(predicted, alone, strict=True)]

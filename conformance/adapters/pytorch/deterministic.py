@@ -84,17 +84,17 @@ def quantized_deterministic(picture: Tensor, bit_depth: int) -> Array:
 
 
 def render_sum_deterministic(parameters: Array, width: int, height: int) -> Arrays:
-    """Stage: (9-6) over a frame."""
+    """Operation: (9-6) over a frame."""
     return {"sum": array(render_deterministic(tensor(parameters), width, height), "f4")}
 
 
 def to_frame_deterministic(sum: Array, bit_depth: int) -> Arrays:
-    """Stage: (9-7)."""
+    """Operation: (9-7)."""
     return {"frame": quantized_deterministic(tensor(sum), bit_depth)}
 
 
 def scale_parameters(parameters: Array, width: int, height: int, new_width: int, new_height: int) -> Arrays:
-    """Stage: the splats for another size (9-8); the ratios are rounded before they are multiplied with."""
+    """Operation: the splats for another size (9-8); the ratios are rounded before they are multiplied with."""
     ratios = tensor(np.array([new_width, new_height], np.float32)) / tensor(np.array([width, height], np.float32))
     a, e = ratios.unbind()
     factors = torch.stack((a, e, a, e, e, *torch.ones_like(a).expand(3)))

@@ -18,7 +18,7 @@ WINDOW_DEVIATION: Final = 1.5
 
 
 def metrics(a: Array, b: Array, bit_depth: int) -> Arrays:
-    """Stage: (11-5) and (11-7)."""
+    """Operation: (11-5) and (11-7)."""
     peak = 2**bit_depth - 1
     x, y = tensor(a).long(), tensor(b).long()
     mse = int(((x - y) ** 2).sum()) / x.numel()

@@ -18,7 +18,7 @@ def lsq_ratio(x: Tensor, scale: Tensor, offset: Tensor) -> Tensor:
 
 
 def lsq_quantize(x: Array, scale: Array, offset: Array, bits: int) -> Arrays:
-    """Stage: (10-16); torch.round rounds half to even."""
+    """Operation: (10-16); torch.round rounds half to even."""
     t = lsq_ratio(tensor(x), tensor(scale), tensor(offset))
     return {"codes": array(torch.round(t.clamp(0, 2**bits - 1)), "u2")}
 
@@ -38,7 +38,7 @@ def fake_quantized(x: Tensor, scale: Tensor, offset: Tensor, bits: int) -> Tenso
 
 
 def lsq_gradients(x: Array, scale: Array, offset: Array, bits: int, grad_output: Array) -> Arrays:
-    """Stage: (10-19)."""
+    """Operation: (10-19)."""
     given, s, beta = (tensor(array_of).requires_grad_() for array_of in (x, scale, offset))
     values = fake_quantized(given, s, beta, bits)
     gradients = torch.autograd.grad(values, (given, s, beta), tensor(grad_output))
@@ -47,7 +47,7 @@ def lsq_gradients(x: Array, scale: Array, offset: Array, bits: int, grad_output:
 
 
 def rvq_assign(x: Array, codebook_sizes: Array, codebooks: Array) -> Arrays:
-    """Stage: (10-20); argmin gives the first of equal distances. torch.cdist would not: it expands the square."""
+    """Operation: (10-20); argmin gives the first of equal distances. torch.cdist would not: it expands the square."""
     r, indices = tensor(x), []
     for book in torch.split(tensor(codebooks), codebook_sizes.tolist()):
         rows = max(1, MAX_DISTANCES // len(book))
@@ -72,7 +72,7 @@ def residuals(x: Tensor, indices: Tensor, books: tuple[Tensor, ...]) -> list[Ten
 
 
 def commitment(x: Array, indices: Array, codebook_sizes: Array, codebooks: Array) -> Arrays:
-    """Stage: (10-21)."""
+    """Operation: (10-21)."""
     vectors = tensor(x).requires_grad_()
     r = residuals(vectors, tensor(indices), torch.split(tensor(codebooks), codebook_sizes.tolist()))
     loss = torch.stack([(left * left).sum() for left in r[1:]]).sum() / max(3 * len(x), 1)
@@ -92,7 +92,7 @@ def rvq_update(
     smoothing: float,
     dead_count: float,
 ) -> Arrays:
-    """Stage: (10-22) to (10-24), in binary64; nothing changes without vectors."""
+    """Operation: (10-22) to (10-24), in binary64; nothing changes without vectors."""
     if not len(x):
         return {"counts": counts, "sums": sums, "codebooks": codebooks}
     sizes, chosen, numbers = codebook_sizes.tolist(), tensor(indices), tensor(uniforms)

@@ -19,12 +19,12 @@ def half_values(bits: Array) -> Tensor:
 
 
 def from_half(bits: Array) -> Arrays:
-    """Stage: the values of binary16 patterns."""
+    """Operation: the values of binary16 patterns."""
     return {"values": array(half_values(bits), "f4")}
 
 
 def to_half(values: Array) -> Arrays:
-    """Stage: (8-6)."""
+    """Operation: (8-6)."""
     return {"bits": array(tensor(values).half().view(torch.int16), "i2").view("u2")}
 
 
@@ -35,7 +35,7 @@ def dequantized(codes: Array, scale: Array, offset: Array) -> Tensor:
 
 
 def lsq_dequantize(codes: Array, scale: Array, offset: Array) -> Arrays:
-    """Stage: values of LSQ+ codes."""
+    """Operation: values of LSQ+ codes."""
     return {"values": array(dequantized(codes, scale, offset), "f4")}
 
 
@@ -63,7 +63,7 @@ def reconstruct_intra(
     codebook_sizes: Array,
     codewords: Array,
 ) -> Arrays:
-    """Stage: the left column of (8-1) to (8-4)."""
+    """Operation: the left column of (8-1) to (8-4)."""
     mu = (half_values(positions) + 1) * _half_size(width, height)
     L = dequantized(cholesky, scale, offset)
     c = _codeword_sums(color_indices, codebook_sizes, codewords)
@@ -83,7 +83,7 @@ def reconstruct_inter(
     codebook_sizes: Array,
     codewords: Array,
 ) -> Arrays:
-    """Stage: the right column of (8-1) to (8-4); an attribute that is not present stays as it was."""
+    """Operation: the right column of (8-1) to (8-4); an attribute that is not present stays as it was."""
     mu, L, c = tensor(reference)[tensor(survivors) == 1].tensor_split((2, 5), 1)
     if len(positions):
         mu = mu + half_values(positions) * _half_size(width, height)
@@ -95,13 +95,13 @@ def reconstruct_inter(
 
 
 def rendering_work(parameters: Array, width: int, height: int) -> Arrays:
-    """Stage: the pixels in all boxes (5-1)."""
+    """Operation: the pixels in all boxes (5-1)."""
     left, right, top, bottom = boxes(tensor(parameters), width, height)
     return {"work": int(((right - left) * (bottom - top)).sum())}
 
 
 def parameter_checksum(parameters: Array) -> Arrays:
-    """Stage: the CRC-32C of R-6.4-3, found by halves: log2 of the length is the number of steps in a row.
+    """Operation: the CRC-32C of R-6.4-3, found by halves: log2 of the length is the number of steps in a row.
 
     A register is linear in what was shifted into it, so that of bytes A followed by B is that of A, shifted by as many
     zeros as B has bytes, xor that of B. Zeros in front of the first byte change nothing.

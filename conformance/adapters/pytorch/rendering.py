@@ -95,13 +95,13 @@ def _bounded_quotient(a: Tensor, b: Tensor) -> Tensor:
 
 
 def render_sum(parameters: Array, width: int, height: int) -> Arrays:
-    """Stage: (9-2) over a frame."""
+    """Operation: (9-2) over a frame."""
     with torch.no_grad():
         return {"sum": array(render(tensor(parameters), width, height), "f4")}
 
 
 def render_gradients(parameters: Array, residual: Array) -> Arrays:
-    """Stage: the gradient of sum(residual · C), a vector-Jacobian product of `render`."""
+    """Operation: the gradient of sum(residual · C), a vector-Jacobian product of `render`."""
     height, width, _ = residual.shape
     splats = tensor(parameters).requires_grad_()
     picture = render(splats, width, height)
@@ -118,11 +118,11 @@ def quantized(picture: Tensor, bit_depth: int) -> Array:
 
 
 def to_frame(sum: Array, bit_depth: int) -> Arrays:
-    """Stage: R-9.1-1."""
+    """Operation: R-9.1-1."""
     return {"frame": quantized(tensor(sum), bit_depth)}
 
 
 def render_frame(parameters: Array, width: int, height: int, bit_depth: int) -> Arrays:
-    """Stage: sum, clamp, scale, round."""
+    """Operation: sum, clamp, scale, round."""
     with torch.no_grad():
         return {"frame": quantized(render(tensor(parameters), width, height), bit_depth)}

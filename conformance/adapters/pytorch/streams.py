@@ -11,7 +11,7 @@ from conformance.adapters.pytorch.reconstruction import (
 )
 from conformance.adapters.pytorch.rendering import render_frame
 
-_STAGES = host.stream_stages(
+_OPERATIONS = host.stream_operations(
     {
         "reconstruct_intra": reconstruct_intra,
         "reconstruct_inter": reconstruct_inter,
@@ -25,15 +25,15 @@ _STAGES = host.stream_stages(
 
 
 def reconstruct_stream(stream: bytes) -> Arrays:
-    """Stage: the splats of all complete frames, and what is wrong with the stream."""
-    return _STAGES["reconstruct_stream"](stream)
+    """Operation: the splats of all complete frames, and what is wrong with the stream."""
+    return _OPERATIONS["reconstruct_stream"](stream)
 
 
 def decode_stream(stream: bytes) -> Arrays:
-    """Stage: the frames, in `bounded` rendering."""
-    return _STAGES["decode_stream"](stream)
+    """Operation: the frames, in `bounded` rendering."""
+    return _OPERATIONS["decode_stream"](stream)
 
 
 def decode_stream_deterministic(stream: bytes) -> Arrays:
-    """Stage: the frames, in `deterministic` rendering."""
-    return _STAGES["decode_stream_deterministic"](stream)
+    """Operation: the frames, in `deterministic` rendering."""
+    return _OPERATIONS["decode_stream_deterministic"](stream)

@@ -26,7 +26,7 @@ def loss_of(picture: Tensor, target: Tensor) -> Tensor:
 
 
 def loss(picture: Array, target: Array) -> Arrays:
-    """Stage: the loss and dL/dC."""
+    """Operation: the loss and dL/dC."""
     C = tensor(picture).requires_grad_()
     value = loss_of(C, tensor(target))
     (residual,) = torch.autograd.grad(value, C)
@@ -39,19 +39,19 @@ def weighted(values: Tensor) -> Tensor:
 
 
 def weighted_parameters(values: Array) -> Arrays:
-    """Stage: (10-10)."""
+    """Operation: (10-10)."""
     return {"parameters": array(weighted(tensor(values)), "f4")}
 
 
 def weighted_gradients(values: Array, gradients: Array) -> Arrays:
-    """Stage: (10-11), a vector-Jacobian product of (10-10)."""
+    """Operation: (10-11), a vector-Jacobian product of (10-10)."""
     splats = tensor(values).requires_grad_()
     (result,) = torch.autograd.grad(weighted(splats), splats, tensor(gradients))
     return {"gradients": array(result, "f4")}
 
 
 def learning_rates(iterations: Array, rate: float, factor: float, interval: int) -> Arrays:
-    """Stage: (10-12), which is torch.optim.lr_scheduler.StepLR(step_size=interval, gamma=factor) in closed form."""
+    """Operation: (10-12), which is torch.optim.lr_scheduler.StepLR(step_size=interval, gamma=factor) in closed form."""
     factors = torch.tensor(factor, dtype=torch.float64, device=DEVICE) ** (tensor(iterations) // interval)
     return {"rates": array(rate * factors, "f8")}
 
@@ -71,7 +71,7 @@ def adan_step(
     beta3: float,
     epsilon: float,
 ) -> Arrays:
-    """Stage: (10-13) and (10-14); every row counts its own steps, which no optimiser of PyTorch does."""
+    """Operation: (10-13) and (10-14); every row counts its own steps, which no optimiser of PyTorch does."""
     unit, k = tensor(units), tensor(steps)[:, None] + 1
     # 1 - β^k in binary64, rounded once: in binary32 the difference would lose digits.
     correct1, correct2, correct3 = ((1 - beta ** k.double()).float() for beta in (beta1, beta2, beta3))
@@ -87,13 +87,13 @@ def adan_step(
 
 
 def prune(weights: Array, removed: int) -> Arrays:
-    """Stage: the splats of largest |w|; a stable sort keeps equal ones in order, so that the later ones go."""
+    """Operation: the splats of largest |w|; a stable sort keeps equal ones in order, so that the later ones go."""
     order = torch.sort(tensor(weights).abs(), descending=True, stable=True).indices
     return {"survivors": array(order[: len(weights) - removed].sort().values, "i8")}
 
 
 def compact(survivors: Array, values: Array, m: Array, v: Array, n: Array, previous: Array, steps: Array) -> Arrays:
-    """Stage: a gather of all rows of a splat by one index."""
+    """Operation: a gather of all rows of a splat by one index."""
     rows = tensor(survivors)
     state = {"values": values, "m": m, "v": v, "n": n, "previous": previous}
     return {
@@ -103,7 +103,7 @@ def compact(survivors: Array, values: Array, m: Array, v: Array, n: Array, previ
 
 
 def augment(values: Array, uniforms: Array, width: int, height: int) -> Arrays:
-    """Stage: (10-26) and (10-27), behind the splats that are there."""
+    """Operation: (10-26) and (10-27), behind the splats that are there."""
     a = tensor(uniforms)
     x, y, l11, l21, l22 = a[:, 0] * width, a[:, 1] * height, a[:, 2] + 0.5, a[:, 3], a[:, 4] + 0.5
     w = torch.full_like(x, NEW_WEIGHT)

@@ -6,7 +6,7 @@ one that GSVC_WEB_BROWSER names. GSVC_WEB_RENDERER is `webgpu`, `webgl2` or `aut
 takes the place of the arguments that let Chromium draw without a GPU, for machines that have one.
 
 It is a decoder: bitstream, reconstruction, rendering and deterministic rendering, nothing of training. The functions
-below only carry arrays to the page and back; GSVC.stages of stages.js has what they call.
+below only carry arrays to the page and back; GSVC.operations of operations.js has what they call.
 """
 
 from importlib.metadata import version

@@ -2,7 +2,7 @@
 "use strict";
 globalThis.GSVC ??= {};
 {
-  const { stages, TYPES, Unsupported } = GSVC;
+  const { operations, TYPES, Unsupported } = GSVC;
 
   const bytesOf = (base64) => Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
 
@@ -13,7 +13,7 @@ globalThis.GSVC ??= {};
     return btoa(text);
   }
 
-  /** A stage's input from a message: an array {dtype, shape, base64}, a stream {base64}, or a number. */
+  /** An operation's input from a message: an array {dtype, shape, base64}, a stream {base64}, or a number. */
   function received(value) {
     if (typeof value !== "object") return value;
     const data = bytesOf(value.base64);
@@ -21,7 +21,7 @@ globalThis.GSVC ??= {};
     return { data: new TYPES[value.dtype](data.buffer), shape: value.shape, dtype: value.dtype };
   }
 
-  /** A message of a stage's output: an array, or a text as it is. */
+  /** A message of an operation's output: an array, or a text as it is. */
   function sent(value) {
     if (typeof value === "string") return value;
     return { dtype: value.dtype, shape: value.shape, base64: base64Of(value.data) };
@@ -30,7 +30,7 @@ globalThis.GSVC ??= {};
   const mapped = (values, change) =>
     Object.fromEntries(Object.entries(values).map(([name, value]) => [name, change(value)]));
 
-  /** Makes the renderer of the page; what it is, in words. A page without one still answers all other stages. */
+  /** Makes the renderer of the page; what it is, in words. A page without one still answers all other operations. */
   async function start(kind) {
     try {
       GSVC.renderer = await GSVC.createRenderer(kind, null);
@@ -47,10 +47,10 @@ globalThis.GSVC ??= {};
     return `${message}${place ? ` (${place[0]})` : ""}`;
   }
 
-  /** {outputs: those of a stage, as messages}, or {unsupported: a reason}, or {error: what went wrong}. */
-  async function answer(stage, inputs) {
+  /** {outputs: those of an operation, as messages}, or {unsupported: a reason}, or {error: what went wrong}. */
+  async function answer(operation, inputs) {
     try {
-      return { outputs: mapped(await stages[stage](mapped(inputs, received)), sent) };
+      return { outputs: mapped(await operations[operation](mapped(inputs, received)), sent) };
     } catch (error) {
       if (error instanceof Unsupported) return { unsupported: error.message };
       return { error: described(error) };

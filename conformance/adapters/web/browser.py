@@ -1,4 +1,4 @@
-"""A headless Chromium with stages.html, and messages to it and back."""
+"""A headless Chromium with operations.html, and messages to it and back."""
 
 import asyncio
 import atexit
@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from playwright.async_api import Browser, BrowserType, Page, Playwright, async_playwright
 
-PAGE: Final = Path(__file__).with_name("stages.html")
+PAGE: Final = Path(__file__).with_name("operations.html")
 INSTALLED: Final = ("chromium", "chromium-browser", "google-chrome")
 SOFTWARE: Final = "--enable-unsafe-swiftshader --enable-unsafe-webgpu --use-webgpu-adapter=swiftshader"
 """WebGL2 and WebGPU on a machine without a GPU."""
@@ -22,13 +22,13 @@ SOFTWARE: Final = "--enable-unsafe-swiftshader --enable-unsafe-webgpu --use-webg
 T = TypeVar("T")
 
 
-def ask(stage: str, **inputs: Any) -> dict[str, Any]:
-    """The outputs of a stage in JavaScript.
+def ask(operation: str, **inputs: Any) -> dict[str, Any]:
+    """The outputs of an operation in JavaScript.
 
     Parameters
     ----------
-    stage
-        Its name in ``GSVC.stages``.
+    operation
+        Its name in ``GSVC.operations``.
     inputs
         Arrays, numbers, and bytes for a stream.
 
@@ -41,7 +41,7 @@ def ask(stage: str, **inputs: Any) -> dict[str, Any]:
     """
     page, _ = _judged(_renderer())
     message = {name: as_message(value) for name, value in inputs.items()}
-    answer = wait(page.evaluate("([stage, inputs]) => GSVC.bridge.answer(stage, inputs)", [stage, message]))
+    answer = wait(page.evaluate("([operation, inputs]) => GSVC.bridge.answer(operation, inputs)", [operation, message]))
     if "unsupported" in answer:
         raise NotImplementedError(answer["unsupported"])
     if "error" in answer:

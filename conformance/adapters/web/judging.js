@@ -133,7 +133,7 @@ globalThis.GSVC ??= {};
    *
    * @param {Object} entry what the manifest of the vector says of the output
    * @param {Object} parts the arrays that it names: expected, bound, lowest, highest, alternative
-   * @param actual the output, an array of a stage or a text
+   * @param actual the output, an array of an operation or a text
    */
   function judge(entry, parts, actual) {
     if (entry.check === "refusal") return judgeRefusal(actual, entry.value);

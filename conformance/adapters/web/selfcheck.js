@@ -2,7 +2,7 @@
 "use strict";
 globalThis.GSVC ??= {};
 {
-  const { stages, Unsupported, readNpy, expandRuns, judge } = GSVC;
+  const { operations, Unsupported, readNpy, expandRuns, judge } = GSVC;
   const AHEAD = 8; // vectors that are read while one is judged
 
   const CLASSES = { // those of a decoder (13.1)
@@ -42,7 +42,7 @@ globalThis.GSVC ??= {};
   async function judgeVector({ manifest, inputs, outputs }) {
     let actual;
     try {
-      actual = await stages[manifest.stage](inputs);
+      actual = await operations[manifest.operation](inputs);
     } catch (error) {
       if (error instanceof Unsupported) return { outcome: "unsupported", message: error.message, ratio: null };
       return { outcome: "error", message: error.message, ratio: null };
@@ -54,7 +54,7 @@ globalThis.GSVC ??= {};
     return { outcome: wrong ? "fail" : "pass", message, ratio: ratios.length ? Math.max(...ratios) : null };
   }
 
-  /** The verdict on a class of stages, from its results and the ids of all of its vectors, or null (R-13-1). */
+  /** The verdict on a class of operations, from its results and the ids of all of its vectors, or null (R-13-1). */
   function verdictOf(results, listed) {
     const outcomes = results.map(({ outcome }) => outcome);
     if (outcomes.includes("fail") || outcomes.includes("error")) return "failed";
@@ -65,14 +65,14 @@ globalThis.GSVC ??= {};
     return whole && demanded.every(({ outcome }) => outcome === "pass") ? "passed" : "incomplete";
   }
 
-  const stageOf = (id) => id.split("/")[1];
+  const operationOf = (id) => id.split("/")[1];
 
-  /** A row of the table: how many vectors of a stage passed, are wrong and are unsupported, and the worst ratio. */
-  function row(stage, results) {
+  /** A row of the table: how many vectors of an operation passed, are wrong and are unsupported, and the worst ratio. */
+  function row(operation, results) {
     const count = (...outcomes) => results.filter(({ outcome }) => outcomes.includes(outcome)).length;
     const ratios = results.map(({ ratio }) => ratio).filter((ratio) => ratio !== null);
     return {
-      stage,
+      operation,
       group: results[0]?.group,
       checks: [...new Set(results.flatMap(({ checks }) => checks))],
       vectors: results.length,
@@ -84,21 +84,21 @@ globalThis.GSVC ??= {};
   }
 
   /**
-   * Judges GSVC.stages by vectors; what is bounded is drawn by GSVC.renderer, which the page has to set before.
+   * Judges GSVC.operations by vectors; what is bounded is drawn by GSVC.renderer, which the page has to set before.
    *
    * @param {Object} vectors from GSVC.vectorsAt(url) or GSVC.vectorsAmong(files)
    * @param {Object} options onProgress({done, total, id}) after each vector; signal, an AbortSignal; only, the names
-   *   of the stages to judge
-   * @returns {Promise<Object>} rows (a row a stage: stage, group, checks, vectors, passed, wrong, unsupported, ratio;
+   *   of the operations to judge
+   * @returns {Promise<Object>} rows (a row an operation: operation, group, checks, vectors, passed, wrong, unsupported, ratio;
    *   checks are those of spec.md section 13.2 that its outputs were held against, ratio is of bounded ones), classes
    *   ({name, verdict, vectors} with verdict passed, failed, incomplete or not claimed; passed only if all vectors that
    *   SHA256SUMS lists were judged), failures ({id, title, reason, message}), complete (false: it was aborted),
    *   verified and sums as of the source, and seconds
    */
   async function selfCheck(vectors, options = {}) {
-    const { onProgress = () => {}, signal = null, only = Object.keys(stages) } = options;
+    const { onProgress = () => {}, signal = null, only = Object.keys(operations) } = options;
     const start = performance.now();
-    const ids = vectors.ids.filter((id) => only.includes(stageOf(id)));
+    const ids = vectors.ids.filter((id) => only.includes(operationOf(id)));
     const reading = []; // results, not rejections: one that nobody waits for yet would be reported as unhandled
     const results = [];
     while (results.length < ids.length && !signal?.aborted) {
@@ -109,17 +109,17 @@ globalThis.GSVC ??= {};
       const vector = await reading[results.length];
       reading[results.length] = null; // its arrays are free again
       if (vector.error) throw vector.error;
-      const { stage, class: group, title, reason } = vector.manifest;
+      const { operation, class: group, title, reason } = vector.manifest;
       const checks = vector.outputs.map(({ entry }) => entry.check);
-      results.push({ id, stage, group, checks, title, reason, ...(await judgeVector(vector)) });
+      results.push({ id, operation, group, checks, title, reason, ...(await judgeVector(vector)) });
       onProgress({ done: results.length, total: ids.length, id });
     }
-    const rows = only.map((name) => row(name, results.filter(({ stage }) => stage === name)));
+    const rows = only.map((name) => row(name, results.filter(({ operation }) => operation === name)));
     return {
       rows: rows.filter(({ vectors: count }) => count > 0),
       classes: Object.entries(CLASSES).map(([name, members]) => {
-        const some = results.filter(({ stage }) => members.includes(stage));
-        const listed = vectors.listed && vectors.listed.filter((id) => members.includes(stageOf(id)));
+        const some = results.filter(({ operation }) => members.includes(operation));
+        const listed = vectors.listed && vectors.listed.filter((id) => members.includes(operationOf(id)));
         return { name, verdict: verdictOf(some, listed), vectors: some.length };
       }),
       failures: results.filter(({ outcome }) => outcome === "fail" || outcome === "error"),

@@ -16,7 +16,7 @@ globalThis.GSVC ??= {};
 
   const cell = (text, attributes = {}) => element("td", attributes, text);
 
-  function stageRow(row) {
+  function operationRow(row) {
     const verdict = row.wrong > 0 ? "failed" : row.passed === row.vectors ? "passed"
       : row.passed > 0 ? "incomplete" : "not claimed";
     const told = row.wrong > 0 ? `${number(row.wrong)} wrong` : WORDS[verdict];
@@ -30,10 +30,10 @@ globalThis.GSVC ??= {};
   }
 
   function table(rows) {
-    const heads = [["stage"], ["verdict"], ["right", "count"], ["check"], ["error / bound", "count"], ["class"]];
+    const heads = [["operation"], ["verdict"], ["right", "count"], ["check"], ["error / bound", "count"], ["class"]];
     const cells = heads.map(([text, name = ""]) => element("th", { scope: "col", class: name }, text));
     const head = element("thead", {}, element("tr", {}, ...cells));
-    const body = element("tbody", {}, ...rows.map(stageRow));
+    const body = element("tbody", {}, ...rows.map(operationRow));
     return element("div", { class: "scroll" }, element("table", {}, head, body));
   }
 
@@ -83,7 +83,7 @@ globalThis.GSVC ??= {};
       let renderer = null;
       try {
         renderer = await GSVC.createRenderer(this.kind(), null).catch(() => null);
-        GSVC.renderer = renderer; // the one that the stages use
+        GSVC.renderer = renderer; // the one that the operations use
         const report = await GSVC.selfCheck(await find(), {
           signal: this.running.signal,
           onProgress: ({ done, total }) => {

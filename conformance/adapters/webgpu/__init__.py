@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 import wgpu
 
-from conformance.adapters.host import stream_stages
+from conformance.adapters.host import stream_operations
 from conformance.adapters.webgpu import reconstruction, rendering, training
 from conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from conformance.adapters.webgpu.gpu import Array, device
@@ -26,7 +26,7 @@ Outputs = dict[str, Array]
 
 
 def environment() -> dict[str, str]:
-    """What the stages run on; Metal, for one, does not tell its driver."""
+    """What the operations run on; Metal, for one, does not tell its driver."""
     info = device().adapter.info
     told = {
         "device": info["device"],
@@ -117,29 +117,29 @@ _BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
     "render_sum_deterministic": render_sum_deterministic,
     "to_frame_deterministic": to_frame_deterministic,
 }
-_STREAM_STAGES = stream_stages(_BACK_END, decode_symbols)
+_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols)
 
 
 def read_stream(stream: bytes) -> dict[str, Any]:
     """What the bytes of a stream say: section 12.4."""
-    return _STREAM_STAGES["read_stream"](stream)
+    return _STREAM_OPERATIONS["read_stream"](stream)
 
 
 def decode_plane(**inputs: Any) -> dict[str, Any]:
     """The symbols of a plane, u2 (count,): section 6.6 and (7-1)."""
-    return _STREAM_STAGES["decode_plane"](**inputs)
+    return _STREAM_OPERATIONS["decode_plane"](**inputs)
 
 
 def reconstruct_stream(stream: bytes) -> dict[str, Any]:
     """The splats of all complete frames, and the first fault: section 12.4."""
-    return _STREAM_STAGES["reconstruct_stream"](stream)
+    return _STREAM_OPERATIONS["reconstruct_stream"](stream)
 
 
 def decode_stream(stream: bytes) -> dict[str, Any]:
     """The frames of a stream, in `bounded` rendering: section 12.4."""
-    return _STREAM_STAGES["decode_stream"](stream)
+    return _STREAM_OPERATIONS["decode_stream"](stream)
 
 
 def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
     """The frames of a stream, in `deterministic` rendering: section 12.4."""
-    return _STREAM_STAGES["decode_stream_deterministic"](stream)
+    return _STREAM_OPERATIONS["decode_stream_deterministic"](stream)

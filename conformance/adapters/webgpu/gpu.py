@@ -1,4 +1,4 @@
-"""The little of WebGPU's API that the stages need: a device, buffers, and passes of compute shaders."""
+"""The little of WebGPU's API that the operations need: a device, buffers, and passes of compute shaders."""
 
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -25,7 +25,7 @@ NO_DEVICE: Final = (
 
 @cache
 def device() -> Any:
-    """The device that all stages share; WGPUPY_WGPU_ADAPTER_NAME chooses another one than the fastest.
+    """The device that all operations share; WGPUPY_WGPU_ADAPTER_NAME chooses another one than the fastest.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Bugs of reading streams, entropy coding and reconstruction."""
+"""Mutants of reading streams, entropy coding and reconstruction."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from planted import after, patched
 AREA = "bitstream"
 RECONSTRUCTION = "reconstruction"
 
-BUGS = (
+PLANTED = (
     patched(AREA, "frequencies not scaled", "decode_plane", "frequenc|table_bits", ("return [0] * first_symbol + [frequency << (precision - table_bits) for frequency in table]", "return [0] * first_symbol + list(table) + [0] * 0")),
     patched(AREA, "lanes in blocks", "decode_plane", "lane", ("        j = i % len(states)\n        x = states[j]\n        slot", "        j = i * len(states) // count\n        x = states[j]\n        slot")),
     patched(AREA, "words big-endian", "decode_plane", "other order|words|bytes|word", ("words = [p.le(2) for _ in range(word_count)]", "words = [(w := p.le(2)) // 256 + w % 256 * 256 for _ in range(word_count)]")),

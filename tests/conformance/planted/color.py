@@ -1,4 +1,4 @@
-"""Bugs of colour conversion and metrics."""
+"""Mutants of colour conversion and metrics."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from planted import after, patched
 AREA = "colour"
 BOTH = "planes_to_frame frame_to_planes"
 
-BUGS = (
+PLANTED = (
     after(AREA, "bgr", "planes_to_frame", "B, G, R", lambda out, i: {"frame": out["frame"][:, :, ::-1].copy()}),
     after(AREA, "cb and cr", "frame_to_planes", "cb|Cb", lambda out, i: {"cb": out["cr"], "cr": out["cb"]}),
     after(AREA, "frame transposed", "planes_to_frame", "columns one after", lambda out, i: {"frame": np.ascontiguousarray(out["frame"].transpose(1, 0, 2)).reshape(out["frame"].shape)}),

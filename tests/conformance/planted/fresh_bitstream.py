@@ -1,4 +1,4 @@
-"""Bugs of decoders and of the reconstruction of splats, written without a look at what the kit says."""
+"""Mutants of decoders and of the reconstruction of splats, written without a look at what the kit says."""
 
 import numpy as np
 
@@ -76,4 +76,4 @@ DECODERS = (
             ('        return state.parameters\n    size', '        return getattr(state, "older", state.parameters)\n    size')),
 )  # fmt: skip
 
-BUGS = (*RECONSTRUCTION, *DECODERS)
+PLANTED = (*RECONSTRUCTION, *DECODERS)

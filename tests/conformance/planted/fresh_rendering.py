@@ -1,4 +1,4 @@
-"""Bugs of rendering and of its gradients, written without a look at what the kit says."""
+"""Mutants of rendering and of its gradients, written without a look at what the kit says."""
 
 import numpy as np
 
@@ -228,4 +228,4 @@ GRADIENTS = (
            of_residual(lambda e: np.roll(e, 1, axis=0))),
 )  # fmt: skip
 
-BUGS = (*SUMS, *FRAMES, *GRADIENTS)
+PLANTED = (*SUMS, *FRAMES, *GRADIENTS)

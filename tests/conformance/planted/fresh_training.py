@@ -1,4 +1,4 @@
-"""Bugs of training, quantization and colour, written without a look at what the kit says."""
+"""Mutants of training, quantization and colour, written without a look at what the kit says."""
 
 import numpy as np
 
@@ -103,4 +103,4 @@ COLOR = (
     patched("color", "a window of 8 samples", "metrics", r"(?i)window|taps|gauss", ("WINDOW_SIZE = 11", "WINDOW_SIZE = 8")),
 )  # fmt: skip
 
-BUGS = (*TRAINING, *QUANTIZATION, *COLOR)
+PLANTED = (*TRAINING, *QUANTIZATION, *COLOR)

@@ -1,4 +1,4 @@
-"""Bugs of LSQ+ and of the residual vector quantiser."""
+"""Mutants of LSQ+ and of the residual vector quantiser."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ def rows(first, *names):
     return lambda out, i: {name: np.concatenate([out[name][:first], 0 * out[name][first:]]) for name in names}
 
 
-BUGS = (
+PLANTED = (
     patched(AREA, "codes rounded up", "lsq_quantize", "up|rounded", ("codes = np.rint(clamped)", "codes = np.ceil(clamped)")),
     patched(AREA, "codes cut", "lsq_quantize", "down", ("codes = np.rint(clamped)", "codes = np.trunc(clamped)")),
     patched(AREA, "codes not below 0", "lsq_quantize", "below", ("clamped = np.minimum(np.maximum(t, np.float32(0)), largest)", "clamped = np.minimum(t, largest)")),

@@ -1,4 +1,4 @@
-"""Bugs of rendering: kernels over pixels and splats, and the conversion to samples."""
+"""Mutants of rendering: kernels over pixels and splats, and the conversion to samples."""
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def half_splats(columns):
     return change
 
 
-BUGS = (
+PLANTED = (
     after(AREA, "last row not drawn", SUM, "last of the rows", masked(lambda h, w: np.s_[h - 1 :])),
     after(AREA, "last column not drawn", SUM, "last of the columns", masked(lambda h, w: np.s_[:, w - 1 :])),
     after(AREA, "last row and column not drawn", SUM, "last row and column",

@@ -1,4 +1,4 @@
-"""Bugs of the loss, Adan, pruning, augmentation, key frames and convergence."""
+"""Mutants of the loss, Adan, pruning, augmentation, key frames and convergence."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def kept_rows(first, *names):
     return lambda out, i: {name: np.concatenate([out[name][:first], i[name][first:]]) for name in names}
 
 
-BUGS = (
+PLANTED = (
     after(AREA, "loss of three channels", "loss", "1/3|third|three channels", lambda out, i: {"loss": out["loss"] / 3}),
     after(AREA, "loss halved", "loss", "half", lambda out, i: {"loss": out["loss"] / 2}),
     after(AREA, "loss not divided", "loss", "H W", lambda out, i: {"loss": out["loss"] * i["picture"][:, :, 0].size}),

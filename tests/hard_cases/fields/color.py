@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.hard_cases.catalogue import Entry, HardCase
-from tests.hard_cases.measuring import Truth, exactly
+from tests.hard_cases.measuring import Truth, exactly, mutated
 from tests.hard_cases.naive import frames as naive
 from tests.hard_cases.oracle.color import frame_to_planes, planes_to_frame
 from tests.hard_cases.oracle.rendering import scaled, to_frame
@@ -30,7 +30,7 @@ CASES: Final[tuple[Entry, ...]] = (
         condition="Only 1/2 is an exact tie; where the product with the peak is rounded onto a half, both "
         "neighbours are legal in bounded rendering.",
         truth=to_frame,
-        naive=("floor(256 v)", naive.cutting_off),
+        naive=("floor(256 v)", mutated("to_frame", "frame-times-256")),
     ),
     HardCase(
         "stress/to_frame/hard_ties_16_bits",
@@ -45,7 +45,7 @@ CASES: Final[tuple[Entry, ...]] = (
             danger="Deterministic rendering has one answer for each tie, also where the product is rounded onto one.",
             condition="The bits are fixed by (9-7), half a step and one rounding of the product from the exact value.",
             truth=within_half_a_step,
-            naive=("floor(v peak + 1/2)", naive.rounding_by_a_half),
+            naive=("floor(v peak + 1/2)", mutated("to_frame_deterministic", "strict-frame-half-up")),
         )
         for depth in (8, 16)
     ),
@@ -54,7 +54,7 @@ CASES: Final[tuple[Entry, ...]] = (
         danger="Planes at the ends of their range stand for R'G'B' far outside of 0..255: results wrap around.",
         condition=AFFINE,
         truth=planes_to_frame,
-        naive=("no clamp", naive.planes_that_wrap_around),
+        naive=("no clamp", mutated("planes_to_frame", "sample-not-clamped")),
     ),
     HardCase(
         "stress/planes_to_frame/hard_corners_of_16_bits",
@@ -79,6 +79,6 @@ CASES: Final[tuple[Entry, ...]] = (
         condition="The coefficients are quarters and sums of sixteenths, so all numbers are exact and each tie has one "
         "answer.",
         truth=frame_to_planes,
-        naive=("ties away from zero", naive.ties_away_from_zero),
+        naive=("ties away from zero", mutated("frame_to_planes", "sample-half-up")),
     ),
 )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from conformance.stage import stages
+from conformance.operation import operations
 from tests.hard_cases.catalogue import Entry, HardCase
 from tests.hard_cases.fields.rendering import BINARY16, DIVIDING, INVERSE, NORMALIZED
 from tests.hard_cases.measuring import Truth, Variant
@@ -15,7 +15,7 @@ BITS: Final = "The bits are fixed by (9-3) to (9-6)"
 
 def truth(**inputs: Any) -> Mapping[str, Truth]:
     """(9-2), and the bound of section 13.4, which deterministic rendering has to keep as well."""
-    bound = stages()["render_sum"].oracle(**inputs)["sum"].bound
+    bound = operations()["render_sum"].oracle(**inputs)["sum"].bound
     return {"sum": Truth(render_sum(**inputs)["sum"].value, bound)}
 
 

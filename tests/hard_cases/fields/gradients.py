@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.case import cases
-from conformance.stage import Values, stages
+from conformance.operation import Values, operations
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
 from gsvc_ref.splats import Splats
 from tests.hard_cases.catalogue import Entry, HardCase, LongRun
-from tests.hard_cases.measuring import Measurement, Variant, implementations, measure
+from tests.hard_cases.measuring import Measurement, Variant, implementations, measure, mutated
 from tests.hard_cases.naive import gradients as naive
 from tests.hard_cases.oracle.rendering import render_gradients
 
@@ -47,8 +47,10 @@ def _of_thousands() -> Measurement:
     parameters = cases()["full/render_sum/hard_splats_on_a_pixel_2048"].run()[0]["parameters"]
     inputs = {"parameters": parameters, "residual": np.array([[[1.0, -2.0, 0.5]]], np.float32)}
     ours = implementations("render_gradients")
-    expected = stages()["render_gradients"].oracle(**inputs)
-    return measure(inputs, expected, render_gradients(**inputs), ours, naive.of_the_first_256)
+    expected = operations()["render_gradients"].oracle(**inputs)
+    return measure(
+        inputs, expected, render_gradients(**inputs), ours, mutated("render_gradients", "gradient-first-256")
+    )
 
 
 CASES: Final[tuple[Entry, ...]] = (

@@ -3,6 +3,7 @@
 from typing import Final
 
 from tests.hard_cases.catalogue import Entry, HardCase
+from tests.hard_cases.measuring import mutated
 from tests.hard_cases.naive import losses as naive
 from tests.hard_cases.oracle.losses import loss, weighted_gradients, weighted_parameters
 
@@ -29,7 +30,7 @@ CASES: Final[tuple[Entry, ...]] = (
         "appears.",
         condition="Condition 1; the residual goes straight through the clamp, and is exactly 0 where black is right.",
         truth=loss,
-        naive=("derivative of the clamp", naive.differentiating_the_clamp),
+        naive=("derivative of the clamp", mutated("loss", "residual-stopped-by-clamp")),
     ),
     HardCase(
         "stress/loss/loss_of_huge_sums",

@@ -3,6 +3,7 @@
 from typing import Final
 
 from tests.hard_cases.catalogue import Entry, HardCase
+from tests.hard_cases.measuring import mutated
 from tests.hard_cases.naive import frames as naive
 from tests.hard_cases.oracle.metrics import metrics
 
@@ -28,14 +29,14 @@ CASES: Final[tuple[Entry, ...]] = (
         danger="255 squared wraps around in 8 bits, and the worst of all frames has a PSNR of 48 dB.",
         condition=EXACT + " At PSNR = 0 the two logarithms cancel: the bound is absolute, in dB.",
         truth=metrics,
-        naive=("unsigned 8 bits", naive.in_their_own_type),
+        naive=("unsigned 8 bits", mutated("metrics", "mse-overflow")),
     ),
     HardCase(
         "stress/metrics/hard_hot_pixel",
         danger="The only sample that differs is 255 off, whose square is 1 modulo 256.",
         condition=EXACT,
         truth=metrics,
-        naive=("unsigned 8 bits", naive.in_their_own_type),
+        naive=("unsigned 8 bits", mutated("metrics", "mse-overflow")),
     ),
     HardCase(
         "stress/metrics/extremes_of_16_bits",

@@ -3,21 +3,34 @@
 from typing import Final
 
 from tests.hard_cases.catalogue import Entry, HardCase
+from tests.hard_cases.measuring import mutated
 from tests.hard_cases.naive import quantization as naive
 from tests.hard_cases.oracle import quantization as oracle
 
 EXACT: Final = "None: every step is exact or stated to the bit."
 
+OF_MUTANTS: Final = {
+    "half up": mutated("to_half", "to-half-ties-up"),
+    "subnormal numbers are zero": mutated("to_half", "to-half-flushes"),
+    "floor": mutated("lsq_quantize", "lsq-floor"),
+    "floor(t + 1/2)": mutated("lsq_quantize", "lsq-half-up"),
+    "the last of equals": mutated("rvq_assign", "rvq-last-of-ties"),
+    "expanded": mutated("rvq_assign", "rvq-expanded-square"),
+}
+"""Naive formulas that are mutants of the kit."""
+
 
 def halves(vector: str, danger: str, form: str) -> HardCase:
     """A conversion to binary16."""
     condition = "None: every number has one nearest binary16, or two of which one is even."
-    return HardCase(vector, danger, condition, oracle.to_half, (form, naive.to_half(form)))
+    return HardCase(vector, danger, condition, oracle.to_half, (form, OF_MUTANTS.get(form) or naive.to_half(form)))
 
 
 def codes(vector: str, danger: str, condition: str, form: str) -> HardCase:
     """Codes of LSQ+."""
-    return HardCase(vector, danger, condition, oracle.lsq_quantize, (form, naive.lsq_quantizer(form)))
+    return HardCase(
+        vector, danger, condition, oracle.lsq_quantize, (form, OF_MUTANTS.get(form) or naive.lsq_quantizer(form))
+    )
 
 
 def gradients(vector: str, danger: str, condition: str, form: str) -> HardCase:
@@ -27,7 +40,9 @@ def gradients(vector: str, danger: str, condition: str, form: str) -> HardCase:
 
 def nearest(vector: str, danger: str, condition: str, form: str) -> HardCase:
     """Codewords."""
-    return HardCase(vector, danger, condition, oracle.rvq_assign, (form, naive.rvq_assigner(form)))
+    return HardCase(
+        vector, danger, condition, oracle.rvq_assign, (form, OF_MUTANTS.get(form) or naive.rvq_assigner(form))
+    )
 
 
 def update(vector: str, danger: str, condition: str) -> HardCase:
@@ -41,7 +56,7 @@ HALVES: Final[tuple[Entry, ...]] = (
         "Subnormal binary16, all of them normal in binary32, are flushed to zero.",
         EXACT,
         oracle.from_half,
-        ("subnormal numbers are zero", naive.from_half_flushed),
+        ("subnormal numbers are zero", mutated("from_half", "half-no-subnormals")),
     ),
     halves("core/to_half/ties_to_even", "Ties are rounded up.", "half up"),
     halves(
@@ -81,14 +96,14 @@ LSQ: Final[tuple[Entry, ...]] = (
         "Product and sum are fused, and half of all values have another last bit than the encoder's.",
         "Two roundings, which are part of the definition: the bits must be equal, not only close.",
         oracle.lsq_dequantize,
-        ("fused", naive.lsq_dequantize_fused),
+        ("fused", mutated("lsq_dequantize", "lsq-fused")),
     ),
     HardCase(
         "stress/lsq_dequantize/zero_that_fusing_misses",
         "q s + beta of a splat that does not change is the rounding error of q s in place of 0, and adds up.",
         "The condition of the sum is infinite; it is exactly 0 because beta is minus the rounded product.",
         oracle.lsq_dequantize,
-        ("fused", naive.lsq_dequantize_fused),
+        ("fused", mutated("lsq_dequantize", "lsq-fused")),
     ),
     gradients(
         "stress/lsq_gradients/gradients_of_large_codes",

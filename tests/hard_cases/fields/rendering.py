@@ -4,12 +4,12 @@ from typing import Final
 
 from numpy.typing import NDArray
 
-from conformance.stage import Values
+from conformance.operation import Values
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
 from gsvc_ref.splats import Splats
 from tests.hard_cases.catalogue import Entry, HardCase
-from tests.hard_cases.measuring import Variant
+from tests.hard_cases.measuring import Variant, mutated
 from tests.hard_cases.naive import rendering as naive
 from tests.hard_cases.oracle.rendering import render_sum
 
@@ -25,11 +25,10 @@ def of_precision(precision: Precision) -> Variant:
 
 ALSO: Final = {precision: of_precision(precision) for precision in ("deterministic", "exact")}
 
-INVERSE: Final = ("inverse covariance", naive.by_inverse_covariance)
-POLYNOMIAL: Final = ("polynomial of the pixel", naive.by_a_polynomial)
+INVERSE: Final = ("inverse covariance", mutated("render_sum", "determinant-by-cancellation"))
 NORMALIZED: Final = ("coordinates in -1..1", naive.in_normalized_coordinates)
-DEVIATIONS: Final = ("cut at 3 deviations", naive.of_three_deviations)
-NO_END: Final = ("no cut", naive.without_an_end)
+DEVIATIONS: Final = ("cut at 3 deviations", mutated("render_sum", "support-three-sigma"))
+NO_END: Final = ("no cut", mutated("render_sum", "support-without-end"))
 BINARY16: Final = ("sum in binary16", naive.in_binary16)
 DIVIDING: Final = ("mask by a product", naive.dividing_by_anything)
 
@@ -178,7 +177,7 @@ CASES: Final[tuple[Entry, ...]] = (
     ),
     _case(
         "stress/render_sum/hard_coverage_inside",
-        ("ln 255 to five digits", naive.to_five_digits),
+        ("ln 255 to three digits", mutated("render_sum", "support-rounded")),
         "The nearest position for which sigma is certainly below ln 255: a rounded threshold drops the pixel.",
         "sigma is just more than its own error away from ln 255; roundings count up to 335 times (thin splat).",
     ),
@@ -196,13 +195,13 @@ CASES: Final[tuple[Entry, ...]] = (
     ),
     _case(
         "stress/render_sum/hard_splats_on_a_pixel_1024",
-        ("256 splats a pixel", naive.at_most(256)),
+        ("256 splats a pixel", mutated("render_sum", "first-256-splats")),
         "1024 splats on one pixel exceed the list of a tile.",
         "The sum of magnitudes is up to 29 times the sum; the bound allows any order, gamma_1026 of it.",
     ),
     _case(
         "full/render_sum/hard_splats_on_a_pixel_2048",
-        ("256 splats a pixel", naive.at_most(256)),
+        ("256 splats a pixel", mutated("render_sum", "first-256-splats")),
         "2048 splats on one pixel, of sizes from 1 to 1e-5.",
         "As with 1024, up to 46 times. The bound grows with the square of their number, errors far less.",
     ),

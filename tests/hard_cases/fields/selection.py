@@ -8,9 +8,12 @@ import numpy as np
 
 from conformance.expectations import Exact
 from tests.hard_cases.catalogue import Entry, HardCase
-from tests.hard_cases.measuring import Measurement, Truth, Variant, exactly, implementations, measure
+from tests.hard_cases.measuring import Measurement, Truth, Variant, exactly, implementations, measure, mutated
 from tests.hard_cases.naive import selection as naive
 from tests.hard_cases.oracle import selection as oracle
+
+SAMPLE: Final = "dividing by n - 1"
+"""The form that is a mutant of the kit."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class KeyFrames(HardCase):
             inputs,
             {"key_frames": Exact(flags({"key_frames": expected["key_frames"].value})["key_frames"])},
             {"key_frames": Truth(exactly(flags({"key_frames": numbers})["key_frames"]))},
-            {name: flagged(variant) for name, variant in implementations(self.stage).items()},
+            {name: flagged(variant) for name, variant in implementations(self.operation).items()},
             flagged(self.naive[1]),
         )
 
@@ -41,9 +44,8 @@ class KeyFrames(HardCase):
 def key_frames(vector: str, danger: str, form: str) -> KeyFrames:
     """A choice of key frames; the naive formula is in binary64."""
     condition = "None: rational numbers, so that a tie is a tie; a tie is no key frame."
-    return KeyFrames(
-        vector, danger, condition, oracle.select_key_frames, (f"{form} in binary64", naive.key_frames(form))
-    )
+    formula = mutated("select_key_frames", "dks-sample-deviation") if form == SAMPLE else naive.key_frames(form)
+    return KeyFrames(vector, danger, condition, oracle.select_key_frames, (f"{form} in binary64", formula))
 
 
 CASES: Final[tuple[Entry, ...]] = (
@@ -70,7 +72,7 @@ CASES: Final[tuple[Entry, ...]] = (
     key_frames(
         "core/select_key_frames/deviation_of_the_population",
         "Two cuts in one window: dividing by n - 1 hides the lower one.",
-        "dividing by n - 1",
+        SAMPLE,
     ),
     key_frames(
         "uncommon/select_key_frames/tie_in_decimal_fractions_sums",

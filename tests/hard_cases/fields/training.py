@@ -3,6 +3,7 @@
 from typing import Final
 
 from tests.hard_cases.catalogue import Entry, HardCase
+from tests.hard_cases.measuring import mutated
 from tests.hard_cases.naive.training import adan as naive
 from tests.hard_cases.naive.training import rates_in_binary32
 from tests.hard_cases.oracle.training import adan_step, learning_rates
@@ -16,10 +17,19 @@ EPSILON: Final = (
     "sqrt(n) / epsilon of its size."
 )
 
+OF_MUTANTS: Final = {
+    "no rule for the first difference": mutated("adan_step", "adan-first-difference"),
+    "powers in binary32": mutated("adan_step", "adan-powers-in-binary32"),
+    "complements in binary32": mutated("adan_step", "adan-complement-in-binary32"),
+    "no epsilon": mutated("adan_step", "adan-epsilon-missing"),
+    "epsilon in the root": mutated("adan_step", "adan-epsilon-inside-root"),
+}
+"""Naive formulas that are mutants of the kit."""
+
 
 def one(vector: str, danger: str, condition: str, form: str) -> HardCase:
     """A step whose naive formula differs in one thing."""
-    return HardCase(vector, danger, condition, adan_step, (form, naive(form)))
+    return HardCase(vector, danger, condition, adan_step, (form, OF_MUTANTS.get(form) or naive(form)))
 
 
 CASES: Final[tuple[Entry, ...]] = (

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.operation import Values
 from conformance.spec import Patch, namespace
-from conformance.stage import Values
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]
@@ -28,12 +28,6 @@ def with_a_floor(a: Frame, b: Frame, bit_depth: int) -> Values:
     return _metrics(a, b, bit_depth, psnr=_psnr(mse + 1e-10, bit_depth))
 
 
-def in_their_own_type(a: Frame, b: Frame, bit_depth: int) -> Values:
-    """Differences and squares in the type of the samples, where they wrap around."""
-    mse = np.mean((a - b) * (a - b))
-    return _metrics(a, b, bit_depth, mse=mse, psnr=_psnr(mse, bit_depth))
-
-
 def in_32_bits(a: Frame, b: Frame, bit_depth: int) -> Values:
     """The sum of squares in an unsigned integer of 32 bits."""
     mse = np.sum((a.astype(np.int64) - b) ** 2).astype(np.uint32) / a.size
@@ -47,9 +41,9 @@ def by_moments(a: Frame, b: Frame, bit_depth: int) -> Values:
     return _metrics(a, b, bit_depth, mse=mse, psnr=_psnr(mse, bit_depth))
 
 
-def _patched(stage: str, *patches: Patch) -> Variant:
+def _patched(operation: str, *patches: Patch) -> Variant:
     """The code of spec.md with other lines in it."""
-    return lambda **inputs: namespace(patches)[stage](**inputs)
+    return lambda **inputs: namespace(patches)[operation](**inputs)
 
 
 without_constants = _patched(
@@ -61,17 +55,6 @@ powers_of_negatives = _patched(
     "metrics", ("result *= max(factor, 0.0) ** weights[j]", "result *= np.float64(factor) ** weights[j]")
 )
 """MS-SSIM with powers of the means as they are: a negative one has none."""
-
-
-def rounding_by_a_half(sum: F4, bit_depth: int) -> Values:
-    """Add a half and cut off, in binary32, after a product that is clamped at the end."""
-    peak = np.float32(2**bit_depth - 1)
-    return {"frame": np.clip(np.floor(sum * peak + np.float32(0.5)), 0, peak)}
-
-
-def cutting_off(sum: F4, bit_depth: int) -> Values:
-    """Multiply by 2^bit_depth and cut off."""
-    return {"frame": np.clip(np.floor(sum * np.float32(2**bit_depth)), 0, 2**bit_depth - 1)}
 
 
 def in_binary16(sum: F4, bit_depth: int) -> Values:
@@ -99,16 +82,6 @@ def planes_in_fixed_point(y: Frame, cb: Frame, cr: Frame, **elements: int) -> Va
     return {"frame": np.clip(np.stack(channels, axis=-1), 0, 2**depth - 1)}
 
 
-planes_that_wrap_around = _patched(
-    "planes_to_frame",
-    (
-        "    rounded = np.rint(np.clip(values, 0, peak))\n",
-        "    rounded = np.rint(values).astype(np.int64) % (peak + 1)\n",
-    ),
-)
-"""Rounded to integers of the samples' size without a clamp."""
-
-
 def frame_in_fixed_point(frame: Frame, **elements: int) -> Values:
     """To 4:4:4 planes in integers, with coefficients of 8 fractional bits."""
     matrix, full, depth = (elements[k] for k in ("matrix_coefficients", "video_full_range_flag", "bit_depth"))
@@ -116,9 +89,3 @@ def frame_in_fixed_point(frame: Frame, **elements: int) -> Values:
     forward = namespace()["color_matrices"](matrix)[0] * (gain / (2**depth - 1))[:, None]
     planes = _fixed_point(forward, list(np.moveaxis(frame.astype(np.int64), -1, 0)), offset.astype(np.int64))
     return {name: np.clip(plane, 0, 2**depth - 1) for name, plane in zip(("y", "cb", "cr"), planes, strict=True)}
-
-
-ties_away_from_zero = _patched(
-    "frame_to_planes", ("np.rint(np.clip(values, 0, peak))", "np.floor(np.clip(values, 0, peak) + 0.5)")
-)
-"""Rounded by adding a half, as ITU-T H.273 does."""

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.spec import namespace
-from conformance.stage import Values
+from conformance.operation import Values
 from tests.hard_cases.naive.rendering import LN_255, covariance, forward_substitution, renderer
 
 F4 = NDArray[np.float32]
@@ -82,11 +81,4 @@ def by_differences(parameters: F4, residual: F4) -> Values:
             moved[0, column] += step
             ends.append(np.sum(residual * render_sum(parameters=moved, width=width, height=height)["sum"]))
         gradients[n, column] = (ends[0] - ends[1]) / (2 * STEP)
-    return {"gradients": gradients}
-
-
-def of_the_first_256(parameters: F4, residual: F4) -> Values:
-    """The right gradients of 256 splats, and none of the others."""
-    gradients = np.zeros((len(parameters), 8), np.float32)
-    gradients[:256] = namespace()["render_gradients"](parameters[:256], residual)["gradients"]
     return {"gradients": gradients}

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.stage import Values
+from conformance.operation import Values
 
 F4 = NDArray[np.float32]
 
@@ -24,14 +24,6 @@ def clamped_after_the_square(picture: F4, target: F4) -> Values:
     """The squared differences are clamped, not the sum."""
     difference = picture - target
     return _of(picture, np.sum(np.minimum(difference * difference, np.float32(1))), difference)
-
-
-def differentiating_the_clamp(picture: F4, target: F4) -> Values:
-    """The residual times the derivative of the clamp."""
-    x = np.clip(picture, 0, 1)
-    difference = x - target
-    inside = (picture > 0) & (picture < 1)
-    return _of(picture, np.sum(difference * difference), np.where(inside, difference, np.float32(0)))
 
 
 def in_binary16(values: F4, gradients: F4) -> Values:

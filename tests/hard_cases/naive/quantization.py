@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from conformance.operation import Values
+from conformance.operations.codebooks import books_of
 from conformance.spec import namespace
-from conformance.stage import Values
-from conformance.stages.codebooks import books_of
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]
@@ -24,20 +24,11 @@ def lsq_quantizer(form: str) -> Variant:
             t = x / scale - offset / scale
         clamped = np.clip(t, np.float32(0), largest)
         codes = np.rint(clamped)
-        if form == "floor":
-            codes = np.floor(clamped)
-        if form == "floor(t + 1/2)":
-            codes = np.floor(clamped + np.float32(0.5))
         if form == "an integer before the clamp":
             codes = np.clip(np.rint(t).astype(np.int32), 0, int(largest))
         return {"codes": codes.astype(np.uint16)}
 
     return lsq_quantize
-
-
-def lsq_dequantize_fused(codes: U2, scale: F4, offset: F4) -> Values:
-    """One rounding for product and sum."""
-    return {"values": (codes * scale.astype(np.float64) + offset).astype(np.float32)}
 
 
 def lsq_gradient(form: str) -> Variant:
@@ -70,13 +61,9 @@ def rvq_assigner(form: str) -> Variant:
         for book in books_of(codebook_sizes, codebooks):
             e = r[:, None] - book
             distance = (e * e).sum(2)
-            if form == "expanded":
-                distance = (book * book).sum(1) - 2 * (r @ book.T)
             if form == "squares in binary16":
                 distance = (e.astype(np.float16) ** 2).sum(2)
             best = distance.argmin(1)
-            if form == "the last of equals":
-                best = len(book) - 1 - distance[:, ::-1].argmin(1)
             columns.append(best)
             r = r - book[best]
         return {"indices": np.stack(columns, 1).astype(np.uint16)}
@@ -122,26 +109,15 @@ def to_half(form: str) -> Variant:
         pattern = values.view(np.uint32).astype(np.int64)
         sign, magnitude = pattern >> 31 << 15, pattern & 0x7FFFFFFF
         rebased = magnitude - (112 << 23)
-        if form == "half up":
-            bits = (rebased + 0x1000) >> 13
-        elif form == "cut, then rounded":  # bits below the one that decides are lost before
+        if form == "cut, then rounded":  # bits below the one that decides are lost before
             cut = rebased >> 12
             bits = (cut >> 1) + (cut & 1 & (cut >> 1))
         else:
             bits = rebased >> 13
-        bits = np.where(rebased < 1 << 23, 0, bits)  # what is subnormal in binary16 becomes zero
-        if form != "subnormal numbers are zero":
-            subnormal = np.ldexp(abs(values.astype(np.float64)), 24)
-            whole = np.floor(subnormal + 0.5) if form == "half up" else np.floor(subnormal)
-            bits = np.where(rebased < 1 << 23, whole.astype(np.int64), bits)
+        subnormal = np.floor(np.ldexp(abs(values.astype(np.float64)), 24))
+        bits = np.where(rebased < 1 << 23, subnormal.astype(np.int64), bits)
         if form == "beyond 65504 is infinity":
             bits = np.where(abs(values) > 65504, 0x7C00, bits)
         return {"bits": (sign | bits).astype(np.uint16)}
 
     return convert
-
-
-def from_half_flushed(bits: U2) -> Values:
-    """Subnormal numbers are zero."""
-    values = bits.view(np.float16).astype(np.float32)
-    return {"values": np.where(bits & 0x7C00 == 0, np.float32(0), values)}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.stage import Values
+from conformance.operation import Values
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]
@@ -43,14 +43,6 @@ def inverse_covariance(splat: F4, i: F4, j: F4) -> F4:
     return np.asarray((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant / 2)
 
 
-def center_moved_first(splat: F4, i: F4, j: F4) -> F4:
-    """u2 = ((j + 1/2) - (y + l21 u1)) / l22: the shear is added to the position before the difference."""
-    x, y, l11, l21, l22 = splat[:5]
-    u1 = (i + HALF - x) / l11
-    u2 = ((j + HALF) - (y + l21 * u1)) / l22
-    return np.asarray((u1 * u1 + u2 * u2) / 2)
-
-
 def normalized(splat: F4, i: F4, j: F4) -> F4:
     """(9-1) with pixels and positions brought to -1..1 before their difference is taken."""
     x, y, l11, l21, l22 = splat[:5]
@@ -60,38 +52,25 @@ def normalized(splat: F4, i: F4, j: F4) -> F4:
     return _half_square(d_x / l11, d_y, l21, l22)
 
 
-def expanded(splat: F4, i: F4, j: F4) -> F4:
-    """(9-1) with the square around the centre multiplied out, as a polynomial of the pixel's column and row."""
-    x, y, l11, l21, l22 = splat[:5]
-    s = l21 / l11
-    px, py, v = i + HALF, j + HALF, y - s * x
-    of_1 = (px * px - 2 * px * x + x * x) / (l11 * l11)
-    w = py - s * px
-    return np.asarray((of_1 + (w * w - 2 * w * v + v * v) / (l22 * l22)) / 2)
-
-
 def renderer(
     sigma_of: Sigma,
     *,
-    limit: float = float(LN_255),
     drawn: Callable[[F4], Any] = lambda splat: min(splat[2], splat[4]) >= 2.0**-126,
     masked_by_product: bool = False,
     kind: type[np.floating[Any]] = np.float32,
 ) -> Variant:
-    """A renderer in binary32 that does something in another way.
+    """A renderer in binary32 that does one thing in another way.
 
     Parameters
     ----------
     sigma_of
-        Its formula for sigma.
-    limit
-        Its threshold.
+        The formula for sigma.
     drawn
-        Which splats it draws.
+        Whether a splat is drawn.
     masked_by_product
         Whether pixels that are not covered are multiplied by 0.
     kind
-        In which type it adds.
+        The type of the sum.
     """
 
     def render_sum(parameters: F4, width: int, height: int) -> Values:
@@ -101,7 +80,7 @@ def renderer(
             if not drawn(splat):
                 continue
             sigma = np.broadcast_to(sigma_of(splat, i, j), (height, width))
-            covered = sigma <= np.float32(limit)
+            covered = sigma <= LN_255
             g = np.exp(-sigma) * covered if masked_by_product else np.where(covered, np.exp(-sigma), np.float32(0))
             C += (g[..., None] * splat[5:]).astype(kind)
         return {"sum": C.astype(np.float32)}
@@ -109,18 +88,6 @@ def renderer(
     return render_sum
 
 
-def at_most(number: int) -> Variant:
-    """A renderer with room for so many splats on a pixel."""
-    all_of = renderer(forward_substitution)
-    return lambda parameters, width, height: all_of(parameters[:number], width, height)
-
-
-by_inverse_covariance = renderer(inverse_covariance)
-of_three_deviations = renderer(forward_substitution, limit=4.5)
-to_five_digits = renderer(forward_substitution, limit=5.5412)
-without_an_end = renderer(forward_substitution, limit=40)
-in_binary16 = renderer(forward_substitution, kind=np.float16)
 dividing_by_anything = renderer(inverse_covariance, drawn=lambda splat: True, masked_by_product=True)
 in_normalized_coordinates = renderer(normalized)
-by_a_polynomial = renderer(expanded)
-with_center_moved_first = renderer(center_moved_first)
+in_binary16 = renderer(forward_substitution, kind=np.float16)

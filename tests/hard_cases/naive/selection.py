@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.stage import Values
+from conformance.operation import Values
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]
@@ -25,8 +25,6 @@ def key_frames(form: str) -> Variant:
             n, S, Q = np.float64(len(W)), W.sum(), (W * W).sum()
             if form == "sums of squares":
                 is_key = n * D[t] > S and (n * D[t] - S) ** 2 > threshold**2 * (n * Q - S * S)
-            elif form == "dividing by n - 1":
-                is_key = D[t] > W.mean() + threshold * W.std(ddof=1)
             elif form == "a score":
                 is_key = not (D[t] - W.mean()) / W.std() <= threshold
             else:

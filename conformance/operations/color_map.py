@@ -1,4 +1,4 @@
-"""Colour conversion in rational numbers, straight from (11-1) to (11-4): the oracle of the colour stages."""
+"""Colour conversion in rational numbers, straight from (11-1) to (11-4): the oracle of the colour operations."""
 
 from collections.abc import Sequence
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""Stages: everything that an implementation can be asked to do, each a function of named inputs to named outputs."""
+"""Operations: all that an implementation can be asked to do, each a function of named inputs to named outputs."""
 
 import importlib
 from collections.abc import Callable, Mapping
@@ -12,13 +12,13 @@ from conformance.expectations import Exact, Expectation
 from conformance.pairs import PAIRS, answer
 
 Values = dict[str, Any]
-"""Inputs or outputs of a stage by name: arrays, int, float, bytes (streams) or str (errors)."""
+"""Inputs or outputs of an operation by name: arrays, int, float, bytes (streams) or str (errors)."""
 
 Group = Literal[
     "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
     "metrics",
 ]  # fmt: skip
-"""The conformance class that a stage belongs to (spec.md section 13)."""
+"""The conformance class that an operation belongs to (spec.md section 13)."""
 
 MODULES: Final = (
     "bitstream",
@@ -30,7 +30,7 @@ MODULES: Final = (
     "color",
     "metrics",
 )
-"""Where stages are defined, in conformance.stages."""
+"""Where operations are defined, in conformance.operations."""
 
 DTYPES: Final = ("u1", "u2", "u4", "i8", "f4", "f8")
 """Types of arrays by NumPy's names, which mean the byte order of the machine; in files all are little-endian."""
@@ -56,8 +56,8 @@ class Port:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """One stage.
+class Operation:
+    """One operation.
 
     Attributes
     ----------
@@ -90,10 +90,10 @@ class Stage:
     oracle: Callable[..., Mapping[str, Expectation]]
 
 
-_STAGES: dict[str, Stage] = {}
+_OPERATIONS: dict[str, Operation] = {}
 
 
-def stage(
+def operation(
     group: Group,
     *,
     inputs: str,
@@ -102,7 +102,7 @@ def stage(
     rules: tuple[str, ...] = (),
     oracle: Callable[..., Mapping[str, Expectation]] | None = None,
 ) -> Callable[[Callable[..., Values]], Callable[..., Values]]:
-    """Define a stage by gsvc_ref's answer, whose docstring begins with the title.
+    """Define an operation by gsvc_ref's answer, whose docstring begins with the title.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def stage(
     inputs, outputs
         Ports, separated by semicolons: ``parameters: f4 (N, 8); width: int``.
     equations, rules
-        What every case of the stage exercises.
+        What every case of the operation exercises.
     oracle
         What the outputs must be; None: exactly what gsvc_ref answers, which the decoder inside spec.md checks.
     """
@@ -119,7 +119,7 @@ def stage(
     def define(reference: Callable[..., Values]) -> Callable[..., Values]:
         name = reference.__name__
         title = (reference.__doc__ or "").partition("\n")[0]
-        _STAGES[name] = Stage(
+        _OPERATIONS[name] = Operation(
             name, group, title, _ports(inputs), _ports(outputs), equations, rules, reference,
             oracle or exactly(reference),
         )  # fmt: skip
@@ -128,7 +128,7 @@ def stage(
     return define
 
 
-def operation(
+def paired(
     name: str,
     group: Group,
     title: str,
@@ -139,14 +139,14 @@ def operation(
     rules: tuple[str, ...] = (),
     oracle: Callable[..., Mapping[str, Expectation]] | None = None,
 ) -> None:
-    """Define a stage that gsvc_ref has by the same name (`conformance.pairs`); the arguments are those of `stage`."""
+    """Define an operation that gsvc_ref has by its name (`conformance.pairs`); arguments are those of `operation`."""
     of_outputs = {port.name: port.type for port in _ports(outputs)}
 
     def reference(**given: Any) -> Values:
         return answer(name, of_outputs, given)
 
     reference.__name__, reference.__doc__ = name, title
-    stage(group, inputs=inputs, outputs=outputs, equations=equations, rules=rules, oracle=oracle)(reference)
+    operation(group, inputs=inputs, outputs=outputs, equations=equations, rules=rules, oracle=oracle)(reference)
 
 
 def numbered(section: int, first: int, last: int) -> tuple[str, ...]:
@@ -155,7 +155,7 @@ def numbered(section: int, first: int, last: int) -> tuple[str, ...]:
 
 
 def exactly(function: Callable[..., Values]) -> Callable[..., dict[str, Expectation]]:
-    """The oracle of a stage whose outputs are fixed to the bit: those of a function."""
+    """The oracle of an operation whose outputs are fixed to the bit: those of a function."""
 
     def oracle(**inputs: Any) -> dict[str, Expectation]:
         return {name: Exact(np.asarray(value)) for name, value in function(**inputs).items()}
@@ -172,12 +172,12 @@ def input_size(inputs: Values) -> int:
 
 
 @cache
-def stages() -> Mapping[str, Stage]:
-    """All stages by name, in the order of spec.md."""
+def operations() -> Mapping[str, Operation]:
+    """All operations by name, in the order of spec.md."""
     for module in MODULES:
-        importlib.import_module(f"conformance.stages.{module}")
+        importlib.import_module(f"conformance.operations.{module}")
     places = {name: place for place, name in enumerate(PAIRS)}
-    return dict(sorted(_STAGES.items(), key=lambda item: places[item[0]]))
+    return dict(sorted(_OPERATIONS.items(), key=lambda item: places[item[0]]))
 
 
 def _ports(text: str) -> tuple[Port, ...]:

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.stage import exactly, operation
+from conformance.operation import exactly, paired
 from gsvc_ref import spec
 
 Array = NDArray[Any]
 Oracle = dict[str, Expectation]
 
 
-operation(
+paired(
     "from_half",
     "reconstruction",
     "The values of binary16 patterns.",
@@ -27,7 +27,7 @@ operation(
 )
 
 
-operation(
+paired(
     "to_half",
     "reconstruction",
     "The binary16 patterns nearest to values, ties to even.",
@@ -79,7 +79,7 @@ def _inter_plain(
     return {"parameters": Exact(result)}
 
 
-operation(
+paired(
     "reconstruct_intra",
     "reconstruction",
     "The splats that the codes of an intra block stand for.",
@@ -92,7 +92,7 @@ operation(
 )
 
 
-operation(
+paired(
     "reconstruct_inter",
     "reconstruction",
     "The survivors of a frame after the differences of an inter block; an attribute without rows is not present.",
@@ -106,7 +106,7 @@ operation(
 )
 
 
-operation(
+paired(
     "parameter_checksum",
     "reconstruction",
     "The checksum of a frame's parameters.",
@@ -117,7 +117,7 @@ operation(
 )
 
 
-operation(
+paired(
     "rendering_work",
     "reconstruction",
     "How many (splat, pixel) pairs the boxes of splats hold.",

@@ -1,8 +1,7 @@
-"""Plausible bugs, as patches of the code inside spec.md: the vectors must find each, and a report names those it meets.
+"""A mutant: the code of spec.md with one mistake, as patches of its text.
 
-A mutant is the code of spec.md with a few characters changed. It only runs on vectors that lead to a function which
-the change touches. What it answers tells two things: whether the vector *kills* it (its answer is judged wrong), and
-whether a failing implementation *looks like* it (`diagnosis`).
+A mutant only runs on vectors that lead to a function which its patches touch. Its answer decides two things: whether the
+vector *kills* it (the answer is judged wrong), and whether a failing implementation *looks like* it (`diagnosis`).
 """
 
 import signal
@@ -19,27 +18,27 @@ import numpy as np
 
 from conformance import spec
 from conformance.expectations import Expectation, Judgement
-from conformance.stage import Stage, Values
+from conformance.operation import Operation, Values
 from conformance.vectors import Vector
 
 SECONDS: Final = 10.0
-"""A mutant that takes more processor time on one vector is dead: it hangs."""
+"""Maximum processor time of a mutant on one vector, in seconds: what takes longer hangs."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One plausible bug.
+    """One plausible mistake.
 
     Attributes
     ----------
     name
         A stable name, such as ``pixel-centre-at-integer``.
     area
-        What it is about, such as ``rendering``.
+        The part of spec.md that it is about, such as ``rendering``.
     sentence
-        What an implementation with this bug looks like, to stand after "looks like".
+        The mistake in words, to stand after "looks like".
     patches
-        Texts of spec.md's code and what stands there instead; each occurs exactly once.
+        Texts of spec.md's code, each of which occurs exactly once, and their replacements.
     """
 
     name: str
@@ -48,7 +47,7 @@ class Mutant:
     patches: tuple[tuple[str, str], ...]
 
     def namespace(self) -> dict[str, Any]:
-        """Its functions; raises LookupError if a patch does not fit spec.md any more."""
+        """The functions of the patched spec.md; raises LookupError if a patch does not fit any more."""
         return _namespace(self)
 
     def touched(self) -> frozenset[str]:
@@ -56,12 +55,12 @@ class Mutant:
         return _touched(self)
 
 
-def bug(area: str, name: str, sentence: str, *patches: tuple[str, str]) -> Mutant:
-    """A mutant in the order in which one thinks of it."""
+def mutant(area: str, name: str, sentence: str, *patches: tuple[str, str]) -> Mutant:
+    """A mutant, with arguments in the order in which one thinks of them."""
     return Mutant(name, area, sentence, patches)
 
 
-@lru_cache(maxsize=512)  # more than there are bugs; pairs of them come and go
+@lru_cache(maxsize=512)  # more than there are mutants; pairs of them come and go
 def _namespace(mutant: Mutant) -> dict[str, Any]:
     return spec.namespace(mutant.patches)
 
@@ -92,7 +91,7 @@ def _definitions(namespace: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _text(value: Any) -> Any:
-    """Something that differs when a definition does."""
+    """A value that differs when a definition does."""
     if isinstance(value, types.FunctionType):
         return _code(value.__code__), repr(value.__defaults__)
     return repr(value)
@@ -111,15 +110,15 @@ def _names(code: types.CodeType) -> Iterator[str]:
             yield from _names(constant)
 
 
-def called(stage: Stage, inputs: Values) -> frozenset[str]:
-    """The functions of spec.md that the inputs of a stage lead to: only mutants that touch one can answer otherwise."""
+def called(operation: Operation, inputs: Values) -> frozenset[str]:
+    """The functions of spec.md that some inputs of an operation reach: only mutants that touch one answer otherwise."""
     names = set()
 
     def note(frame: types.FrameType, event: str, argument: object) -> None:
         if event == "call":
             names.add(frame.f_code.co_qualname.partition(".<locals>")[0])
 
-    function = spec.namespace()[stage.name]
+    function = spec.namespace()[operation.name]
     sys.setprofile(note)
     try:
         with np.errstate(all="ignore"):
@@ -135,7 +134,7 @@ class HangsError(Exception):
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise `HangsError` after so many seconds of processor time; in the main thread of a process only."""
+    """Raise `HangsError` after some seconds of processor time; in the main thread of a process only."""
 
     def ring(*_: object) -> None:
         raise HangsError(f"more than {seconds:g} s")
@@ -149,12 +148,12 @@ def time_limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def answer(mutant: Mutant, stage: Stage, inputs: Values) -> Values | None:
-    """What a mutant gives for the inputs of a stage; None if it crashes or hangs."""
+def answer(mutant: Mutant, operation: Operation, inputs: Values) -> Values | None:
+    """The outputs of a mutant for the inputs of an operation; None if it crashes or hangs."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"), time_limit(SECONDS):
             warnings.simplefilter("ignore")
-            given: Values = mutant.namespace()[stage.name](**inputs)
+            given: Values = mutant.namespace()[operation.name](**inputs)
             return given
     except Exception:
         return None
@@ -167,24 +166,16 @@ def judge(expected: Mapping[str, Expectation], outputs: Mapping[str, Any]) -> It
 
 def kills(vector: Vector, mutant: Mutant) -> bool:
     """Whether a vector finds a mutant."""
-    outputs = answer(mutant, vector.stage, vector.inputs)
+    outputs = answer(mutant, vector.operation, vector.inputs)
     return outputs is None or not all(verdict.passed for verdict in judge(vector.expected, outputs))
 
 
 def killed_by(vectors: Iterable[Vector], mutants: Iterable[Mutant]) -> dict[str, list[str]]:
-    """For each vector's id the names of the mutants that it kills."""
+    """The names of the mutants that each vector kills, by its id."""
     mutants = list(mutants)
     table = {}
     for vector in vectors:
-        run = called(vector.stage, vector.inputs)
+        run = called(vector.operation, vector.inputs)
         able = (mutant for mutant in mutants if run & mutant.touched())
         table[vector.id] = [mutant.name for mutant in able if kills(vector, mutant)]
     return table
-
-
-@cache
-def all_mutants() -> tuple[Mutant, ...]:
-    """All named mutants, area by area."""
-    from conformance.bugs import MUTANTS
-
-    return MUTANTS

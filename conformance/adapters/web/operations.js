@@ -1,4 +1,4 @@
-// The stages of conformance/protocol.md that this decoder has, by name.
+// The operations of conformance/protocol.md that this decoder has, by name.
 "use strict";
 globalThis.GSVC ??= {};
 {
@@ -6,7 +6,7 @@ globalThis.GSVC ??= {};
   const { parameterChecksum, renderingWork, readStart, readFrames, toFrame, scaleParameters } = GSVC;
   const { renderSumDeterministic, toFrameDeterministic } = GSVC;
 
-  /** A stage can't do what its inputs ask for. */
+  /** An operation can't do what its inputs ask for. */
   class Unsupported extends Error {}
 
   const TYPES = {
@@ -14,7 +14,7 @@ globalThis.GSVC ??= {};
     "<f8": Float64Array,
   };
 
-  /** An array of a stage: {data: a typed array, shape, dtype}; whole numbers may be given as numbers for <i8. */
+  /** An array of an operation: {data: a typed array, shape, dtype}; whole numbers may be given as numbers for <i8. */
   function array(dtype, shape, values) {
     if (values instanceof TYPES[dtype]) return { data: values, shape, dtype };
     if (dtype !== "<i8") return { data: TYPES[dtype].from(values), shape, dtype };
@@ -45,7 +45,7 @@ globalThis.GSVC ??= {};
     codewords: inputs.codewords.data,
   });
 
-  const stages = {
+  const operations = {
     async read_stream({ stream }) {
       const { s, state } = readStart(stream);
       return described(state.header, [...readFrames(s, state)]);
@@ -189,5 +189,5 @@ globalThis.GSVC ??= {};
       Array.from({ length: count }, (_, n) => colorIndices[codebookSizes.length * n + k]));
   }
 
-  Object.assign(GSVC, { stages, TYPES, Unsupported });
+  Object.assign(GSVC, { operations, TYPES, Unsupported });
 }

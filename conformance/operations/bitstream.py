@@ -5,15 +5,11 @@ from typing import Any, Final
 import numpy as np
 
 from conformance.expectations import Exact, Expectation, Interval, Refusal
-from conformance.stage import operation, stages
+from conformance.operation import operations, paired
+from conformance.spec import namespace
 from gsvc_ref.stream import StreamReader, reconstruct_stream
 
-HEADER_ELEMENTS: Final = (
-    "profile", "level", "flags", "width", "height", "frame_rate_numerator", "frame_rate_denominator",
-    "sample_aspect_numerator", "sample_aspect_denominator", "frame_count", "bit_depth", "chroma_format",
-    "color_primaries", "transfer_characteristics", "matrix_coefficients", "video_full_range_flag",
-    "chroma_sample_loc_type", "cholesky_bits", "color_stages", "color_codewords", "entropy_precision", "lane_count",
-)  # fmt: skip
+HEADER_ELEMENTS: Final = tuple(name for name, *_ in namespace()["HEADER"])
 """The elements of the sequence header, in order."""
 
 CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",
@@ -21,7 +17,7 @@ CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5",
 """Rules that every stream exercises."""
 
 
-operation(
+paired(
     "read_stream",
     "bitstream",
     "What the bytes of a legal stream say: header, frame types, survivors, and the codes of all splat blocks.",
@@ -33,7 +29,7 @@ operation(
 )
 
 
-operation(
+paired(
     "decode_plane",
     "bitstream",
     "The symbols of one plane, from the bytes of plane().",
@@ -44,7 +40,7 @@ operation(
 )
 
 
-operation(
+paired(
     "encode_plane",
     "bitstream",
     "The states and words with which a decoder finds the symbols again, by the encoder of section 7.",
@@ -61,7 +57,7 @@ def _refused(**inputs: Any) -> dict[str, Expectation]:
     return {"counts": Exact(counts), "parameters": Exact(parameters), "error": Refusal(error, in_full=True)}
 
 
-operation(
+paired(
     "reconstruct_stream",
     "bitstream",
     "The splats of all complete frames of a stream, and what is wrong with it.",
@@ -77,14 +73,14 @@ def _intervals(stream: bytes) -> dict[str, Expectation]:
     """Each frame's interval, derived from the exact sum and its bound."""
     header = StreamReader(stream).header
     size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
-    rendered = stages()["render_frame"].oracle
+    rendered = operations()["render_frame"].oracle
     frames = [rendered(parameters=frame.splats.to_array(), **size)["frame"] for frame in StreamReader(stream)]
     return {
         "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
     }
 
 
-operation(
+paired(
     "decode_stream",
     "rendering",
     "The frames of a legal stream.",
@@ -96,7 +92,7 @@ operation(
 )
 
 
-operation(
+paired(
     "decode_stream_deterministic",
     "deterministic",
     "The frames of a legal stream, rendered deterministically.",

@@ -1,4 +1,4 @@
-"""The stages of quantisation in training: LSQ+, residual vector quantisation, and how its codebooks move."""
+"""The operations of quantisation in training: LSQ+, residual vector quantisation, and how its codebooks move."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from conformance.distinct import distinct
 from conformance.expectations import Decision, Expectation
+from conformance.operation import paired
+from conformance.operations.codebooks import books_of, residual, rvq_update_oracle
 from conformance.running_error import Computed, expected, given, rounded_once, stack
-from conformance.stage import operation
-from conformance.stages.codebooks import books_of, residual, rvq_update_oracle
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -44,7 +44,7 @@ def lsq_quantize_oracle(x: F4, scale: F4, offset: F4, bits: int) -> Expected:
     return {"codes": Decision(*both, float(to_tie[inside].min()), float(t.error[inside].max()))}
 
 
-operation(
+paired(
     "lsq_quantize",
     "quantization",
     "LSQ+ codes of values.",
@@ -56,7 +56,7 @@ operation(
 )
 
 
-operation(
+paired(
     "lsq_dequantize",
     "quantization",
     "Values of LSQ+ codes: a rounded product, then a rounded sum.",
@@ -96,7 +96,7 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     }
 
 
-operation(
+paired(
     "lsq_gradients",
     "quantization",
     "Straight-through gradients of LSQ+.",
@@ -138,7 +138,7 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
     return {"indices": Decision(indices, None, *((margin, guard) if guard else (None, None)))}
 
 
-operation(
+paired(
     "rvq_assign",
     "quantization",
     "The codeword of each vector in each stage.",
@@ -150,7 +150,7 @@ operation(
 )
 
 
-operation(
+paired(
     "rvq_update",
     "quantization",
     "One step of the codebooks' moving averages, with dead codewords replaced.",
@@ -186,7 +186,7 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
     }
 
 
-operation(
+paired(
     "commitment",
     "quantization",
     "The commitment loss of all stages and its gradient.",

@@ -1,4 +1,4 @@
-"""The stages of colour conversion."""
+"""The operations of colour conversion."""
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Decision, Expectation
-from conformance.stage import Values, stage
-from conformance.stages.color_map import ColorMap
+from conformance.operation import Values, operation
+from conformance.operations.color_map import ColorMap
 from gsvc_ref.video import ColorDescription, VideoFormat
 from gsvc_ref.video import color as gsvc_color
 from gsvc_ref.video.format import ChromaFormat
@@ -61,7 +61,7 @@ def _stacked(channels: Sequence[Decision]) -> Decision:
     )
 
 
-@stage(
+@operation(
     "colour",
     inputs="y: u1|u2 (H, W); cb: u1|u2 (h, w); cr: u1|u2 (h, w); chroma_format: int; matrix_coefficients: int; "
     "video_full_range_flag: int; chroma_sample_loc_type: int; bit_depth: int",
@@ -110,7 +110,7 @@ def frame_to_planes_oracle(
     return result
 
 
-@stage(
+@operation(
     "colour",
     inputs="frame: u1|u2 (H, W, 3); chroma_format: int; matrix_coefficients: int; video_full_range_flag: int; "
     "chroma_sample_loc_type: int; bit_depth: int",

@@ -1,4 +1,4 @@
-"""The stages that choose: which splats go and come, which frames are key frames, after which iteration training stops.
+"""The operations that choose: which splats go and come, which frames are key frames, when training stops.
 
 All are exact. Their inputs are few numbers, and decisions are those of rational numbers or of stated operations.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.stage import Values, operation, stage
+from conformance.operation import Values, operation, paired
 from gsvc_ref.training.convergence import Convergence
 
 F4 = NDArray[np.float32]
@@ -39,7 +39,7 @@ def pruning_plan_oracle(
     }
 
 
-operation(
+paired(
     "pruning_plan",
     "training",
     "How many splats are removed after which iteration.",
@@ -57,7 +57,7 @@ def prune_oracle(weights: F4, removed: int) -> Expected:
     return {"survivors": Exact(np.array(sorted(order[removed:]), np.int64))}
 
 
-operation(
+paired(
     "prune",
     "training",
     "The splats that stay when those of least weight are removed.",
@@ -74,7 +74,7 @@ def compact_oracle(survivors: I8, **rows: Any) -> Expected:
             for name, array in rows.items()}  # fmt: skip
 
 
-operation(
+paired(
     "compact",
     "training",
     "What is left of the splats in training, and of the optimiser's state, after a removal.",
@@ -95,7 +95,7 @@ def augment_oracle(values: F4, uniforms: F4, width: int, height: int) -> Expecte
     return {"values": Exact(np.concatenate([values, np.concatenate([new, weights], axis=1)]))}
 
 
-operation(
+paired(
     "augment",
     "training",
     "New splats of small weight after the old ones, from uniform numbers.",
@@ -132,7 +132,7 @@ def _stands_out(value: Fraction, values: Sequence[Fraction], threshold: Fraction
     return value > mean and (value - mean) ** 2 > threshold**2 * variance
 
 
-operation(
+paired(
     "select_key_frames",
     "training",
     "The key frames of a sequence, from the losses of every frame.",
@@ -151,7 +151,7 @@ def converged_oracle(losses: F8, patience: int, tolerance: float) -> Expected:
     return {"iteration": Exact(np.array(ends[0] if ends else 0, np.int64))}
 
 
-@stage(
+@operation(
     "training",
     inputs="losses: f8 (K,); patience: int; tolerance: float",
     outputs="iteration: i8 ()",

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import toy_stages
-from toy_stages import INPUTS
+import toy_operations
+from toy_operations import INPUTS
 
 from conformance.__main__ import main
 from conformance.expectations import Exact
-from conformance.selection import Selection, VectorFolder, check_manifest
+from conformance.vector_folder import Selection, VectorFolder, check_manifest
 from conformance.vectors import SUMS, files_of, from_files
 from gsvc_ref.errors import UsageError
 
@@ -48,7 +48,7 @@ def test_a_vector_that_was_changed_or_lost_is_refused(folder):
         list(vectors.read(["core/scale/by_two"]))
 
 
-def test_a_vector_of_an_unknown_stage_is_refused(folder):
+def test_a_vector_of_an_unknown_operation_is_refused(folder):
     sums = folder / SUMS
     sums.write_text(sums.read_text() + f"{'0' * 64}  core/teleport/far/manifest.json\n")
     with pytest.raises(UsageError, match="core/teleport/far"):
@@ -110,8 +110,8 @@ def zipped(path):
         (changed(inputs=renamed("values", "/tmp/x/evil")), "has the inputs /tmp/x/evil, factor; those of scale are"),
         (changed(inputs=renamed("values", "../../evil")), "those of scale are factor, values"),
         (changed(outputs=renamed("scaled", "other")), "has the outputs other; those of scale are scaled"),
-        (changed(stage="halve"), "is that of core/scale/by_two, stage halve"),
-        (changed(stage="nothing"), "stage nothing"),
+        (changed(operation="halve"), "is that of core/scale/by_two, operation halve"),
+        (changed(operation="nothing"), "operation nothing"),
         (changed(id="core/scale/other"), "is that of core/scale/other"),
         (changed(title=5), "the title in the manifest of core/scale/by_two is 5, not a text"),
         (changed("[]"), "manifest.json holds list, not an object"),
@@ -132,7 +132,7 @@ def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkey
     with_sums(folder)
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
-    assert main(["run", "--vectors", str(folder), "--impl", "true", "--stage", "scale", "--case", "*/by_two"]) == 2
+    assert main(["run", "--vectors", str(folder), "--impl", "true", "--operation", "scale", "--case", "*/by_two"]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
     assert sorted(tmp_path.rglob("*")) == before
     assert not Path("/tmp/x").exists()
@@ -143,7 +143,10 @@ def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkey
     [
         (b"\xff\n", "SHA256SUMS is damaged"),
         (b"no sum\n", "SHA256SUMS is damaged"),
-        (b"0  core/scale/../manifest.json\n", "core/scale/.. is a vector of a level or stage that this kit does not"),
+        (
+            b"0  core/scale/../manifest.json\n",
+            "core/scale/.. is a vector of a level or operation that this kit does not",
+        ),
         (b"0  core/scale/.hidden/manifest.json\n", "core/scale/.hidden is a vector"),
         (b"0  /core/scale/manifest.json\n", "/core/scale is a vector"),
     ],
@@ -157,6 +160,6 @@ def test_sums_that_are_none(folder, capsys, line, words):
 def test_an_output_may_have_the_name_of_an_input(toys):
     inputs = INPUTS["core/scale/by_two"]
     expected = {"values": Exact(inputs["values"] * np.float32(2))}
-    vector = from_files(files_of(toy_stages.case_of("core/scale/by_two"), inputs, expected))
+    vector = from_files(files_of(toy_operations.case_of("core/scale/by_two"), inputs, expected))
     assert np.array_equal(vector.inputs["values"], inputs["values"])
     assert vector.expected["values"].judge(inputs["values"] * np.float32(2)).passed

@@ -1,4 +1,4 @@
-"""The decoder in JavaScript, asked stage by stage in a headless browser, and what it says of damaged streams."""
+"""The decoder in JavaScript, asked each operation in a headless browser, and what it says of damaged streams."""
 
 import base64
 import dataclasses
@@ -36,20 +36,20 @@ def page():
     return browser.opened(browser.PAGE.as_uri())
 
 
-@pytest.mark.parametrize("stage", EXACT)
-def test_what_is_computed_in_javascript(page, judge, stage):
-    assert {result.outcome for result in judge(MODULE, stage)} == {"pass"}
+@pytest.mark.parametrize("operation", EXACT)
+def test_what_is_computed_in_javascript(page, judge, operation):
+    assert {result.outcome for result in judge(MODULE, operation)} == {"pass"}
 
 
 @pytest.mark.parametrize("kind", ["webgl2", "webgpu"])
-@pytest.mark.parametrize("stage", DRAWN)
-def test_what_is_drawn(page, judge, monkeypatch, stage, kind):
+@pytest.mark.parametrize("operation", DRAWN)
+def test_what_is_drawn(page, judge, monkeypatch, operation, kind):
     monkeypatch.setenv("GSVC_WEB_RENDERER", kind)
     environment = web.environment()
     if environment["renderer"] == "none":
         pytest.skip(environment["adapter"])
     assert environment["renderer"] == kind
-    assert {result.outcome for result in judge(MODULE, stage)} == {"pass"}
+    assert {result.outcome for result in judge(MODULE, operation)} == {"pass"}
 
 
 def test_refusals_tell_rule_and_bit_as_well(page, vector_folder):

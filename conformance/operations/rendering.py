@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
-from conformance.stage import Values, numbered, operation, stage
-from conformance.stages.exact_splats import gradients_with_bound, sum_with_bound
+from conformance.operation import Values, numbered, operation, paired
+from conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
 from gsvc_ref import rendering
 from gsvc_ref.constants import LN_255
 from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
@@ -38,7 +38,7 @@ def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectati
     return {"sum": Bounded(*sum_with_bound(parameters, width, height))}
 
 
-operation(
+paired(
     "render_sum",
     "rendering",
     "The sum of the splats over a frame, before the clamp, within the error bound of binary32.",
@@ -54,7 +54,7 @@ def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation
     return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
 
 
-@stage(
+@operation(
     "deterministic", inputs=SPLATS, outputs="sum: f4 (H, W, 3)", equations=("9-3", "9-4", "9-5", "9-6"),
     rules=("R-9.3-1",), oracle=_plain_sum,
 )  # fmt: skip
@@ -82,7 +82,7 @@ def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:
     }
 
 
-operation(
+paired(
     "to_frame",
     "rendering",
     "Clamp a sum, scale it to the peak and round half to even.",
@@ -99,7 +99,7 @@ def _rounded_in_binary32(sum: F4, bit_depth: int) -> dict[str, Expectation]:
     return {"frame": Exact(np.rint(v * np.float32(2**bit_depth - 1)).astype(frame_type(bit_depth)))}
 
 
-operation(
+paired(
     "to_frame_deterministic",
     "deterministic",
     "Clamp a sum, scale it to the peak in binary32 and round half to even; what is no number is black.",
@@ -128,7 +128,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 
-operation(
+paired(
     "render_frame",
     "rendering",
     "The frame of a set of splats: sum, clamp, scale, round.",
@@ -170,7 +170,7 @@ def _together(gradients: F8, bound: F8) -> bool:
     return bool(enough and l1 and l2)
 
 
-operation(
+paired(
     "render_gradients",
     "gradients",
     "The gradient of sum(residual * C) for every parameter of every splat, coverage held fixed.",
@@ -182,7 +182,7 @@ operation(
 )
 
 
-operation(
+paired(
     "scale_parameters",
     "deterministic",
     "The splats of a frame for a frame of another size, every factor and product rounded to binary32.",

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from conformance.case import FULL, LEVELS
+from conformance.operation import operations
 from conformance.spelling import question
-from conformance.stage import stages
 from conformance.vectors import SUMS, Vector, from_files
 from gsvc_ref.errors import UsageError
 
@@ -38,7 +38,7 @@ class Selection:
     """
 
     levels: tuple[str, ...] = ()
-    stages: tuple[str, ...] = ()
+    operations: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
     patterns: tuple[str, ...] = ()
     rules: tuple[str, ...] = ()
@@ -47,11 +47,11 @@ class Selection:
 
     def holds(self, name: str) -> bool:
         """Whether a vector is selected, as far as its id tells."""
-        level, stage, slug = name.split("/")
+        level, operation, slug = name.split("/")
         return (
             (not self.levels or level in self.levels)
-            and (not self.stages or stage in self.stages)
-            and (not self.groups or stages()[stage].group in self.groups)
+            and (not self.operations or operation in self.operations)
+            and (not self.groups or operations()[operation].group in self.groups)
             and (not self.patterns or matches(name, slug, patterns=self.patterns))
         )
 
@@ -62,7 +62,7 @@ class Selection:
         return {field: values for field, values in kinds.items() if values}
 
     def __str__(self) -> str:
-        kinds = {"level": self.levels, "stage": self.stages, "class": self.groups, "case": self.patterns,
+        kinds = {"level": self.levels, "operation": self.operations, "class": self.groups, "case": self.patterns,
                  "rule": self.rules, "equation": self.equations, "flag": self.flags}  # fmt: skip
         return ", ".join(_named(kind, values) for kind, values in kinds.items() if values)
 
@@ -87,12 +87,12 @@ class VectorFolder:
     Parameters
     ----------
     folder
-        With ``<level>/<stage>/<slug>/manifest.json`` and SHA256SUMS.
+        With ``<level>/<operation>/<slug>/manifest.json`` and SHA256SUMS.
 
     Raises
     ------
     UsageError
-        There are no vectors, or some of a stage that this kit does not know.
+        There are no vectors, or some of an operation that this kit does not know.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -109,14 +109,17 @@ class VectorFolder:
             self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
         for name in self._parts:
             parts = name.split("/")
-            if len(parts) != 3 or parts[0] not in ALL_LEVELS or parts[1] not in stages() or not SLUG.match(parts[2]):
-                raise UsageError(f"{name} is a vector of a level or stage that this kit does not know: use the same "
-                                 "version of the kit and of the vectors")  # fmt: skip
-        place = {stage: index for index, stage in enumerate(stages())}
+            known = len(parts) == 3 and parts[0] in ALL_LEVELS and parts[1] in operations() and SLUG.match(parts[2])
+            if not known:
+                raise UsageError(
+                    f"{name} is a vector of a level or operation that this kit does not know: use the same version of "
+                    "the kit and of the vectors"
+                )
+        place = {operation: index for index, operation in enumerate(operations())}
         self.names = sorted(self._parts, key=lambda n: (ALL_LEVELS.index(n.split("/")[0]), place[n.split("/")[1]], n))
 
     def select(self, selection: Selection) -> list[str]:
-        """The ids that are selected, by level and then by the order of the stages.
+        """The ids that are selected, by level and then by the order of the operations.
 
         Raises
         ------
@@ -236,7 +239,7 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
     Raises
     ------
     UsageError
-        The manifest has an unknown field or check, is not that of the vector, or has not the ports of its stage.
+        The manifest has an unknown field or check, is not that of the vector, or has not the ports of its operation.
     """
     kinds = _schema()["$defs"]
     problems = [f"the field {field}" for field in manifest.keys() - _schema()["properties"].keys()]
@@ -249,12 +252,12 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
     if problems:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip
-    if manifest["id"] != name or manifest["stage"] != name.split("/")[1]:
-        raise UsageError(f"the manifest of {name} is that of {manifest['id']}, stage {manifest['stage']}")
-    stage = stages()[name.split("/")[1]]
-    for kind, ports in (("inputs", stage.inputs), ("outputs", stage.outputs)):
+    if manifest["id"] != name or manifest["operation"] != name.split("/")[1]:
+        raise UsageError(f"the manifest of {name} is that of {manifest['id']}, operation {manifest['operation']}")
+    operation = operations()[name.split("/")[1]]
+    for kind, ports in (("inputs", operation.inputs), ("outputs", operation.outputs)):
         if (found := set(manifest[kind])) != (known := {port.name for port in ports}):
             raise UsageError(f"the manifest of {name} has the {kind} {', '.join(sorted(found))}; those of "
-                             f"{stage.name} are {', '.join(sorted(known))}")  # fmt: skip
+                             f"{operation.name} are {', '.join(sorted(known))}")  # fmt: skip
     if not isinstance(manifest["title"], str):
         raise UsageError(f"the title in the manifest of {name} is {manifest['title']!r}, not a text")

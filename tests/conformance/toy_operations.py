@@ -1,4 +1,4 @@
-"""Four small stages of four classes, each with one kind of check, and vectors of them; for tests of the kit itself."""
+"""Four small operations of four classes, each with one kind of check, and their vectors, for tests of the kit."""
 
 import sys
 from collections.abc import Mapping
@@ -9,10 +9,10 @@ import numpy as np
 from conformance.case import Case, Fault
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
 from conformance.implementations import ModuleImplementation
+from conformance.operation import Operation, Values, _ports
 from conformance.results import Report
 from conformance.runner import run_suite
-from conformance.selection import Selection, VectorFolder
-from conformance.stage import Stage, Values, _ports
+from conformance.vector_folder import Selection, VectorFolder
 from conformance.vectors import files_of, write
 
 
@@ -54,18 +54,20 @@ def parse_oracle(stream) -> Mapping[str, Expectation]:
     return {"count": Exact(answer["count"]), "error": Refusal(answer["error"])}
 
 
-def _stage(group, function, oracle, inputs, outputs) -> Stage:
+def _operation(group, function, oracle, inputs, outputs) -> Operation:
     title = f"The toy {function.__name__}."
-    return Stage(function.__name__, group, title, _ports(inputs), _ports(outputs), ("9-1",), (), function, oracle)
+    return Operation(function.__name__, group, title, _ports(inputs), _ports(outputs), ("9-1",), (), function, oracle)
 
 
-STAGES = {
-    stage.name: stage
-    for stage in (
-        _stage("bitstream", parse, parse_oracle, "stream: stream", "count: i8 (); error: text"),
-        _stage("rendering", paint, paint_oracle, "width: int; height: int; bit_depth: int", "frame: u1|u2 (H, W, 3)"),
-        _stage("training", scale, scale_oracle, "values: f4 (N, P); factor: float", "scaled: f4 (N, P)"),
-        _stage("quantization", halve, halve_oracle, "values: i8 (N,)", "half: i8 (N,); count: i8 ()"),
+OPERATIONS = {
+    operation.name: operation
+    for operation in (
+        _operation("bitstream", parse, parse_oracle, "stream: stream", "count: i8 (); error: text"),
+        _operation(
+            "rendering", paint, paint_oracle, "width: int; height: int; bit_depth: int", "frame: u1|u2 (H, W, 3)"
+        ),
+        _operation("training", scale, scale_oracle, "values: f4 (N, P); factor: float", "scaled: f4 (N, P)"),
+        _operation("quantization", halve, halve_oracle, "values: i8 (N,)", "half: i8 (N,); count: i8 ()"),
     )
 }
 REFERENCE = {"parse": parse, "paint": paint, "scale": scale, "halve": halve}
@@ -85,16 +87,17 @@ INPUTS: dict[str, Values] = {
 
 
 def case_of(name: str) -> Case:
-    level, stage, slug = name.split("/")
+    level, operation, slug = name.split("/")
     fault = Fault("an x", "any other letter") if level == "faulty" else None
-    title, generator = f"The vector {slug}.", "toy_stages.py:INPUTS"
-    return Case(name, level, STAGES[stage], title, "", (), (), (), fault, generator, lambda: None, {})
+    title, generator = f"The vector {slug}.", "toy_operations.py:INPUTS"
+    return Case(name, level, OPERATIONS[operation], title, "", (), (), (), fault, generator, lambda: None, {})
 
 
 def write_vectors(folder: Path) -> Path:
     """Write all toy vectors to a folder."""
     made = {
-        name: files_of(case_of(name), inputs, case_of(name).stage.oracle(**inputs)) for name, inputs in INPUTS.items()
+        name: files_of(case_of(name), inputs, case_of(name).operation.oracle(**inputs))
+        for name, inputs in INPUTS.items()
     }
     folder.mkdir(parents=True, exist_ok=True)
     write(folder, made)
@@ -106,13 +109,13 @@ import sys
 from pathlib import Path
 import numpy as np
 sys.path.insert(0, {home!r})
-import toy_stages
-stage, inside, outside = sys.argv[-3:]
+import toy_operations
+operation, inside, outside = sys.argv[-3:]
 inputs = {{}}
 for path in Path(inside).iterdir():
     value = path.read_bytes() if path.suffix == ".gsvc" else np.load(path)
     inputs[path.stem] = value.item() if getattr(value, "ndim", 1) == 0 else value
-for name, value in toy_stages.REFERENCE[stage](**inputs).items():
+for name, value in toy_operations.REFERENCE[operation](**inputs).items():
     if isinstance(value, str):
         Path(outside, name + ".txt").write_text(value)
     else:
@@ -128,7 +131,7 @@ def write_program(folder: Path, text: str) -> str:
 
 
 def good_program(folder: Path) -> str:
-    """The command of a program that answers every toy stage."""
+    """The command of a program that answers every toy operation."""
     return write_program(folder, PROGRAM.format(home=str(Path(__file__).parent)))
 
 

@@ -1,4 +1,4 @@
-"""The stage of metrics."""
+"""The operation of metrics."""
 
 from collections.abc import Mapping
 from fractions import Fraction
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from conformance.elementary import log
 from conformance.expansions import certain, exact, rational
 from conformance.expectations import Bounded, Expectation
+from conformance.operation import Values, operation
+from conformance.operations.exact_ssim import ms_ssim_and_condition
 from conformance.running_error import COMPONENTS
-from conformance.stage import Values, stage
-from conformance.stages.exact_ssim import ms_ssim_and_condition
 from gsvc_ref import metrics as gsvc_metrics
 from gsvc_ref.rendering.bounds import EPS, additions, gamma
 
@@ -65,7 +65,7 @@ def _psnr(mse: Fraction, peak: int, relative: float) -> Bounded:
     return Bounded(np.asarray(certain(of_peak - of_mse)), np.asarray(bound), "<f8")
 
 
-@stage(
+@operation(
     "metrics",
     inputs="a: u1|u2 (H, W, 3); b: u1|u2 (H, W, 3); bit_depth: int",
     outputs="mse: f8 (); psnr: f8 (); ms_ssim: f8 ()",

@@ -1,4 +1,4 @@
-"""The stages of a training step: the loss, the weights, learning rates and Adan."""
+"""The operations of a training step: the loss, the weights, learning rates and Adan."""
 
 from collections.abc import Mapping
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expansions import Expansion, certain, exact
 from conformance.expectations import Bounded, Exact, Expectation
+from conformance.operation import Values, operation, paired
 from conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
-from conformance.stage import Values, operation, stage
 from gsvc_ref.rendering.bounds import EPS, ETA
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.schedule import StepDecay
@@ -34,7 +34,7 @@ def loss_oracle(picture: F4, target: F4) -> Expected:
     return {"loss": expected(loss, "<f8"), "residual": expected(residual[inverse.reshape(picture.shape)])}
 
 
-operation(
+paired(
     "loss",
     "training",
     "The loss of a picture against its target, and dL/dC.",
@@ -53,7 +53,7 @@ def weighted_parameters_oracle(values: F4) -> Expected:
     return {"parameters": Exact(np.concatenate([values[:, :5], products.astype(np.float32)], axis=1))}
 
 
-operation(
+paired(
     "weighted_parameters",
     "training",
     "What is rendered of splats with weights: the colours are w c'.",
@@ -76,7 +76,7 @@ def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
     return {"gradients": Bounded(value[inverse], bound[inverse])}
 
 
-operation(
+paired(
     "weighted_gradients",
     "training",
     "The gradients of colours and weights, from those of their products.",
@@ -108,7 +108,7 @@ def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: 
     return {"rates": Bounded(value[inverse], bound[inverse], "<f8")}
 
 
-@stage(
+@operation(
     "training",
     inputs="iterations: i8 (K,); rate: float; factor: float; interval: int",
     outputs="rates: f8 (K,)",
@@ -186,7 +186,7 @@ def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed
     return Computed(average.number, np.maximum(average.error, interpolated.error))
 
 
-@stage(
+@operation(
     "training",
     inputs="parameters: f4 (N, P); gradients: f4 (N, P); m: f4 (N, P); v: f4 (N, P); n: f4 (N, P); "
     "previous: f4 (N, P); steps: i8 (N,); rates: f4 (P,); units: f4 (P,); "

@@ -1,0 +1,1 @@
+"""The operations, group by group: gsvc_ref's answer and the oracle of each."""

@@ -1,1 +1,0 @@
-"""The stages, group by group: gsvc_ref's answer and the oracle of each."""
