@@ -1,4 +1,4 @@
-"""Numba, or what is wrong with the variables of the environment that it reads when it is imported."""
+"""Numba; variables of the environment that it cannot use are wrong use of gsvc_ref, as it reads them on import."""
 
 import os
 

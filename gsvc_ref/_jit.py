@@ -1,16 +1,12 @@
-"""How gsvc_ref compiles: one typed decorator around Numba, so that every kernel is compiled by the same rules."""
+"""One typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
-import shutil
-import sys
 import types
-import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
 from gsvc_ref._compiler import numba
-from gsvc_ref._kernel_cache import FOLDER, KernelCache
-from gsvc_ref._kernel_folder import ADVICE, chosen_folder, stale_folders
+from gsvc_ref._kernel_cache import KernelCache, kernel_folder
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -39,12 +35,25 @@ def kernel(
             options["forceinline"] = True
         compiled = numba.njit(**options)(function)
         if compiled is not function:  # it is where the compiler is switched off
-            with suppress(OSError, RuntimeError):  # without a folder nothing is kept
-                cache: Any = KernelCache
-                compiled._cache = cache(function)
+            _keep(compiled, function)
         return cast(Callable[P, R], compiled)
 
     return decorate
+
+
+def _keep(compiled: Any, function: Callable[..., Any]) -> None:
+    """Let Numba keep what it compiles in our folder; its own setting, which belongs to the whole process, stays."""
+    folder = kernel_folder(function.__module__.partition(".")[0])
+    if folder is None:
+        return
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        with suppress(OSError, RuntimeError):  # the folder went away, or the function stands in no file
+            cache: Any = KernelCache
+            compiled._cache = cache(function)
+    finally:
+        config.CACHE_DIR = before
 
 
 def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P, R]:
@@ -55,7 +64,7 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     contracted
         A function decorated with ``kernel(contract=True, inline=True)``.
     names
-        What global names of its module mean in the twin, where it calls kernels that have twins themselves.
+        Values of global names of its module in the twin, where it calls kernels that have twins themselves.
     """
     plain = cast(types.FunctionType, getattr(contracted, "py_func", contracted))
     name = f"{plain.__name__}_strict"
@@ -63,27 +72,3 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     twin.__qualname__ = name  # Numba's cache knows functions by it
     twin.__module__ = plain.__module__
     return kernel(inline=True)(cast(Callable[P, R], twin))
-
-
-def _warn(sentence: str) -> None:
-    """Warn; where warnings are errors (``python -W error``) only tell it, for what is slow works all the same."""
-    try:
-        warnings.warn(sentence, stacklevel=3)
-    except Warning:
-        if sys.stderr is not None:
-            print(sentence, file=sys.stderr)
-
-
-def prepare_kernel_folder() -> None:
-    """Remove the kernels of sources that are no more; warn if kernels cannot be kept."""
-    chosen = chosen_folder()
-    if FOLDER is None:
-        _warn(f"compiled kernels cannot be kept, so each start takes half a minute: {ADVICE}")
-    elif chosen is not None and chosen != FOLDER:
-        _warn(f"compiled kernels cannot be kept in {chosen}, where NUMBA_CACHE_DIR says: they are kept in {FOLDER}")
-    if FOLDER is not None and not FOLDER.is_dir():
-        for stale in stale_folders():
-            shutil.rmtree(stale, ignore_errors=True)
-
-
-prepare_kernel_folder()

@@ -1,110 +1,131 @@
-"""Numba's cache of compiled kernels, in a folder of ours, where damage or a second process does no harm."""
+"""Compiled kernels on disk, in a folder that is named by a digest of all sources that they may come from.
 
-import errno
+Numba alone looks only at the file of the function that it loads: after a change to a kernel or a constant in another
+file it would go on running the old one.
+"""
+
 import os
-import time
+import shutil
+import stat
+import sys
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
 from typing import Any, Final
 
-from numba.core import sigutils
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    _CacheLocator,
-    _SourceFileBackedLocatorMixin,
-)
+from numba.core.caching import FunctionCache
 
-from gsvc_ref._kernel_folder import kernel_folder
-
-FOLDER: Final = kernel_folder()
-"""Where kernels are kept, if anywhere."""
-
-LOCK_NAME: Final = "lock"
-PATIENCE_S: Final = 5.0
-"""How long to wait for another process that saves a kernel; then this one is not kept."""
-
-
-def _untyped(function: Any) -> Any:
-    """A function of Numba's, which has no types."""
-    return function
-
-
-class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
-    """Names the kernel folder, so that `numba.config`, which belongs to the whole process, stays as it is."""
-
-    def __init__(self, function: Any, file: str) -> None:
-        if FOLDER is None:
-            raise OSError("there is no folder for kernels")
-        self._py_file, self._lineno = file, function.__code__.co_firstlineno
-        self._path = os.path.join(FOLDER, _untyped(self.get_suitable_cache_subpath)(file))
-
-    def get_cache_path(self) -> str:
-        """The folder of the kernels of one source file."""
-        return self._path
-
-
-class _Implementation(CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012
+PACKAGE: Final = Path(__file__).resolve().parent
+WITHOUT_KERNELS: Final = ("cli", "testing")
+"""Folders of the package that no kernel comes from, so that a change there costs no compilation."""
 
 
 class KernelCache(FunctionCache):
-    """The compiled forms of one function on disk.
+    """Numba's cache of one function, whose faults are not those of the program that runs.
 
-    Whatever cannot be read is compiled anew, and whatever cannot be written is not kept: neither is a fault of the
-    program that runs. One process writes at a time, since Numba's index and its data are two files.
-
-    Raises
-    ------
-    RuntimeError, OSError
-        There is no folder to keep kernels in.
+    What cannot be read is compiled anew, and what cannot be written, as on a full disk, is not kept.
     """
 
-    _impl_class = _Implementation
-
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The compiled form for a signature, or None."""
+        """Load the compiled form for a signature, or None."""
+        numba_cache: Any = super()
         try:
-            found = _untyped(super().load_overload)(signature, target)
+            found = numba_cache.load_overload(signature, target)
         except Exception:  # a damaged file may raise anything when it is unpickled
-            self._forget()
+            with suppress(OSError):
+                numba_cache.flush()
             return None
-        wanted, _ = _untyped(sigutils.normalize_signature)(signature)
-        return found if found is not None and tuple(found.signature.args) == tuple(wanted) else None
+        # Numba's index and data are two files, which processes that write at the same time may mix.
+        return found if found is not None and tuple(found.signature.args) == tuple(signature) else None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a compiled form, if that can be done."""
-        with suppress(OSError), self._alone():
-            _untyped(super().save_overload)(signature, compiled)
+        numba_cache: Any = super()
+        with suppress(OSError):
+            numba_cache.save_overload(signature, compiled)
 
-    def _forget(self) -> None:
-        """Begin a new index."""
-        with suppress(OSError), self._alone():
-            _untyped(self.flush)()
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Hold back other processes, where the system has locks.
+@cache
+def kernel_folder(package: str = "gsvc_ref") -> Path | None:
+    """The folder for the kernels of a package, compiled from its present sources and those of gsvc_ref.
 
-        Raises
-        ------
-        OSError
-            The folder cannot be written, or another process does not let go.
-        """
-        try:
-            import fcntl
-        except ImportError:
-            yield
-            return
-        os.makedirs(self.cache_path, exist_ok=True)
-        with open(os.path.join(self.cache_path, LOCK_NAME), "ab") as file:
-            end = time.monotonic() + PATIENCE_S
-            while True:
-                try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except OSError as error:
-                    if error.errno not in (errno.EAGAIN, errno.EACCES) or time.monotonic() > end:
-                        raise
-                time.sleep(0.02)
-            yield
+    Folders for other sources of the same installation are removed. None if there is no place for a folder.
+    """
+    base = _base()
+    if base is None:
+        return None
+    folder = base / f"{package}-{_digest(str(PACKAGE))}" / _digest(*_sources(package))
+    if not folder.is_dir() and folder.parent.is_dir():
+        for other in folder.parent.iterdir():
+            if other != folder:  # another process may just have made it
+                shutil.rmtree(other, ignore_errors=True)
+    return folder
+
+
+@cache
+def _base() -> Path | None:
+    """NUMBA_CACHE_DIR, or else a place that only this user can write to: kernels from there are run.
+
+    Warns where kernels cannot be kept, or not in the folder that the user chose.
+    """
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen and _can_be_written(Path(chosen)):
+        return Path(chosen)
+    base = next(filter(_is_private, _usual_bases()), None)
+    if base is None:
+        advice = "set NUMBA_CACHE_DIR to a folder that only you can write to"
+        _warn(f"compiled kernels cannot be kept, so each start takes half a minute: {advice}")
+    elif chosen:
+        _warn(f"compiled kernels cannot be kept in {chosen}, where NUMBA_CACHE_DIR says: they are kept in {base}")
+    return base
+
+
+def _usual_bases() -> Iterator[Path]:
+    """The user's cache, and a folder beside the sources for those who have no home."""
+    with suppress(RuntimeError):  # there is no home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gsvc_ref"
+    yield PACKAGE / "__pycache__" / "kernels"
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Whether files can be put into a folder, which is made."""
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder.is_dir() and os.access(folder, os.W_OK)
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether this user, and as far as the system tells nobody else, can put files into a folder."""
+    if not _can_be_written(folder):
+        return False
+    if not hasattr(os, "geteuid"):
+        return True
+    found = folder.lstat()
+    others = stat.S_IWGRP | stat.S_IWOTH
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & others
+
+
+def _sources(package: str) -> Iterator[str]:
+    """Path and digest of each source that kernels, or constants in them, may come from."""
+    main = getattr(sys.modules.get(package), "__file__", None)
+    for root in sorted({PACKAGE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
+        for path in sorted(root.parent.rglob("*.py")) if root.name == "__init__.py" else [root]:
+            name = path.relative_to(root.parent)
+            if root.parent != PACKAGE or name.parts[0] not in WITHOUT_KERNELS:
+                yield f"{name} {sha256(path.read_bytes()).hexdigest()}"
+
+
+def _digest(*parts: str) -> str:
+    return sha256("\n".join(parts).encode()).hexdigest()[:12]
+
+
+def _warn(sentence: str) -> None:
+    """Warn; where warnings are errors (``python -W error``) only say it, for what is slow works all the same."""
+    try:
+        warnings.warn(sentence, stacklevel=2)
+    except Warning:
+        if sys.stderr is not None:
+            print(sentence, file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Settings hold what their annotations say: one check for the fields of every settings dataclass."""
+"""One check for the fields of every settings dataclass: each holds what its annotation says."""
 
 import math
 import operator

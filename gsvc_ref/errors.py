@@ -19,7 +19,7 @@ class GsvcError(Exception):
         ``malformed`` (cannot be parsed), ``invalid`` (parsed, breaks a rule), ``unsupported`` (legal, beyond this
         decoder) or ``limit`` (a stated limit is exceeded); spec.md section 12.
     message
-        What was wrong, what is allowed, and what to do.
+        Sentence that says what was wrong, what is allowed, and what to do.
     rule
         Requirement id of spec.md that the data breaks (``R-6.2-2``), or None for other files than streams.
     bit

@@ -1,7 +1,6 @@
-"""Files that stand under their final name only when they are complete, and the writing of text of all kinds."""
+"""Files that stand under their final name only when they are complete, and the writing of text to any target."""
 
 import os
-import re
 import stat
 import sys
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 from gsvc_ref.errors import naming
 
 MAX_NAME_BYTES: Final = 100
-"""Of the target's name in the temporary one, so that a name as long as a file may have leaves room for the rest."""
+"""Maximum length of the target's name inside the temporary one, which has to fit the system's limit as well."""
 
 
 class PartialFile:
@@ -27,8 +26,8 @@ class PartialFile:
     target
         The final path, with symbolic links followed so that a link stays one.
     path
-        The temporary path, an empty file from the start; ``.NAME.PROCESS-NUMBER.part`` in the same folder. A process
-        that is killed leaves it there; see `remove_leftovers`.
+        The temporary path, an empty file from the start; ``.NAME.NUMBER.part`` in the same folder. A process that is
+        killed leaves it there, and the next one takes its place: nobody holds its lock.
 
     Raises
     ------
@@ -47,20 +46,21 @@ class PartialFile:
         self._lock: BinaryIO | None = None
         try:
             self.path = self._create()
-        except OSError as error:  # which names the temporary file, of which nobody has heard
+        except OSError as error:  # the user does not know the temporary file, which it names
             raise OSError(error.errno, error.strerror or str(error), str(self.target)) from None
         if before is not None:
             self._take_over(before)
 
     def _create(self) -> Path:
-        for attempt in count():
-            path = self.target.with_name(f".{_short(self.target.name)}.{os.getpid()}-{attempt}.part")
+        for number in count():
+            path = self.target.with_name(f".{_short(self.target.name)}.{number}.part")
+            remove_leftover(path)
             try:
                 file = path.open("xb")
             except FileExistsError:
                 continue
             locked = try_lock(file)
-            if locked and still_named(file, path):  # another process may have removed it as a leftover just before
+            if locked and still_named(file, path):  # another process may have removed it just before
                 self._lock = file
                 return path
             file.close()
@@ -78,7 +78,7 @@ class PartialFile:
     def commit(self, *, durable: bool = False) -> None:
         """Give the file its final name, replacing what stood there.
 
-        Without `durable` a killed process does no harm; with it, a power cut from here on neither.
+        A process that is killed does no harm; if `durable`, neither does a power cut from here on.
         """
         if durable:
             _sync(self.path)
@@ -116,7 +116,6 @@ def complete_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
         return
     part = PartialFile(path)
     try:
-        remove_leftovers(part.target.parent, part.target.name)
         with _named(part.path, path, "w+b") as file:
             yield file
         part.commit(durable=durable)
@@ -133,7 +132,7 @@ def write_text(text: str, path: str | Path) -> None:
     Raises
     ------
     OSError
-        As `complete_file`.
+        The file cannot be written, see `complete_file`.
     """
     data = text.encode("utf-8", "backslashreplace")
     if (stream := standard_stream(path)) is not None:
@@ -189,19 +188,15 @@ def _named(path: Path, name: Path, mode: Literal["wb", "w+b"]) -> Iterator[Binar
             file.close()
 
 
-def remove_leftovers(folder: Path, name: str | None = None) -> None:
-    """Remove partial files for a target of this name, or for any, whose processes are gone: nobody holds their lock."""
-    wanted = re.escape(_short(name)) if name else ".+"
-    with suppress(OSError):  # a folder may be written to and yet not be listed
-        for path in folder.iterdir():
-            if re.fullmatch(rf"\.{wanted}\.\d+-\d+\.part", path.name):
-                with suppress(OSError), open(path, "rb", opener=_open_at_once) as file:
-                    if stat.S_ISREG(os.fstat(file.fileno()).st_mode) and try_lock(file):
-                        path.unlink()
+def remove_leftover(path: Path) -> None:
+    """Remove a partial file whose process is gone, so that nobody holds its lock; leave anything else."""
+    with suppress(OSError), open(path, "rb", opener=_open_at_once) as file:
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode) and try_lock(file) and still_named(file, path):
+            path.unlink()
 
 
 def _open_at_once(path: str, flags: int) -> int:
-    """Open what may be anything: a pipe of that name would be waited for, a link may lead anywhere."""
+    """Open a path that may be anything: a pipe would be waited for, a link may lead anywhere."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
 
 

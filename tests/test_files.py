@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from gsvc_ref.files import PartialFile, complete_file, remove_leftovers, write_text
-from gsvc_ref.video import ColorDescription, VideoFormat, libav_writer, open_writer, y4m
+from gsvc_ref import files
+from gsvc_ref.files import PartialFile, complete_file, remove_leftover, write_text
+from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
 VIDEO = VideoFormat(16, 16, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
 
@@ -130,55 +131,69 @@ def test_who_reads_the_old_file_goes_on_reading_it(tmp_path):
 
 
 @posix
-def test_leftovers_of_killed_processes_go_and_files_in_work_stay(tmp_path):
+def test_a_leftover_of_a_killed_process_gives_way_and_a_file_in_work_stays(tmp_path):
     long = "y" * 150
     run = subprocess.run([sys.executable, "-c", KILLED, *(str(tmp_path / name) for name in ("x", "x2", long))])
     assert run.returncode == -9
-    left = names(tmp_path)
-    assert len(left) == 3
-    assert all(name.startswith(".") and name.endswith("-0.part") for name in left)
+    assert names(tmp_path) == [".x.0.part", ".x2.0.part", f".{'y' * 100}.0.part"]
     working = PartialFile(tmp_path / "x")
-    for name in (".x.part", ".x.1-2.part.txt", "x.1-2.part", ".x.a-2.part"):  # somebody else's
-        (tmp_path / name).touch()
-    others = {".x.part", ".x.1-2.part.txt", "x.1-2.part", ".x.a-2.part"}
-    remove_leftovers(tmp_path, "x")
-    assert set(names(tmp_path)) == {working.path.name, *(name for name in left if not name.startswith(".x."))} | others
-    remove_leftovers(tmp_path, long)
-    assert set(names(tmp_path)) == {working.path.name, *(name for name in left if name.startswith(".x2."))} | others
-    remove_leftovers(tmp_path)
-    assert set(names(tmp_path)) == {working.path.name} | others
+    assert working.path.read_bytes() == b""  # not the half of the other
+    working.path.write_bytes(b"first")
+    write(tmp_path / "x", b"second")
+    assert working.path.read_bytes() == b"first"
+    write(tmp_path / long)
+    assert names(tmp_path) == [".x.0.part", ".x2.0.part", "x", long]
     working.commit()
-    assert set(names(tmp_path)) == {"x"} | others
+    assert names(tmp_path) == [".x2.0.part", "x", long]
+    assert (tmp_path / "x").read_bytes() == b"first"
+
+
+@posix
+def test_leftovers_of_a_folder_of_pictures_go(tmp_path):
+    run = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "frame_000007.png"), str(tmp_path / "x")])
+    assert run.returncode == -9
+    (tmp_path / ".part").touch()
+    open_writer(tmp_path, VIDEO)
+    assert names(tmp_path) == [".part", ".x.0.part"]
+
+
+@posix
+def test_a_file_that_takes_the_place_of_a_leftover_is_not_one(tmp_path, monkeypatch):
+    """Two processes find the same leftover, and one has put a file of its own there when the other gets its turn."""
+    path = tmp_path / ".x.0.part"
+    path.touch()
+
+    def overtaken(file, lock=files.try_lock):
+        monkeypatch.undo()
+        path.unlink()
+        path.write_bytes(b"work")
+        return lock(file)
+
+    monkeypatch.setattr(files, "try_lock", overtaken)
+    remove_leftover(path)
+    assert path.read_bytes() == b"work"
 
 
 @posix
 def test_a_pipe_or_a_link_of_a_leftovers_name_is_left_alone(tmp_path):
-    os.mkfifo(tmp_path / ".x.1-0.part")  # which blocks who opens it as a file
+    os.mkfifo(tmp_path / ".x.0.part")  # which blocks who opens it as a file
     (tmp_path / "other").write_bytes(b"other")
-    (tmp_path / ".x.1-1.part").symlink_to(tmp_path / "other")
-    remove_leftovers(tmp_path, "x")
-    assert names(tmp_path) == [".x.1-0.part", ".x.1-1.part", "other"]
+    (tmp_path / ".x.1.part").symlink_to(tmp_path / "other")
+    write(tmp_path / "x")
+    assert names(tmp_path) == [".x.0.part", ".x.1.part", "other", "x"]
+    assert (tmp_path / "other").read_bytes() == b"other"
 
 
-def test_a_folder_that_cannot_be_listed_is_written_to(tmp_path, monkeypatch):
-    def closed(folder: Path):
-        raise PermissionError(errno.EACCES, "closed", str(folder))
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "iterdir", closed)
-        remove_leftovers(tmp_path)
-        write(tmp_path / "x")
-    assert names(tmp_path) == ["x"]
-
-
-@pytest.mark.parametrize("module", [y4m, libav_writer])
-def test_an_interrupt_while_leftovers_are_removed_leaves_no_file_of_its_own(tmp_path, monkeypatch, module):
+@pytest.mark.parametrize("name", ["x.y4m", "x.mkv"])
+def test_an_interrupt_while_a_leftover_is_removed_leaves_no_file_of_its_own(tmp_path, monkeypatch, name):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "remove_leftovers", interrupted)
+    if name == "x.mkv":
+        pytest.importorskip("av")
+    monkeypatch.setattr(files, "remove_leftover", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        open_writer(tmp_path / ("x.y4m" if module is y4m else "x.mkv"), VIDEO)
+        open_writer(tmp_path / name, VIDEO)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -227,7 +242,7 @@ def test_text_follows_a_link_and_leaves_it_one(tmp_path):
 def test_a_link_that_was_planted_beside_a_page_is_not_followed(tmp_path):
     precious = tmp_path / "precious"
     precious.write_text("precious")
-    for name in ("page.html.part", f".page.html.{os.getpid()}-0.part", f".page.html.{os.getpid()}-1.part"):
+    for name in ("page.html.part", ".page.html.0.part", ".page.html.1.part"):
         (tmp_path / name).symlink_to(precious)
     write_text(DEVICE_TEXT, tmp_path / "page.html")
     assert precious.read_text() == "precious"

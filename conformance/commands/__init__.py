@@ -10,7 +10,6 @@ from conformance.vector_folder import ALL_LEVELS, Selection
 from conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
-from gsvc_ref.files import write_text
 
 
 def add_vectors(parser: ArgumentParser) -> None:
@@ -77,18 +76,3 @@ def times(text: str) -> int:
     if (value := count(text)) < 1:
         raise ArgumentTypeError(f"{text!r} is less than 1")
     return value
-
-
-def put_between(path: Path, begin: str, end: str, text: str) -> None:
-    """Put a text between two markers of a file.
-
-    Raises
-    ------
-    UsageError
-        It does not hold the markers, each once and in order.
-    """
-    content = path.read_text(encoding="utf-8")
-    if content.count(begin) != 1 or content.count(end) != 1 or content.index(begin) > content.index(end):
-        raise UsageError(f"{path} needs the line {begin!r} once, and after it the line {end!r} once")
-    before, rest = content.split(begin)
-    write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}", path)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from conformance.commands import put_between
 from conformance.report.comparison import Entry, comparison, read_speeds
 from conformance.report.json import read
+from gsvc_lab.pages.markers import put_between
 from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
 

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from conformance.case import Case, cases
-from conformance.commands import add_selection, add_vectors, put_between, selection
+from conformance.commands import add_selection, add_vectors, selection
 from conformance.operation import Operation, Port, operations
 from conformance.vector_folder import Selection, VectorFolder
+from gsvc_lab.pages.markers import put_between
 from gsvc_ref.cli.text import print_json, show
 from gsvc_ref.errors import UsageError
 

@@ -11,7 +11,7 @@ from gsvc_ref.encoder.settings import Settings
 
 MAX_POINTS: Final = 200
 
-STAGES: Final = {"fit": "fit", "rate": "rate control", "quantize": "fine-tuning with quantisation"}
+PHASES: Final = {"fit": "fit", "rate": "rate control", "quantize": "fine-tuning with quantisation"}
 
 OnTime = Callable[[float], None]
 """Called now and then with the seconds since the beginning."""
@@ -19,7 +19,7 @@ OnTime = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Curve:
-    """How the PSNR of an I-frame rose.
+    """The PSNR of an I-frame over the time of encoding it.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Curve:
         Seconds since the beginning, and PSNR in dB against the source of the picture before rounding; not every
         iteration has one.
     iterations
-        Made in all.
+        Number of iterations in all.
     end
         Why the curve ends there.
     """
@@ -59,11 +59,11 @@ def encoding_curve(settings: Settings, source: Source, limit: float, on_time: On
     last = ("", 0)
     begin = time.perf_counter()
 
-    def note(stage: str, iteration: int, iterations: int, psnr: float) -> None:
+    def note(phase: str, iteration: int, iterations: int, psnr: float) -> None:
         nonlocal last
         seconds = time.perf_counter() - begin
         points.append((seconds, psnr))
-        last = (stage, iteration)
+        last = (phase, iteration)
         on_time(seconds)
         if seconds > limit:
             raise _TimeIsUpError
@@ -71,8 +71,8 @@ def encoding_curve(settings: Settings, source: Source, limit: float, on_time: On
     try:
         frame = encoder.encode(source.frame, "I", 0, note)
     except _TimeIsUpError:
-        stage, iteration = last
-        end = f"stopped after {limit:.0f} s, in iteration {iteration:,} of the {STAGES[stage]}"
+        phase, iteration = last
+        end = f"stopped after {limit:.0f} s, in iteration {iteration:,} of the {PHASES[phase]}"
     else:
         points.append((time.perf_counter() - begin, frame.psnr))
         end = f"complete: the decoded frame has {frame.psnr:.2f} dB"
@@ -80,7 +80,7 @@ def encoding_curve(settings: Settings, source: Source, limit: float, on_time: On
 
 
 def thinned(points: list[tuple[float, float]], most: int = MAX_POINTS) -> tuple[tuple[float, float], ...]:
-    """At most so many of the points, evenly spaced in the logarithm of time, with the first and the last."""
+    """At most `most` of the points, evenly spaced in the logarithm of time, with the first and the last."""
     if len(points) <= most:
         return tuple(points)
     ratio = (points[-1][0] / points[0][0]) ** (1 / (most - 2))

@@ -1,4 +1,4 @@
-"""Errors of pictures, spreads of runs that take turns, and which rungs are Pareto-best."""
+"""Errors of pictures, spreads of runs that take turns, and which settings are Pareto-best."""
 
 import math
 import time
@@ -13,10 +13,10 @@ STEPS: Final = 255.0
 """Errors are in steps of 8 bits, not rounded to them."""
 
 QUANTILE: Final = 0.99999
-"""Of the samples, this fraction is at most as far off as `Errors.quantile`."""
+"""Fraction of the samples that is at most as far off as `Errors.quantile`."""
 
 VISIT_S: Final = 0.03
-"""A rung is repeated within its turn for about so many seconds."""
+"""Seconds, roughly, for which work is repeated within its turn."""
 
 MIN_ROUNDS: Final = 3
 """Rounds that are made even if time is up, so that there is a spread."""
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a picture is from another over all samples, in steps of 8 bits.
+    """The distance of a picture from another over all samples, in steps of 8 bits.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[bool]:
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float]:
-    """What the work returns, and its seconds."""
+    """The return value of the work, and its seconds."""
     begin = time.perf_counter()
     result = work()
     return result, time.perf_counter() - begin

@@ -1,11 +1,14 @@
-"""The ladder as one HTML page: plots of error against time and of PSNR against seconds, and every number."""
+"""The measurements as one HTML page: plots of error against time and of PSNR against seconds, and every number."""
 
 import html
 import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gsvc_lab.accuracy.cells import (
+from gsvc_lab.accuracy.groups import Kind
+from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement
+from gsvc_lab.accuracy.runner import central
+from gsvc_lab.accuracy.tables import (
     BEST,
     LEGEND,
     WORK,
@@ -16,78 +19,74 @@ from gsvc_lab.accuracy.cells import (
     machine_text,
     number,
     run_counts,
-    setting,
+    source_text,
     time_text,
 )  # fmt: skip
-from gsvc_lab.accuracy.ladder import central
-from gsvc_lab.accuracy.plots import Axis, Point, Series, plot
-from gsvc_lab.accuracy.results import GroupResult, Ladder, Step
-from gsvc_lab.accuracy.rungs import Kind
-from gsvc_lab.pages import Figure
-from gsvc_lab.pages.charts import thousands
+from gsvc_lab.pages.charts import Axis, Point, Series, plot, thousands
+from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.page import cards_section, document, notes_section
 from gsvc_lab.pages.pictures import U1, png_uri, to_eight_bits
+from gsvc_lab.pages.tables import html_table
 
 TITLE: Final = "What accuracy costs in time"
 
-COLORS: Final = {"precision": 0, "exp": 1, "cutoff": 2, "position": 0, "cholesky": 1, "color": 2, "splats": 0,
-                 "iterations": 1, "start": 2, "rates": 3}  # fmt: skip
-"""The colour of each group that is plotted; tiles leave the picture as it is, and have their table."""
+COLORS: Final = {"precision": 0, "cutoff": 2, "position": 0, "cholesky": 1, "color": 2, "splats": 0, "iterations": 1,
+                 "start": 2, "rates": 3, "gradients": 4}  # fmt: skip
+"""The colour of each group that is plotted; threads leave the picture as it is, and have their table."""
 
-ORDERED: Final = {"exp", "cutoff", "position", "cholesky", "splats", "iterations"}
-"""Groups whose rungs go from coarse to fine, so that a line joins them."""
+ORDERED: Final = {"cutoff", "position", "cholesky", "splats", "iterations"}
+"""Groups whose settings go from coarse to fine, so that a line joins them."""
 
 MAX_SHOWN_PIXELS: Final = 270_000
-"""Of a larger picture the middle is shown, so that the page stays light."""
+"""Maximum number of pixels that are shown; of a larger picture the middle, so that the page stays light."""
 
-Value = Callable[[Step], float]
+Value = Callable[[Measurement], float]
 
 CURVE_COLORS: Final = {"quick": 0, "paper": 1}
 
 
-def ladder_html(ladder: Ladder, command: str = "") -> str:
+def accuracy_html(report: AccuracyReport, command: str = "") -> str:
     """The whole page as text; it needs nothing else, no network and no scripts."""
     sections = [
         f"<h1>{TITLE}</h1>",
-        f"<p>Each rung of this ladder is one choice with all others fixed. Measured on {html.escape(setting(ladder))}; "
-        f"{html.escape(machine_text(ladder))}; in {ladder.seconds:.0f} seconds.</p>",
+        "<p>Each group of settings varies one thing with all others fixed. Measured on "
+        f"{html.escape(f'{source_text(report)}; {machine_text(report)}; in {report.seconds:.0f} seconds.')}</p>",
         f"<pre>{html.escape(command)}</pre>" if command else "",
-        cards_section(_cards(ladder)),
-        _rendering(ladder),
-        _pictures(ladder),
-        _curves(ladder),
-        _training(ladder),
-        _coding(ladder),
-        notes_section([*LEGEND, *ladder.notes], ladder.machine),
+        cards_section(_cards(report)),
+        _rendering(report),
+        _pictures(report),
+        _curves(report),
+        _training(report),
+        _coding(report),
+        notes_section([*LEGEND, *report.notes], report.machine),
     ]
     return document(TITLE, sections)
 
 
-def _cards(ladder: Ladder) -> list[Figure]:
-    """What stands out, as far as it was measured."""
-    steps = {(result.group.name, step.rung.name): step for result in ladder.groups for step in result.steps}
+def _cards(report: AccuracyReport) -> list[Figure]:
+    """The key numbers, as far as they were measured."""
+    found = {(result.group.name, one.setting.name): one for result in report.groups for one in result.measurements}
     cards = []
-    exact = steps.get(("precision", "exact"))
-    for key, label in ((("precision", "fast"), "Fast renderer"), (("precision", "deterministic"), "Deterministic"),
-                       (("precision", "binary64, polynomial exp"), "Binary64")):  # fmt: skip
-        if (step := steps.get(key)) and exact:
-            factor = exact.seconds.median / step.seconds.median
-            note = f"{number(step.errors.largest)} steps off at most; {factor:,.0f} × as fast as exact"
-            cards.append(Figure(label, *_time_parts(step), note))
-    for curve in ladder.curves:
+    exact = found.get(("precision", "exact"))
+    for name, label in (("fast", "Fast renderer"), ("deterministic", "Deterministic")):
+        if (measured := found.get(("precision", name))) and exact:
+            factor = exact.seconds.median / measured.seconds.median
+            note = f"{number(measured.errors.largest)} steps off at most; {factor:,.0f} × as fast as exact"
+            cards.append(Figure(label, *_time_parts(measured), note))
+    for curve in report.curves:
         last, psnr = curve.points[-1]
         cards.append(Figure(f"Preset {curve.preset}", decibels(psnr, 2), "dB", f"after {time_text(last)} of encoding"))
     return cards
 
 
-def _time_parts(step: Step) -> tuple[str, str]:
-    value, unit = time_text(step.seconds.median).split()
+def _time_parts(measured: Measurement) -> tuple[str, str]:
+    value, unit = time_text(measured.seconds.median).split()
     return value, unit
 
 
-def _curves(ladder: Ladder) -> str:
+def _curves(report: AccuracyReport) -> str:
     """PSNR against seconds of each preset."""
-    if not ladder.curves:
+    if not report.curves:
         return ""
     series = [
         Series(
@@ -98,13 +97,13 @@ def _curves(ladder: Ladder) -> str:
             ),
             CURVE_COLORS[curve.preset],
         )
-        for curve in ladder.curves
+        for curve in report.curves
     ]
     lines = [Series("", one.points, one.color, marks=False) for one in series]
     ends = [Series(one.name, one.points[-1:], one.color, line=False) for one in series]
     chart = plot([*lines, *ends], Axis("seconds of encoding", _plain, log=True), Axis("PSNR, dB", _plain),
                  "PSNR against seconds while encoding, by preset")  # fmt: skip
-    milestones = "".join(f"<li>{html.escape(line)}</li>" for line in curve_lines(ladder)[len(ladder.curves) :])
+    milestones = "".join(f"<li>{html.escape(line)}</li>" for line in curve_lines(report)[len(report.curves) :])
     return (
         "<h2>PSNR against seconds while encoding</h2>"
         '<p class="caption">One I-frame from the beginning, with each preset; the picture before rounding against the '
@@ -118,14 +117,14 @@ def _plain(value: float) -> str:
     return f"{value:g}"
 
 
-def _results(ladder: Ladder, kind: Kind) -> list[GroupResult]:
-    return [result for result in ladder.groups if result.group.kind == kind]
+def _results(report: AccuracyReport, kind: Kind) -> list[GroupResult]:
+    return [result for result in report.groups if result.group.kind == kind]
 
 
-def _rendering(ladder: Ladder) -> str:
+def _rendering(report: AccuracyReport) -> str:
     """RMS error against milliseconds."""
-    results = _results(ladder, "rendering")
-    series = _series(results, lambda step: 1e3 * step.seconds.median, lambda step: step.errors.rms, 1e3)
+    results = _results(report, "rendering")
+    series = _series(results, lambda measured: 1e3 * measured.seconds.median, lambda measured: measured.errors.rms, 1e3)
     chart = ""
     if series:
         x, y = (
@@ -140,18 +139,22 @@ def _rendering(ladder: Ladder) -> str:
     return _section("Rendering: error against time", text, chart, results)
 
 
-def _pictures(ladder: Ladder) -> str:
+def _pictures(report: AccuracyReport) -> str:
     """The source, and where errors lie; of a large picture the middle."""
-    if not ladder.pictures:
+    if not report.pictures:
         return ""
-    source = to_eight_bits(ladder.source.frame, (1 << ladder.source.bit_depth) - 1)
-    figures = [_figure(source, f"The source: {setting(ladder)}")]
-    for shown in ladder.pictures:
-        step = next(step for result in ladder.groups for step in result.steps
-                    if result.group is shown.group and step.rung.name == shown.rung)  # fmt: skip
+    source = to_eight_bits(report.source.frame, (1 << report.source.bit_depth) - 1)
+    figures = [_figure(source, f"The source: {source_text(report)}")]
+    for shown in report.pictures:
+        measured = next(
+            one
+            for result in report.groups
+            for one in result.measurements
+            if result.group is shown.group and one.setting.name == shown.setting
+        )
         text = (
-            f"{shown.group.title}, {shown.rung}: errors against {shown.group.against}; one step is {_gain(shown.gain)} "
-            f"grey levels. Largest: {number(step.errors.largest)} steps"
+            f"{shown.group.title}, {shown.setting}: errors against {shown.group.against}; "
+            f"one step is {_gain(shown.gain)} grey levels. Largest: {number(measured.errors.largest)} steps"
         )
         figures.append(_figure(shown.picture, text))
     return f'<h2>Where the errors are</h2><div class="grid4">{"".join(figures)}</div>'
@@ -168,10 +171,12 @@ def _figure(picture: U1, text: str) -> str:
     return f'<figure><img src="{png_uri(shown)}" alt="{caption}" {size}><figcaption>{caption}</figcaption></figure>'
 
 
-def _training(ladder: Ladder) -> str:
+def _training(report: AccuracyReport) -> str:
     """PSNR against seconds of fitting."""
-    results = _results(ladder, "training")
-    series = _series(results, lambda step: step.seconds.median, lambda step: step.source_psnr.median, 1.0)
+    results = _results(report, "training")
+    series = _series(
+        results, lambda measured: measured.seconds.median, lambda measured: measured.source_psnr.median, 1.0
+    )
     chart = ""
     if series:
         x, y = Axis("seconds of fitting", _plain, log=True), Axis("PSNR against the source, dB", _plain)
@@ -180,15 +185,17 @@ def _training(ladder: Ladder) -> str:
     return _section("Fitting: PSNR against time", text, chart, results)
 
 
-def _coding(ladder: Ladder) -> str:
+def _coding(report: AccuracyReport) -> str:
     """PSNR against bytes."""
-    results = _results(ladder, "coding")
-    series = _series(results, lambda step: float(step.bytes or 0), lambda step: step.source_psnr.median, None)
+    results = _results(report, "coding")
+    series = _series(
+        results, lambda measured: float(measured.bytes or 0), lambda measured: measured.source_psnr.median, None
+    )
     chart = ""
     if series:
         x, y = Axis("bytes of the I-frame", thousands), Axis("PSNR against the source, dB", _plain)
         chart = plot(series, x, y, "PSNR against bytes of the coded frame")
-    before = f", which had {decibels(ladder.fitted_psnr, 2)} dB before" if ladder.fitted_psnr is not None else ""
+    before = f", which had {decibels(report.fitted_psnr, 2)} dB before" if report.fitted_psnr is not None else ""
     text = (
         f"The same fitted splats{before}, coded with one quantiser changed. These choices cost bytes rather than time; "
         f"the tables also have the time of {WORK['coding']}."
@@ -203,21 +210,21 @@ def _series(results: Sequence[GroupResult], x: Value, y: Value, per_second: floa
         if result.group.name in COLORS:
             points = tuple(
                 Point(
-                    x(step), y(step), step.rung.name, _title(result, step), step.best,
-                    *((step.seconds.low * per_second, step.seconds.high * per_second) if per_second else ()),
+                    x(measured), y(measured), measured.setting.name, _title(result, measured), measured.best,
+                    *((measured.seconds.low * per_second, measured.seconds.high * per_second) if per_second else ()),
                 )
-                for step in result.steps
+                for measured in result.measurements
             )  # fmt: skip
             line = result.group.name in ORDERED
             series.append(Series(result.group.title, points, COLORS[result.group.name], line))
     return series
 
 
-def _title(result: GroupResult, step: Step) -> str:
-    size = f", {step.bytes:,} bytes" if step.bytes is not None else ""
+def _title(result: GroupResult, measured: Measurement) -> str:
+    size = f", {measured.bytes:,} bytes" if measured.bytes is not None else ""
     return (
-        f"{result.group.title}, {step.rung.name}: {time_text(step.seconds.median)}, RMS error "
-        f"{number(step.errors.rms)}, largest {number(step.errors.largest)} steps{size}"
+        f"{result.group.title}, {measured.setting.name}: {time_text(measured.seconds.median)}, RMS error "
+        f"{number(measured.errors.rms)}, largest {number(measured.errors.largest)} steps{size}"
     )
 
 
@@ -240,22 +247,12 @@ def _section(title: str, text: str, chart: str, results: Sequence[GroupResult]) 
 
 def _table(result: GroupResult) -> str:
     group = result.group
-    names = "".join(
-        f"<th{' class=' + chr(34) + 'text' + chr(34) if index < 2 else ''}>{html.escape(name)}</th>"
-        for index, name in enumerate(["", "", *header(group)[2:]])
+    header_cells = ["", "", *header(group)[2:]]
+    table = html_table(
+        header_cells, [cells(group, one) for one in result.measurements], ("text best", "text"), title=BEST
     )
-    rows = "".join(_row(cells(group, step)) for step in result.steps)
     note = f" {group.note}" if group.note else ""
     return (
         f'<h3>{html.escape(group.title)}</h3><p class="caption">Errors and PSNR against {html.escape(group.against)}; '
-        f"{run_counts(result)}.{html.escape(note)}</p>"
-        f'<div class="scroll"><table title="{html.escape(BEST)}"><thead><tr>{names}</tr></thead><tbody>{rows}</tbody>'
-        "</table></div>"
-    )
-
-
-def _row(row: Sequence[str]) -> str:
-    numbers = "".join(f"<td>{html.escape(cell)}</td>" for cell in row[2:])
-    return (
-        f'<tr><td class="text best">{html.escape(row[0])}</td><td class="text">{html.escape(row[1])}</td>{numbers}</tr>'
+        f"{run_counts(result)}.{html.escape(note)}</p>{table}"
     )

@@ -1,4 +1,4 @@
-"""Where the errors of a few renderers lie in the picture."""
+"""The errors of a few settings as pictures."""
 
 import math
 from dataclasses import dataclass
@@ -6,17 +6,17 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.accuracy.choices import Rendering, Subject
+from gsvc_lab.accuracy.cutoff import F8
+from gsvc_lab.accuracy.groups import Group
 from gsvc_lab.accuracy.measure import STEPS
-from gsvc_lab.accuracy.oracle import F8
-from gsvc_lab.accuracy.rungs import Group
+from gsvc_lab.accuracy.work import CutOff, SourcePicture
 from gsvc_lab.pages.pictures import U1
 
-SHOWN: Final = (("precision", "fast"), ("exp", "degree 2"), ("cutoff", "1/255"))
-"""The rungs whose errors are shown, where their group is measured."""
+SHOWN: Final = (("precision", "fast"), ("precision", "deterministic"), ("cutoff", "1/255"))
+"""The settings whose errors are shown, where their group is measured."""
 
 QUANTILE: Final = 0.999
-"""This part of the samples is shown without being clipped."""
+"""Fraction of the samples that is shown without being clipped."""
 
 GREY_LEVELS: Final = 120
 """Grey levels on either side of the middle."""
@@ -24,33 +24,33 @@ GREY_LEVELS: Final = 120
 
 @dataclass(frozen=True, eq=False)
 class ErrorPicture:
-    """The errors of a rung, amplified.
+    """The errors of a setting, amplified.
 
     Attributes
     ----------
-    group, rung
-        Whose they are.
+    group, setting
+        The group, and the name of its setting.
     picture
         (H, W, 3) u1, 128 where there is no error.
     gain
-        Grey levels for an error of one step of 8 bits.
+        Number of grey levels for an error of one step of 8 bits.
     """
 
     group: Group
-    rung: str
+    setting: str
     picture: U1
     gain: float
 
 
-def error_pictures(subject: Subject, groups: tuple[Group, ...]) -> tuple[ErrorPicture, ...]:
-    """The errors of the rungs that are SHOWN."""
+def error_pictures(picture: SourcePicture, groups: tuple[Group, ...]) -> tuple[ErrorPicture, ...]:
+    """The errors of the settings that are SHOWN."""
     found = []
     for group in groups:
-        for rung in group.rungs:
-            if (group.name, rung.name) in SHOWN:
-                uncut = isinstance(rung.choice, Rendering) and rung.choice.uncut
-                error = rung.choice.run(subject, 0) - (subject.uncut if uncut else subject.exact)
-                found.append(ErrorPicture(group, rung.name, *amplified(error * STEPS)))
+        for setting in group.settings:
+            if (group.name, setting.name) in SHOWN:
+                reference = picture.uncut if isinstance(setting.work, CutOff) else picture.exact
+                error = setting.work.run(picture, 0) - reference
+                found.append(ErrorPicture(group, setting.name, *amplified(error * STEPS)))
     return tuple(found)
 
 

@@ -1,42 +1,42 @@
-"""What a ladder found, as plain data."""
+"""The measurements, as plain data."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
-from gsvc_lab.accuracy.choices import Judgement
 from gsvc_lab.accuracy.encoding import Curve
+from gsvc_lab.accuracy.groups import Group, Setting
 from gsvc_lab.accuracy.measure import Errors, Spread, pareto
 from gsvc_lab.accuracy.pictures import ErrorPicture
-from gsvc_lab.accuracy.rungs import Group, Rung
 from gsvc_lab.accuracy.sources import Source
+from gsvc_lab.accuracy.work import Quality, Work
 
 FIELDS: Final = ("largest", "quantile", "rms", "psnr")
-"""Of `Errors`."""
+"""The fields of `Errors`."""
 
 
 @dataclass(frozen=True)
-class Step:
-    """What one rung gave.
+class Measurement:
+    """The measurement of one setting.
 
     Attributes
     ----------
-    rung
-        The rung.
+    setting
+        The setting.
     errors
-        Against the reference of its group; medians where the runs have different seeds.
+        Errors against the reference of its group; medians where the runs have different seeds.
     source_psnr
         PSNR in dB against the source picture, over the seeds.
     bytes
-        Of the coded frame, or None.
+        Size of the coded frame, or None.
     seconds
-        Of one run.
+        Time of one run.
     ratio
         Its seconds over those of the base of its group.
     best
-        Whether no other rung of the group is at least as good in RMS error and cost, and better in one.
+        Whether no other setting of the group is at least as good in RMS error and cost, and better in one.
     """
 
-    rung: Rung
+    setting: Setting
     errors: Errors
     source_psnr: Spread
     bytes: int | None
@@ -47,34 +47,34 @@ class Step:
 
 @dataclass(frozen=True)
 class GroupResult:
-    """A group and its steps, in the order of its rungs."""
+    """A group and its measurements, in the order of its settings."""
 
     group: Group
-    steps: tuple[Step, ...]
+    measurements: tuple[Measurement, ...]
 
 
 @dataclass(frozen=True)
-class Ladder:
+class AccuracyReport:
     """All that was measured.
 
     Attributes
     ----------
     source
-        What it was measured on.
+        The picture that it was measured on.
     splats
-        Splats that were rendered; 0 without a group that renders.
+        Number of splats that were rendered; 0 without a group that renders.
     fitted_psnr
         Their PSNR in dB against the source; None without.
     groups, curves
         The results.
     pictures
-        Where the errors of a few rungs lie.
+        The errors of a few settings as pictures.
     notes
         Sentences that a reader must know.
     machine
-        What it ran on.
+        Names and values that describe the machine.
     seconds
-        How long it took.
+        Seconds that all of it took.
     """
 
     source: Source
@@ -88,18 +88,21 @@ class Ladder:
     seconds: float
 
 
-def steps_of(group: Group, times: dict[Any, Spread], judged: dict[Any, list[Judgement]]) -> tuple[Step, ...]:
-    """The steps of a group from the times and the judgements of its choices."""
-    base = next(times[rung.choice].median for rung in group.rungs if rung.base)
-    steps = []
-    for rung in group.rungs:
-        all_of = judged[rung.choice]
+def measurements_of(
+    group: Group, times: dict[Work, Spread], assessed: dict[Work, list[Quality]]
+) -> tuple[Measurement, ...]:
+    """The measurements of a group from the times and the qualities of its work."""
+    base = next(times[setting.work].median for setting in group.settings if setting.base)
+    measurements = []
+    for setting in group.settings:
+        all_of = assessed[setting.work]
         errors = Errors(*(Spread.of([getattr(one.errors, name) for one in all_of]).median for name in FIELDS))
         sizes = [one.bytes for one in all_of if one.bytes is not None]
-        seconds = times[rung.choice]
+        seconds = times[setting.work]
         source = Spread.of([one.source_psnr for one in all_of])
         size = round(Spread.of(sizes).median) if sizes else None
-        steps.append(Step(rung, errors, source, size, seconds, seconds.median / base, best=False))
-    costs = [step.seconds.median if step.bytes is None else step.bytes for step in steps]
-    best = pareto([(step.errors.rms, cost) for step, cost in zip(steps, costs, strict=True)])
-    return tuple(replace(step, best=mark) for step, mark in zip(steps, best, strict=True))
+        ratio = seconds.median / base
+        measurements.append(Measurement(setting, errors, source, size, seconds, ratio, best=False))
+    points = [(one.errors.rms, one.seconds.median if one.bytes is None else one.bytes) for one in measurements]
+    best = pareto(points)
+    return tuple(replace(one, best=mark) for one, mark in zip(measurements, best, strict=True))

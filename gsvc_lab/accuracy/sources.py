@@ -1,4 +1,4 @@
-"""The picture that the ladder is measured on: a frame of a clip, or of a scene by name."""
+"""The picture that accuracy is measured on: a frame of a clip, or of a scene by name."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ class Source:
     Attributes
     ----------
     name
-        Of the clip or scene.
+        Name of the clip or scene.
     number
-        Of the frame, from 0.
+        Number of the frame, from 0.
     frame
         (H, W, 3) u1 or u2.
     bit_depth
-        Of its samples.
+        Bits of a sample.
     """
 
     name: str

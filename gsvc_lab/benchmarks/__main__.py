@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: measure, print tables, and keep the numbers (`make bench`)."""
+"""``python -m gsvc_lab.benchmarks``: measure, print tables, and keep the numbers (`make bench`)."""
 
 import argparse
 import json
@@ -18,7 +18,7 @@ from gsvc_lab.benchmarks.rendering import kernels, peers, precisions
 from gsvc_lab.benchmarks.results import Section, goal_table
 from gsvc_lab.benchmarks.scaling import scaling
 from gsvc_lab.benchmarks.start import start
-from gsvc_lab.benchmarks.timing import environment
+from gsvc_lab.machine import environment
 
 RESULTS: Final = CACHE / "results.json"
 
@@ -27,7 +27,7 @@ SECTIONS: Final = ("kernels", "precisions", "peers", "decoding", "changes", "sca
 
 def main() -> None:
     """Measure the sections that are asked for."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks", description=__doc__)
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=f"of {', '.join(SECTIONS)}; default: all")
     parser.add_argument("--limit", type=Path, metavar="FOLDER", help="folder of the C++ limit, with its limit.py")
     parser.add_argument("--limit-name", default="the C++ limit", help="what the tables call it")

@@ -45,7 +45,8 @@ from conformance import implementations, reference
 from conformance.vectors import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
-from gsvc_lab.benchmarks.timing import Spread, environment
+from gsvc_lab.benchmarks.timing import Spread
+from gsvc_lab.machine import environment, processors
 from gsvc_ref.errors import UsageError
 
 OURS: Final = "gsvc_ref"
@@ -78,7 +79,7 @@ class Work:
     Attributes
     ----------
     sentence
-        What it is.
+        Description of it.
     stage
         Whose function is called.
     inputs
@@ -295,7 +296,7 @@ def main(words: Sequence[str] | None = None) -> None:
 
 def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path, markdown_file: Path | None) -> None:
     """Write the file and the table."""
-    machine = environment(os.cpu_count() or 1)
+    machine = environment(processors())
     del machine["threads"]  # each implementation takes as many as it likes
     numbers = {
         "form": "speeds/1",

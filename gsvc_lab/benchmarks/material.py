@@ -1,4 +1,4 @@
-"""What the benchmarks work on: trained populations and encoded streams, made once and kept in its cache.
+"""The material of the benchmarks: trained populations and encoded streams, made once and kept in its cache.
 
 `python -m gsvc_lab.benchmarks.material` makes all of it (some minutes); the benchmarks make what is missing. Nothing is
 drawn again when the training changes: remove the folder for that.
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import gsvc_ref
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
+from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import Objective, covered_pixels
 from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
@@ -85,7 +86,7 @@ def trained(width: int, height: int, count: int) -> Case:
 
 
 def trained_path(width: int, height: int, count: int) -> Path:
-    """Where a population is kept, as (N, 8) f4 in the columns of `Splats.to_array`."""
+    """The file of a population, which holds (N, 8) f4 in the columns of `Splats.to_array`."""
     return CACHE / f"trained_{width}x{height}_{count}.npy"
 
 
@@ -118,9 +119,7 @@ def stream(count: int) -> Path:
         color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
         video = VideoFormat(width, height, Fraction(25), 8, "rgb", color, frame_count=STREAM_FRAMES)
         settings = Settings.quick(splats=count, key_frames=(0,), seed=SEED)
-        part = path.with_suffix(".part")
-        gsvc_ref.encode((_frames(width, height), video), part, settings)
-        part.replace(path)
+        gsvc_ref.encode((_frames(width, height), video), path, settings)
     return path
 
 
@@ -141,9 +140,8 @@ def _train(target: F4, count: int) -> F4:
 
 def _save(path: Path, array: F4) -> None:
     CACHE.mkdir(exist_ok=True)
-    part = path.with_suffix(".part.npy")
-    np.save(part, array)
-    part.replace(path)
+    with complete_file(path) as file:
+        np.save(file, array)
 
 
 def _say(what: str) -> None:

@@ -1,4 +1,4 @@
-"""What else could render these splats: programs as a user would write them, and the C++ limit where it is given.
+"""Other renderers of these splats: programs as a user would write them, and the C++ limit where it is given.
 
 The PyTorch renderers get their gradients from autograd. All of them follow the definition (spec.md section 9.1), and
 tests/benchmarks holds them against it; only the C++ limit has its pixel centres at integers.

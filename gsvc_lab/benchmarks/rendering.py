@@ -7,8 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_lab.accuracy.choices import CHECK
-from gsvc_lab.accuracy.variants import render_variant
 from gsvc_lab.benchmarks.material import SIZES, Case, cases, changed, limit_cases, trained
 from gsvc_lab.benchmarks.peers import DensePyTorch, Limit, PairListPyTorch, load_torch, numpy_frame
 from gsvc_lab.benchmarks.results import Goal, Section, Table
@@ -21,8 +19,6 @@ from gsvc_ref.training.fit import NEW, Population, Rates, fit
 
 FIT_ITERATIONS: Final = 10
 """Iterations that are timed together; the loss at the end of `fit` adds some 4 % to each."""
-
-CHECK_NAME: Final = "binary64 polynomial"
 
 WORKS: Final = ("frame", "gradients", "iteration")
 
@@ -139,14 +135,6 @@ def precisions(threads: int) -> Section:
             ("loss and gradients", "deterministic"): partial(_loss_and_gradients, case, threads),
             ("frame", "exact"): partial(_frame, case, threads),
         }
-        check: dict[str, Callable[[], object]] = {
-            "fast": partial(Renderer(width, height, threads=1).picture, case.splats, clamp=False),
-            CHECK_NAME: partial(render_variant, case.splats, width, height, CHECK),
-        }
-        times = interleaved(check, seconds=1.5)
-        rows.append([case.name, "sum, one thread", CHECK_NAME, *_cells(times, CHECK_NAME, "fast")])
-        goal = f"{CHECK_NAME} against `fast`, one thread, {case.name}"
-        section.goals.append(Goal(goal, "times", 3, 2.5, ratio(times, CHECK_NAME, "fast").median))
         for (work, precision), contender in contenders.items():
             times = interleaved(
                 {name: contender(name) for name in ("fast", precision)},
@@ -158,10 +146,7 @@ def precisions(threads: int) -> Section:
             if (work, precision) == ("frame", "deterministic"):
                 goal = f"`deterministic` frame against `fast`, {case.name}"
                 section.goals.append(Goal(goal, "times", 1.4, 1.2, ratio(times, precision, "fast").median))
-    text = (
-        "Each precision beside `fast`, in turn. `exact` is the definition in binary64 in plain NumPy; the binary64 "
-        "polynomial is what `gsvc accuracy` checks with."
-    )
+    text = "Each precision beside `fast`, in turn. `exact` is the definition in binary64 in plain NumPy."
     section.tables.append(Table(text, ["population", "work", "precision", "ms", "fast, ms", "ratio"], rows))
     return section
 

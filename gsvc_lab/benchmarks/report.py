@@ -1,21 +1,20 @@
 """``python -m gsvc_lab.benchmarks.report``: write the measured tables into docs/performance.md, between its markers.
 
-What `python -m benchmarks` kept is all that this reads, so the sections may come from several runs.
+What `python -m gsvc_lab.benchmarks` kept is all that this reads, so the sections may come from several runs.
 """
 
 import argparse
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any, Final
 
 from gsvc_lab.benchmarks.__main__ import RESULTS, SECTIONS, describe
 from gsvc_lab.benchmarks.results import Goal, Table, goal_table
+from gsvc_lab.pages.markers import replaced
+from gsvc_ref.files import write_text
 
 DOCUMENT: Final = Path(__file__).parents[2] / "docs" / "performance.md"
-
-MARKED: Final = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def parts(results: dict[str, Any]) -> dict[str, str]:
@@ -34,14 +33,16 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
 
 
 def filled(document: str, texts: dict[str, str]) -> str:
-    """The document with the text of every marker replaced.
+    """The document with each text between its markers.
 
     Raises
     ------
-    KeyError
-        A marker names something that is not measured.
+    UsageError
+        The document lacks the markers of a text.
     """
-    return MARKED.sub(lambda match: f"{match[1]}{texts[match[2]]}\n{match[3]}", document)
+    for name, text in texts.items():
+        document = replaced(document, f"<!-- measured: {name} -->", "<!-- end -->", text)
+    return document
 
 
 def main() -> None:
@@ -54,7 +55,7 @@ def main() -> None:
     if not arguments.json.exists():
         sys.exit(f"{arguments.json} does not exist: run python -m gsvc_lab.benchmarks first")
     texts = parts(json.loads(arguments.json.read_text()))
-    DOCUMENT.write_text(filled(DOCUMENT.read_text(), texts))
+    write_text(filled(DOCUMENT.read_text(encoding="utf-8"), texts), DOCUMENT)
 
 
 if __name__ == "__main__":

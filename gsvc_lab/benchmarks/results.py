@@ -1,8 +1,10 @@
-"""What a section of the benchmarks hands out: tables to read, goals, and the numbers behind them."""
+"""The results of a section of the benchmarks: tables to read, goals, and the numbers behind them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+from gsvc_lab.pages.tables import markdown_table
 
 
 @dataclass(frozen=True)
@@ -15,13 +17,7 @@ class Table:
 
     def markdown(self) -> str:
         """The table as aligned Markdown, which a terminal shows well too."""
-        widths = [max(len(row[k]) for row in (self.header, *self.rows)) for k in range(len(self.header))]
-
-        def line(cells: Iterable[str]) -> str:
-            return "| " + " | ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)) + " |"
-
-        rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
-        return "\n".join([self.text, "", line(self.header), rule, *(line(row) for row in self.rows)])
+        return "\n".join([self.text, "", markdown_table(self.header, self.rows, aligned=True)])
 
 
 @dataclass(frozen=True)
@@ -31,9 +27,9 @@ class Goal:
     Attributes
     ----------
     work
-        What the goal is about.
+        The work that the goal is about.
     unit
-        Of the numbers, such as ``times`` or ``frames/s``.
+        Unit of the numbers, such as ``times`` or ``frames/s``.
     must, aim
         The goals; a larger number is better if `more_is_better`.
     measured

@@ -1,4 +1,4 @@
-"""How the cost of rendering and of training grows: with splats, with pixels, with threads; and memory."""
+"""The growth of the cost of rendering and of training with splats, with pixels, with threads; and memory."""
 
 from collections.abc import Callable
 from typing import Final

@@ -24,7 +24,7 @@ STEPS: Final = {
     "and a first compiled kernel": "import gsvc_ref; gsvc_ref.decode; "
     "from gsvc_ref.bitstream import crc32c; crc32c(b'1')",
 }
-"""What a start consists of, each with all before it."""
+"""The steps of a start, each with all before it."""
 
 
 def until_output(command: list[str], environment: dict[str, str]) -> float:

@@ -5,18 +5,12 @@ that holds although a machine's speed drifts. So every round calls each contende
 round, and medians and quartiles are over the rounds.
 """
 
-import os
-import platform
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Self
 
 import numpy as np
-
-PACKAGES: Final = ("gsvc_ref", "numpy", "numba", "llvmlite", "torch")
 
 
 @dataclass(frozen=True)
@@ -71,39 +65,3 @@ def interleaved(
 def ratio(times: Mapping[str, list[float]], of: str, to: str) -> Spread:
     """The ratio of two contenders' seconds within each round."""
     return Spread.of(np.array(times[of]) / np.array(times[to]))
-
-
-def environment(threads: int) -> dict[str, Any]:
-    """What a reader has to know of the machine to make sense of the numbers."""
-    return {
-        "cpu": cpu_model(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "vectors": _widest_vectors(),
-        "threads": threads,
-        "system": f"{platform.system()} {platform.machine()}",
-        "python": platform.python_version(),
-        **{name: _version(name) for name in PACKAGES},
-    }
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def _cpuinfo(key: str) -> str:
-    path = Path("/proc/cpuinfo")
-    lines = path.read_text().splitlines() if path.exists() else []
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith(key)), "")
-
-
-def cpu_model() -> str:
-    """The processor's name where the system tells it."""
-    return _cpuinfo("model name") or platform.processor() or platform.machine()
-
-
-def _widest_vectors() -> str:
-    flags = _cpuinfo("flags").split()
-    return next((name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags), "unknown")

@@ -12,7 +12,7 @@ from gsvc_ref.cli.text import duration, print_json, show, table
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
-    from gsvc_lab.accuracy import Ladder, Source
+    from gsvc_lab.accuracy import AccuracyReport, Source
 
 PAGE: Final = "accuracy.html"
 
@@ -22,9 +22,9 @@ def add_command(commands: Any) -> None:
     parser = commands.add_parser(
         "accuracy",
         help="show what accuracy costs in time",
-        description="Measure the ladder: renderer precision, exp, cut-off, tiles, quantisers, splats, iterations, "
-        "start and learning rates, each with all other choices fixed, and PSNR against seconds of encoding. About two "
-        "minutes.",
+        description="Measure what the precision of the kernels, threads, the support cut-off, quantisers, splats, "
+        "iterations, start and learning rates cost and bring, each with everything else fixed, and PSNR against "
+        "seconds of encoding. About two minutes.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
@@ -32,12 +32,14 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--scene", metavar="NAME", help="instead of CLIP: demo, or a photograph (default: chelsea)")
     parser.add_argument("--frame", type=whole, default=0, metavar="K", help="the frame to take, from 0 (default: 0)")
     parser.add_argument(
-        "--group", type=names, metavar="A,B", help="measure these groups only: precision, exp, cutoff, tile, position, "
-        "cholesky, color, splats, iterations, start, rates, encoding"
+        "--group", type=names, metavar="A,B", help="measure these groups only: precision, threads, cutoff, position, "
+        "cholesky, color, gradients, splats, iterations, start, rates, encoding"
     )  # fmt: skip
     parser.add_argument("--seconds", type=positive, metavar="S", help="about how long to measure (default: 110)")
-    parser.add_argument("--repeats", type=whole, metavar="R", help="most runs of each rung (default: 9)")
-    parser.add_argument("--json", action="store_true", help="print the ladder as JSON, and only that")
+    parser.add_argument(
+        "--repeats", type=whole, metavar="R", help="maximum number of runs of each setting (default: 9)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the measurements as JSON, and only that")
     parser.add_argument("--plot", action="store_true", help=f"write a page with plots and tables: {PAGE}")
     parser.add_argument("-o", "--output", metavar="FILE", help="write the page to this file (implies --plot)")
     parser.add_argument("--markdown", metavar="FILE", help="put the tables between the markers of a Markdown file")
@@ -45,10 +47,10 @@ def add_command(commands: Any) -> None:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """``exp,cutoff`` is ("exp", "cutoff")."""
+    """``precision,cutoff`` is ("precision", "cutoff")."""
     listed = tuple(name.strip() for name in text.split(",") if name.strip())
     if not listed:
-        raise ArgumentTypeError(f"{text!r} names no group; give names with commas between, such as exp,cutoff")
+        raise ArgumentTypeError(f"{text!r} names no group; give names with commas between, such as precision,cutoff")
     return listed
 
 
@@ -63,24 +65,25 @@ def run(arguments: Namespace) -> int:
         if page == STDIO:
             raise UsageError(f"the page goes to a file, such as -o {PAGE}")
         check_output(page, STDIO)
-    from gsvc_lab.accuracy.cells import check_markers, update_markdown
-    from gsvc_lab.accuracy.rungs import check_names
-    from gsvc_ref import accuracy
+    from gsvc_lab import accuracy
+    from gsvc_lab.accuracy.groups import check_names
+    from gsvc_lab.accuracy.tables import BEGIN, END
+    from gsvc_lab.pages.markers import check_markers, put_between
     from gsvc_ref.files import write_text
 
     groups = accuracy.GROUP_NAMES if arguments.group is None else arguments.group
     check_names(groups)
     if arguments.markdown is not None:
-        check_markers(Path(arguments.markdown))
-    ladder = measure(_source(arguments), groups, arguments)
+        check_markers(Path(arguments.markdown), BEGIN, END)
+    report = measure(_source(arguments), groups, arguments)
     if page is not None:
-        write_text(accuracy.ladder_html(ladder, command_line(arguments)), page)
+        write_text(accuracy.accuracy_html(report, command_line(arguments)), page)
     if arguments.markdown is not None:
-        update_markdown(Path(arguments.markdown), ladder)
+        put_between(Path(arguments.markdown), BEGIN, END, accuracy.markdown(report))
     if arguments.json:
-        print_json(accuracy.ladder_object(ladder))
+        print_json(accuracy.accuracy_object(report))
     else:
-        show(*describe(ladder))
+        show(*describe(report))
         if page is not None:
             show(f"\n{page}: plots and tables to look at in a browser")
     return 0
@@ -95,13 +98,13 @@ def _source(arguments: Namespace) -> "Source":
     return scene_source(arguments.scene or DEFAULT_SCENE, arguments.frame)
 
 
-def measure(source: "Source", groups: tuple[str, ...], arguments: Namespace) -> "Ladder":
-    """Run the ladder with its progress on standard error."""
-    from gsvc_lab.accuracy import measure_ladder
+def measure(source: "Source", groups: tuple[str, ...], arguments: Namespace) -> "AccuracyReport":
+    """Measure with progress on standard error."""
+    from gsvc_lab.accuracy import measure_accuracy
 
     given = {name: value for name in ("seconds", "repeats") if (value := getattr(arguments, name)) is not None}
     with ProgressDisplay(quiet=arguments.quiet) as display:
-        return measure_ladder(source, groups, on_progress=display.update, **given)
+        return measure_accuracy(source, groups, on_progress=display.update, **given)
 
 
 def command_line(arguments: Namespace) -> str:
@@ -114,23 +117,32 @@ def command_line(arguments: Namespace) -> str:
     return shlex.join([*words, "--plot"])
 
 
-def describe(ladder: "Ladder") -> list[str]:
-    """The ladder in lines."""
-    from gsvc_lab.accuracy.cells import LEGEND, WORK, cells, curve_lines, header, machine_text, run_counts, setting
+def describe(report: "AccuracyReport") -> list[str]:
+    """The measurements in lines."""
+    from gsvc_lab.accuracy.tables import (
+        LEGEND,
+        WORK,
+        cells,
+        curve_lines,
+        header,
+        machine_text,
+        run_counts,
+        source_text,
+    )
 
-    lines = [f"{setting(ladder)}; {machine_text(ladder)}"]
-    for result in ladder.groups:
+    lines = [f"{source_text(report)}; {machine_text(report)}"]
+    for result in report.groups:
         group = result.group
-        rows = [cells(group, step) for step in result.steps]
+        rows = [cells(group, measured) for measured in result.measurements]
         lines += ["", f"{group.title} ({group.name}): errors against {group.against}"]
         lines.append(f"  time of {WORK[group.kind]}; {run_counts(result)}")
         body = table(header(group)[1:], [row[1:] for row in rows])
         lines += [f"{mark:>3} {line}" for mark, line in zip(["", *(row[0] for row in rows)], body, strict=True)]
         lines += [f"  {group.note}"] if group.note else []
-    if ladder.curves:
-        lines += ["", "Encoding one I-frame (encoding): PSNR against the source", *_indented(curve_lines(ladder))]
-    notes = [*LEGEND, *(f"Note: {note}." for note in ladder.notes)] if ladder.groups else []
-    return [*lines, "", *notes, f"Measured in {duration(ladder.seconds)}."]
+    if report.curves:
+        lines += ["", "Encoding one I-frame (encoding): PSNR against the source", *_indented(curve_lines(report))]
+    notes = [*LEGEND, *(f"Note: {note}." for note in report.notes)] if report.groups else []
+    return [*lines, "", *notes, f"Measured in {duration(report.seconds)}."]
 
 
 def _indented(lines: list[str]) -> list[str]:

@@ -75,7 +75,7 @@ class Demo:
     def run(self) -> int:
         """Do all steps; an exit code."""
         from gsvc_lab.cli.demo_report import report_data
-        from gsvc_lab.pages import write_report
+        from gsvc_lab.pages.report import write_report
 
         begin = time.perf_counter()
         self.folder.mkdir(exist_ok=True)
@@ -178,16 +178,16 @@ class Demo:
 
 
 def check(encoded: "EncodeReport", comparison: "Comparison", stream: "StreamSummary", file_bytes: int) -> list[str]:
-    """What does not come out as it must, one sentence each: frames, bits, and the decoder's pictures.
+    """One sentence for each thing that does not come out as it must: frames, bits, and the decoder's pictures.
 
     Parameters
     ----------
     encoded
-        What the encoder reported.
+        The report of the encoder.
     comparison
         The original against the frames that the second process decoded.
     stream
-        Where the bits of the file went.
+        The bits of the file by their use.
     file_bytes
         Size of the file as the file system tells it.
     """

@@ -1,15 +1,13 @@
-"""What the report of ``gsvc demo`` tells, put together from the encode, the comparison and the file."""
+"""The contents of the report of ``gsvc demo``, put together from the encode, the comparison and the file."""
 
-import os
-import platform
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
 from typing import Final, Literal
 
 import gsvc_ref
-from gsvc_lab.pages import Choice, FrameRecord, PictureRow, ReportData
+from gsvc_lab import machine
+from gsvc_lab.pages.data import Choice, FrameRecord, PictureRow, ReportData
 from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.encoder.decisions import Decision
@@ -41,7 +39,7 @@ def report_data(
     seconds
         Wall time of the steps of the demo, `encode` among them.
     encoded, comparison, stream
-        What the encoder, the comparison and the file tell.
+        The results of the encoder, the comparison and the file.
     """
     header = stream.header
     return ReportData(
@@ -64,7 +62,7 @@ def report_data(
         preview_decoded=_read(decoded, MAX_PREVIEW_FRAMES),
         savings=f"In all: {effects_line([f.decisions for f in encoded.frames], [f.type for f in encoded.frames])}.",
         notes=[*encoded.notes, *comparison.notes],
-        environment=_environment(),
+        environment=machine.named(),
     )
 
 
@@ -128,19 +126,3 @@ def _pictures(
 def _read(video: Path, count: int) -> list[Frame]:
     with open_video(video) as reader:
         return list(islice(reader, count))
-
-
-def _environment() -> dict[str, str]:
-    packages = {}
-    for name in ("numpy", "numba"):
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            packages[name] = "unknown"
-    return {
-        "gsvc_ref": gsvc_ref.__version__,
-        "Python": platform.python_version(),
-        **packages,
-        "system": f"{platform.system()} {platform.machine()}",
-        "processors": str(os.cpu_count()),
-    }

@@ -110,7 +110,7 @@ def scene_object(scene: "Scene") -> dict[str, Any]:
 
 
 def _print(arguments: Namespace) -> int:
-    from gsvc_lab.scenes.names import SCENE_PREFIX, SCENE_SUFFIX, scene_text
+    from gsvc_lab.scenes.built_in import SCENE_PREFIX, SCENE_SUFFIX, scene_text
 
     if arguments.scene is None or arguments.scene.endswith(SCENE_SUFFIX):
         raise UsageError("--print needs the name of a built-in scene, such as gsvc scene --print pan")

@@ -1,4 +1,4 @@
-"""What each mechanism adds: P-frames only, with pruning (GSP), with augmentation (GSA), with key frames found (DKS)."""
+"""The gain of each mechanism: P-frames alone, with pruning (GSP), with augmentation (GSA), with key frames (DKS)."""
 
 import statistics
 import time
@@ -8,8 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.clips import Clip, packaged_clip
 from gsvc_lab.experiments.change import Change
-from gsvc_lab.experiments.clips import Clip, given_clips, packaged_clip
 from gsvc_lab.experiments.encodes import (
     PAPER_ITERATIONS,
     PAPER_RATE,
@@ -26,6 +26,7 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Tabl
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.fitting import scales_missing
 from gsvc_lab.experiments.key_frames import detect
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import Effects
 
@@ -43,22 +44,22 @@ CUT: Final = 30
 
 @dataclass(frozen=True)
 class Plan:
-    """How large the experiment is.
+    """The size of the experiment.
 
     Attributes
     ----------
     size
         Width and height.
     frames
-        Of each clip.
+        Number of frames of each clip.
     splats
         The values of N; every variant ends with 0.9 N in each frame.
     decoded
         The value of N whose streams are made too, with the first seed.
     seeds
-        How many.
+        Number of seeds.
     iterations, rate
-        Of the fits: the paper's 50,000 at 1e-3 shortened to these (`encodes.shortened`).
+        Iterations of the fits: the paper's 50,000 at 1e-3 shortened to these (`encodes.shortened`).
     """
 
     size: tuple[int, int]
@@ -161,7 +162,7 @@ def gains(
     clips: Sequence[str] | None = None,
     steps: Sequence[tuple[str, str]] = tuple(pairwise(VARIANTS)),
 ) -> dict[str, Change]:
-    """What each step from a variant to another adds to a score, over pairs of equal clip, N and seed."""
+    """The gain in a score by each step from a variant to another, over pairs of equal clip, N and seed."""
     chosen = [part for clip, part in numbers["clips"].items() if clips is None or clip in clips]
     counts = [made for part in chosen for made in part["counts"].values()]
     return {
@@ -261,7 +262,7 @@ def draw(numbers: dict[str, Any], folder: Path) -> dict[str, str]:
 
 
 def chosen(run: Run, plan: Plan) -> list[Clip]:
-    """What the user gave, or a talking head without and a street with a cut."""
+    """The clips that the user gave, or a talking head without and a street with a cut."""
     given = given_clips(run)
     if given:
         return [held(excerpt(clip, 0, plan.frames, *plan.size)) for clip in given]

@@ -1,4 +1,4 @@
-"""How much a way of fitting changes a score: the mean over pairs that differ in nothing else, and its error."""
+"""The change of a score by a way of fitting: the mean over pairs that differ in nothing else, and its error."""
 
 import math
 import statistics
@@ -17,7 +17,7 @@ class Change:
     error
         Its standard error, the pairs taken as independent; None of one pair, which tells nothing about chance.
     pairs
-        How many there are.
+        Number of pairs.
     """
 
     mean: float

@@ -38,13 +38,13 @@ FOLDER: Final = Path("experiments/results")
 
 def load(name: str) -> Experiment:
     """The experiment of a name."""
-    experiment: Experiment = import_module(f"experiments.{name}").EXPERIMENT
+    experiment: Experiment = import_module(f"gsvc_lab.experiments.{name}").EXPERIMENT
     return experiment
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="python -m experiments", description=__doc__, allow_abbrev=False)
+    made = argparse.ArgumentParser(prog="python -m gsvc_lab.experiments", description=__doc__, allow_abbrev=False)
     made.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}; default: all")
     made.add_argument("--list", action="store_true", help="list the experiments with the paper's claims")
     made.add_argument("--full", action="store_true", help="larger, nearer to the paper's counts: hours to days")

@@ -1,4 +1,4 @@
-"""How much detail a picture has where: what the places of splats are judged by."""
+"""The detail of a picture by place, which the places of splats are compared with."""
 
 import math
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ def spacing(width: int, height: int, count: int) -> float:
 
 @dataclass(frozen=True)
 class Places:
-    """Where centres lie, by the rank of the detail there among all pixels: 0 the least, 1 the most.
+    """The places of centres by the rank of the detail there among all pixels: 0 the least, 1 the most.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ def ranks(values: F8) -> F8:
 
 
 def places(positions: F4, rank: F8) -> Places:
-    """Where centres (N, 2) f4 in pixels lie among the ranks (H, W) f8 of the detail."""
+    """The places of centres (N, 2) f4 in pixels among the ranks (H, W) f8 of the detail."""
     height, width = rank.shape
     inside = ((positions >= 0) & (positions < [width, height])).all(axis=1)
     x, y = positions[inside].astype(np.int64).T

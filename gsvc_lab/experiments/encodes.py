@@ -1,4 +1,4 @@
-"""What several experiments do with a clip: encode it while telling how far it is, and fit it without quantisation."""
+"""Work that several experiments share: encoding a clip with progress, and fitting without quantisation."""
 
 import io
 import time
@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.experiments.clips import Clip
+from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.prediction import pruning_as_many
@@ -25,7 +25,7 @@ from gsvc_ref.training.schedule import StepDecay
 from gsvc_ref.video.format import Frame
 
 PAPER_ITERATIONS: Final = 50_000
-"""Most iterations of a frame (paper, implementation details)."""
+"""Maximum number of iterations of a frame (paper, implementation details)."""
 
 PAPER_RATE: Final = 1e-3
 """The learning rate at the start (paper, implementation details)."""
@@ -91,12 +91,12 @@ class Encoded:
 
     @property
     def psnr(self) -> list[float]:
-        """Of each decoded frame, in dB."""
+        """PSNR of each decoded frame in dB."""
         return [frame.psnr for frame in self.report.frames]
 
     @property
     def bits(self) -> list[int]:
-        """Of each frame's chunk."""
+        """Size of each frame's chunk."""
         return [sum(frame.bits.values()) for frame in self.report.frames]
 
     @property
@@ -174,7 +174,7 @@ def fitted_frames(frames: Iterable[Frame], settings: Settings, keys: Collection[
 
 
 def excerpt(clip: Clip, first: int, frames: int, width: int, height: int) -> Clip:
-    """So many frames of a clip from a number on, or all that there are, at another size.
+    """Some frames of a clip from a number on, or all that there are, at another size.
 
     They are counted by reading them: not every file says how many it holds, and some say it wrongly.
 

@@ -1,4 +1,4 @@
-"""What an experiment is, and what it leaves: a figure, a JSON with its numbers, the paper's claim and a verdict."""
+"""An experiment, and its results: a figure, a JSON with its numbers, the paper's claim and a verdict."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -10,7 +10,7 @@ Holds = Literal["yes", "partly", "no", "cannot be compared"]
 
 @dataclass(frozen=True)
 class Run:
-    """How experiments are to run.
+    """Options that experiments run with.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Run:
     uvg
         The folder of the UVG sequences, or None.
     folder
-        Where results go.
+        Folder of the results.
     threads
         Threads to compute with; None: all.
     say
@@ -68,12 +68,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Result:
-    """What an experiment found.
+    """The result of an experiment.
 
     Attributes
     ----------
     setting
-        What was measured on what, as sentences: clips, frames, sizes, splats, iterations, seeds.
+        Sentences about what was measured: clips, frames, sizes, splats, iterations, seeds.
     numbers
         Everything measured, for the JSON.
     tables
@@ -102,7 +102,7 @@ class Experiment:
     title
         A heading.
     claim
-        What the paper says, in our words, with its numbers and where they stand (figure, section).
+        The paper's claim in our words, with its numbers and where they stand (figure, section).
     run
         Makes it.
     small_threads

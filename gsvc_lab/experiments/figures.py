@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.experiments.clips import as_frame, as_picture, resized
+from gsvc_lab.clips import as_frame, as_picture, resized
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 
@@ -52,13 +52,13 @@ STYLE: Final[Any] = {
 }
 
 JPEG_QUALITY: Final = 65
-"""Of pictures inside figures, so that a figure stays small enough to keep."""
+"""Quality of pictures inside figures, so that a figure stays small enough to keep."""
 
 LARGEST_PICTURE: Final = 400
 """Pixels on the longer side of pictures inside figures; larger ones are resampled."""
 
 DOTS_PER_INCH: Final = 160
-"""Of what is drawn as pixels: dots, which take less room so."""
+"""Resolution of dots, which are drawn as pixels and take less room so."""
 
 DOT_COLORS: Final = 8
 """Shades of what is drawn as pixels on nothing."""

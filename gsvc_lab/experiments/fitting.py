@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsvc_lab.experiments.clips import as_picture
+from gsvc_lab.clips import as_picture
 from gsvc_ref.encoder.settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
@@ -17,7 +17,7 @@ from gsvc_ref.video.format import Frame
 
 @dataclass(frozen=True)
 class Quality:
-    """How near 8-bit pictures are: PSNR in dB over all R'G'B' samples, and MS-SSIM."""
+    """The likeness of 8-bit pictures: PSNR in dB over all R'G'B' samples, and MS-SSIM."""
 
     psnr: float
     ms_ssim: float
@@ -52,7 +52,7 @@ class Picture:
         return np.asarray(self._renderer.frame(splats, 8))
 
     def quality(self, splats: Splats) -> Quality:
-        """Of that picture."""
+        """The quality of that picture."""
         decoded = self.rendered(splats)
         return Quality(psnr(self.frame, decoded, 255), ms_ssim(self.frame, decoded, 255))
 
@@ -83,11 +83,11 @@ def fitted(
     Parameters
     ----------
     settings
-        Of an I-frame.
+        Settings of an I-frame.
     count
         Splats at the start where they are random, at the end where they grow.
     seed
-        Of start and growth.
+        Seed of start and growth.
     on_step
         Called after each iteration with its number, the loss that it began with, and the population.
     weight

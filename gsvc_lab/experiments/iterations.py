@@ -1,14 +1,14 @@
-"""How a picture comes out of more and more iterations: the paper's second figure."""
+"""A picture after more and more iterations: the paper's second figure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
-from gsvc_lab.experiments.clips import Still, preferred, stills
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.training.convergence import ConvergenceTest
 from gsvc_ref.training.fit import Population
@@ -21,17 +21,17 @@ QUICK_TIMES: Final = (12, 50, 200, 800)
 """Iterations that quick is asked for, each time from its start."""
 
 SIZE: Final = (288, 162)
-"""Of the small version, in pixels."""
+"""Size of the small version in pixels."""
 
 SPLATS: Final = 1000
-"""Of the small version; the paper's figure has PAPER_SPLATS on 1920x1080."""
+"""Splats of the small version; the paper's figure has PAPER_SPLATS on 1920x1080."""
 
 PAPER_SPLATS: Final = 10_000
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What a fit has come to: iterations, splats, the quality, and the decoded picture."""
+    """The state of a fit: iterations, splats, the quality, and the decoded picture."""
 
     iterations: int
     splats: int
@@ -70,7 +70,7 @@ class PaperRun:
 
 
 def moment(picture: Picture, population: Population, done: int, schedule: str, run: Run) -> Moment:
-    """What a population has come to."""
+    """The state of a population."""
     splats = population.splats()
     quality = picture.quality(splats)
     run.say(f"{done:,} iterations, {schedule}: {quality.psnr:.2f} dB")

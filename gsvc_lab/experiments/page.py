@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from gsvc_lab.experiments.results import text_columns
 from gsvc_lab.pages.page import document
+from gsvc_lab.pages.tables import Markup, html_table
 from gsvc_ref.cli.text import duration, plural
 
 TITLE: Final = "The paper's experiments"
@@ -28,12 +29,14 @@ def page(records: Sequence[dict[str, Any]]) -> str:
 
 def _overview(records: Sequence[dict[str, Any]]) -> str:
     rows = [
-        f'<tr><td class="text"><a href="#{made["name"]}">{escape(made["title"])}</a></td>'
-        f'<td class="text">{made["verdict"]["holds"]}</td><td>{duration(made["seconds"])}</td></tr>'
+        (
+            Markup(f'<a href="#{made["name"]}">{escape(made["title"])}</a>'),
+            made["verdict"]["holds"],
+            duration(made["seconds"]),
+        )
         for made in records
     ]
-    head = '<tr><th class="text">experiment</th><th class="text">does the claim hold?</th><th>took</th></tr>'
-    return f'<div class="scroll"><table><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>'
+    return html_table(("experiment", "does the claim hold?", "took"), rows, ("text", "text"))
 
 
 def _section(made: dict[str, Any]) -> str:
@@ -65,17 +68,8 @@ def _figure(name: str, caption: str) -> str:
 def _table(table: dict[str, Any]) -> str:
     columns = zip(table["columns"], *table["rows"], strict=True)
     long = [any(len(cell) > LONG for cell in cells) for cells in columns]
-    marks = [
-        "" if not text else ' class="text long"' if wide else ' class="text"'
+    classes = [
+        "" if not text else "text long" if wide else "text"
         for text, wide in zip(text_columns(table), long, strict=True)
     ]
-
-    def cells(tag: str, row: Sequence[str]) -> str:
-        return "".join(f"<{tag}{mark}>{escape(cell)}</{tag}>" for mark, cell in zip(marks, row, strict=True))
-
-    rows = "".join(f"<tr>{cells('td', row)}</tr>" for row in table["rows"])
-    return (
-        f"<h3>{escape(table['title'])}</h3>"
-        f'<div class="scroll"><table><thead><tr>{cells("th", table["columns"])}</tr></thead><tbody>{rows}</tbody>'
-        "</table></div>"
-    )
+    return f"<h3>{escape(table['title'])}</h3>" + html_table(table["columns"], table["rows"], classes)

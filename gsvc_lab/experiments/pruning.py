@@ -6,12 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_lab.clips import PAPER_SEQUENCES
 from gsvc_lab.experiments.change import Change
-from gsvc_lab.experiments.clips import PAPER_SEQUENCES, Still, stills
 from gsvc_lab.experiments.detail import BINS, Places, detail, places, ranks, spacing
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.material import Still, stills
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats
@@ -20,13 +21,13 @@ from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.video.format import Frame
 
 SIZE: Final = (160, 96)
-"""Of the small version, in pixels."""
+"""Size of the small version in pixels."""
 
 PAPER_COUNT: Final = 45_000
 """Splats of the paper's figure after pruning, on 1920x1080."""
 
 ITERATIONS: Final = 5000
-"""Of the small version: as many as the authors' pruning schedule needs."""
+"""Iterations of the small version: as many as the authors' pruning schedule needs."""
 
 SEEDS: Final = {False: (0, 1, 2), True: (0,)}
 """Random starts of the small and of the large version."""
@@ -40,7 +41,7 @@ MAX_DETAIL: Final = 0.75
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one fit came to: its splats, where they are, and the quality of all and of the most detailed quarter."""
+    """The outcome of one fit: its splats, where they are, and the quality of all and of the most detailed quarter."""
 
     name: str
     seed: int
@@ -97,12 +98,12 @@ def one_fit(still: Still, picture: Picture, rank: Any, settings: FrameSettings, 
 
 
 def splat_count(width: int, height: int) -> int:
-    """As many splats for each pixel as the paper's figure has."""
+    """The number of splats with as many for each pixel as the paper's figure has."""
     return round(PAPER_COUNT * width * height / (1920 * 1080))
 
 
 def changes(found: Outcomes, way: str = "without") -> dict[str, Change]:
-    """What GSP changes against another way, over pairs of equal picture and seed."""
+    """The change by GSP against another way, over pairs of equal picture and seed."""
     pairs: dict[str, Callable[[Outcome], float]] = {
         "mean_rank": lambda one: one.places.mean_rank,
         "psnr": lambda one: one.quality.psnr,

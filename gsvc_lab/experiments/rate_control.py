@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.clips import Clip, packaged_clip, scene_clip
 from gsvc_lab.experiments.ablation import CUT
-from gsvc_lab.experiments.clips import Clip, given_clips, packaged_clip, scene_clip
 from gsvc_lab.experiments.encodes import (
     PAPER_ITERATIONS,
     PAPER_RATE,
@@ -21,6 +21,7 @@ from gsvc_lab.experiments.encodes import (
 )
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
+from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT
 
@@ -37,20 +38,20 @@ SCENES: Final = ("static", "noise")
 
 @dataclass(frozen=True)
 class Plan:
-    """How large the experiment is.
+    """The size of the experiment.
 
     Attributes
     ----------
     size
         Width and height.
     frames
-        Of each clip.
+        Number of frames of each clip.
     splats
         N at constant rate.
     goals
         PSNR in dB at constant quality.
     iterations, rate
-        Of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
+        Iterations of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
     """
 
     size: tuple[int, int]
@@ -91,7 +92,7 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
 
 
 def by_frame(made: Encoded) -> dict[str, Any]:
-    """What the verdict needs of an encode."""
+    """The numbers of an encode that the verdict needs."""
     return {
         "types": made.types,
         "bits": made.bits,
@@ -106,7 +107,7 @@ def of_type(made: dict[str, Any], letter: str) -> list[int]:
 
 
 def unevenness(bits: Sequence[int]) -> float:
-    """How far the most and the least are apart, as a fraction of the mean; 0 of none."""
+    """The distance of the most and the least as a fraction of the mean; 0 of none."""
     return (max(bits) - min(bits)) / statistics.fmean(bits) if bits else 0.0
 
 
@@ -246,7 +247,7 @@ def draw_quality(numbers: dict[str, Any], folder: Path, what: str) -> str:
 
 
 def chosen(run: Run, plan: Plan) -> list[Clip]:
-    """What the user gave, or a talking head, a cut, a still picture, and one with noise."""
+    """The clips that the user gave, or a talking head, a cut, a still picture, and one with noise."""
     given = given_clips(run)
     if given:
         return [held(excerpt(clip, 0, plan.frames, *plan.size)) for clip in given]

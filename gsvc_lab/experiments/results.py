@@ -1,19 +1,18 @@
-"""What an experiment leaves on disk: ``NAME.json`` with its numbers beside the claim and the verdict."""
+"""The record of an experiment on disk: ``NAME.json`` with its numbers beside the claim and the verdict."""
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, get_args
 
-from gsvc_lab.benchmarks.timing import environment
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run
+from gsvc_lab.machine import environment, processors
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
-from gsvc_ref.rendering.fast.workspace import thread_count
 
 FORMAT: Final = 1
-"""Of the JSON."""
+"""Version of the JSON."""
 
 KEYS: Final[dict[str, type]] = {
     "format": int,
@@ -30,7 +29,7 @@ KEYS: Final[dict[str, type]] = {
     "seconds": float,
     "environment": dict,
 }
-"""What a record has, and of which type."""
+"""The keys of a record, and their types."""
 
 
 def record(experiment: Experiment, result: Result, run: Run, seconds: float) -> dict[str, Any]:
@@ -55,7 +54,7 @@ def record(experiment: Experiment, result: Result, run: Run, seconds: float) -> 
             "command": command_line(experiment, run),
             "full": run.full,
             "seconds": round(float(seconds), 1),
-            "environment": environment(thread_count(run.threads)),
+            "environment": environment(run.threads or processors()),
         }
     )
     check(made, experiment.name)
@@ -64,7 +63,7 @@ def record(experiment: Experiment, result: Result, run: Run, seconds: float) -> 
 
 def command_line(experiment: Experiment, run: Run) -> str:
     """The command that makes the result again; folders and files of the user are called DIR and FILE."""
-    words = ["python -m experiments", experiment.name, *(["--full"] if run.full else [])]
+    words = ["python -m gsvc_lab.experiments", experiment.name, *(["--full"] if run.full else [])]
     words += ["--clip FILE" for _ in run.clips] + (["--uvg DIR"] if run.uvg is not None else [])
     if run.threads != experiment.threads(None, full=run.full):
         words.append(f"--threads {run.threads}")

@@ -1,14 +1,14 @@
-"""How a picture comes out of more and more splats: the paper's first figure."""
+"""A picture made of more and more splats: the paper's first figure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
-from gsvc_lab.experiments.clips import Still, preferred, stills
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video.format import Frame
@@ -17,10 +17,10 @@ COUNTS: Final = (10, 100, 1000, 10_000)
 """N, as in the paper's figure."""
 
 SIZE: Final = (288, 162)
-"""Of the small version, in pixels; the least 16:9 frame on which MS-SSIM has all its five scales."""
+"""Size of the small version in pixels; the least 16:9 frame on which MS-SSIM has all its five scales."""
 
 ITERATIONS: Final = 2000
-"""Of the paper's schedule in the small version."""
+"""Iterations of the paper's schedule in the small version."""
 
 SCHEDULES: Final = {"paper": "the paper's start and schedule", "quick": "start and schedule of quick"}
 
@@ -119,7 +119,7 @@ def table(fits: dict[str, list[Fit]]) -> Table:
 
 
 def reach(iterations: int) -> float:
-    """How far steps of the learning rate lead in so many iterations of the paper's schedule, in pixels."""
+    """The distance in pixels that steps of the learning rate lead in a number of iterations of the paper's schedule."""
     fit = Settings.paper().intra.fit
     return sum(fit.rates.cholesky * fit.schedule(iteration) for iteration in range(iterations))
 

@@ -8,14 +8,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_lab.experiments.clips import Clip, given_clips, packaged_clip
+from gsvc_lab.clips import Clip, packaged_clip
 from gsvc_lab.experiments.encodes import Say, encoded, excerpt, held
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
+from gsvc_lab.experiments.material import given_clips
+from gsvc_lab.machine import processors
 from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.settings import with_iterations
-from gsvc_ref.rendering.fast.workspace import thread_count
 
 PAPER_SECONDS: Final = (197.58, 221.45)
 """Seconds per frame of 1920x1080 at the lowest and the highest rate on a V100 (paper, section 4.2)."""
@@ -29,14 +30,14 @@ NOTICED: Final = 0.05
 
 @dataclass(frozen=True)
 class Plan:
-    """How large the experiment is.
+    """The size of the experiment.
 
     Attributes
     ----------
     size
         Width and height; None: those of each clip.
     frames
-        Of each clip.
+        Number of frames of each clip.
     splats
         N.
     quick, paper
@@ -88,7 +89,7 @@ def row(clip: Clip, settings: Settings, count: int, say: Say, what: str) -> dict
 
 
 def rises(rows: Sequence[dict[str, float]]) -> list[float]:
-    """What each step to more iterations adds, in dB."""
+    """The gain in dB by each step to more iterations."""
     return [after["psnr"] - before["psnr"] for before, after in pairwise(rows)]
 
 
@@ -173,7 +174,7 @@ def draw(numbers: dict[str, Any], folder: Path) -> dict[str, str]:
 
 
 def chosen(run: Run, plan: Plan) -> list[Clip]:
-    """What the user gave, or a talking head and a cartoon."""
+    """The clips that the user gave, or a talking head and a cartoon."""
     clips = given_clips(run) or [packaged_clip(name) for name in ("carphone_pristine", "bigbuckbunny")]
     sizes = [plan.size or (clip.format.width, clip.format.height) for clip in clips]
     return [held(excerpt(clip, 0, plan.frames, *size)) for clip, size in zip(clips, sizes, strict=True)]
@@ -188,7 +189,7 @@ def run(run: Run) -> Result:
     counts = sorted({part["splats"] for part in numbers.values()})
     setting = (
         f"{'; '.join(part['about'] for part in numbers.values())}; at {', '.join(sizes)}; N = "
-        f"{', '.join(map(str, counts))}, seed 0, {plural(thread_count(run.threads), 'thread')}, one key frame. "
+        f"{', '.join(map(str, counts))}, seed 0, {plural(run.threads or processors(), 'thread')}, one key frame. "
         f"Iterations are those asked for of an I-frame's fit; fine-tuning and P-frames follow in proportion, by the "
         f"presets' own schedules and rates. Seconds are those of the encoder on the wall clock; bits are those of the "
         f"frames' chunks. The paper's rates are, by the authors' code, sums of sizes in memory, with P-frames as "

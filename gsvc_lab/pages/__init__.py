@@ -1,17 +1,5 @@
-"""One self-contained HTML page about one encoding: pictures, quality, bits and time."""
+"""Pages that people read: charts, tables, pictures and text between markers, and the report about one encoding.
 
-from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData
-from gsvc_lab.pages.page import report_html, write_report
-from gsvc_lab.pages.pictures import difference_picture, splat_centres_picture
-
-__all__ = [
-    "Choice",
-    "Figure",
-    "FrameRecord",
-    "PictureRow",
-    "ReportData",
-    "difference_picture",
-    "report_html",
-    "splat_centres_picture",
-    "write_report",
-]
+`page` puts a self-contained HTML page together and `charts`, `tables` and `pictures` its parts; `markers` changes a
+part of a Markdown document; `report` is the page about one encoding, made of what `data` holds.
+"""

@@ -1,25 +1,240 @@
-"""The plots of a report, drawn as SVG; colours come from the page's style sheet, so that they follow its scheme."""
+"""Charts as SVG; colours come from the page's style sheet, so that they follow its scheme."""
 
 import html
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
-from gsvc_lab.pages.data import FrameRecord
-
 COLORS: Final = 10
-"""How many classes ``c0``, ``c1``, ... of series colours the style sheet has."""
+"""Number of classes ``c0``, ``c1``, ... of series colours in the style sheet."""
 
 WIDTH: Final = 960
-"""Of every chart, in units of its own."""
+"""Width of every chart, in units of its own."""
 
-_LEFT: Final = 58
-_RIGHT: Final = 14
-_TOP: Final = 24
-_BOTTOM: Final = 40
-_PLOT_WIDTH: Final = WIDTH - _LEFT - _RIGHT
-_MIN_LABEL_GAP: Final = 14
-_MIN_MARK_GAP: Final = 5
+HEIGHT: Final = 430
+LEFT: Final = 66
+RIGHT: Final = 18
+TOP: Final = 28
+BOTTOM: Final = 44
+LETTER: Final = 7.0
+"""Width of a letter of a label, roughly."""
+LINE: Final = 14.0
+"""Height of a label."""
+STROKE: Final = 6.0
+"""Distance of the points of a line that labels are kept clear of."""
+MARGIN: Final = 0.06
+"""Empty part of an axis on either side."""
+
+Box = tuple[float, float, float, float]
+"""Left, top, right, bottom."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A mark.
+
+    Attributes
+    ----------
+    x, y
+        Place of the mark; on a logarithmic axis 0 stands at the lower end.
+    label
+        Text beside it where there is room, or nothing.
+    title
+        Text under the pointer.
+    filled
+        Whether the mark is full or hollow.
+    low, high
+        Ends of the spread along x, or None.
+    """
+
+    x: float
+    y: float
+    label: str = ""
+    title: str = ""
+    filled: bool = True
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points of one colour; `line` joins them in order, `marks` shows them."""
+
+    name: str
+    points: tuple[Point, ...]
+    color: int
+    line: bool = True
+    marks: bool = True
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis: what it says, linear or logarithmic, and how its numbers are written."""
+
+    label: str
+    text: Callable[[float], str]
+    log: bool = False
+
+
+class Scale:
+    """Values of one axis to places between two ends.
+
+    A logarithmic axis has a place of its own for values of 0, below the smallest other one.
+    """
+
+    def __init__(self, values: Sequence[float], axis: Axis, begin: float, end: float) -> None:
+        self.axis, self.begin, self.end = axis, begin, end
+        shown = [value for value in values if value > 0] if axis.log else list(values)
+        self.has_zero = axis.log and any(value <= 0 for value in values)
+        low, high = (min(shown), max(shown)) if shown else (1.0, 10.0)
+        if axis.log:
+            low, high = math.log10(low), math.log10(high)
+        room = MARGIN * (high - low) or (0.3 if axis.log else max(abs(high) * 0.1, 1.0))
+        self.least, self.high = low - room, high + room
+        self.low = self.least - (2 * room if self.has_zero else 0.0)
+
+    def __call__(self, value: float) -> float:
+        """The place of a value."""
+        if self.axis.log:
+            share = (math.log10(value) - self.low) / (self.high - self.low) if value > 0 else MARGIN / 3
+        else:
+            share = (value - self.low) / (self.high - self.low)
+        return self.begin + share * (self.end - self.begin)
+
+    def ticks(self, count: int) -> list[float]:
+        """About `count` round values inside."""
+        if not self.axis.log:
+            return nice_ticks(self.low, self.high, count)
+        first, last = math.ceil(self.least), math.floor(self.high)
+        if last - first >= 2:
+            step = max(1, math.ceil((last - first + 1) / count))
+            powers = [10.0**power for power in range(first, last + 1) if (last - power) % step == 0]
+        else:
+            every = [digit * 10.0**power for power in range(first - 1, last + 1) for digit in (1, 2, 5)]
+            powers = [value for value in every if self.least <= math.log10(value) <= self.high]
+        return [0.0, *powers] if self.has_zero else powers
+
+
+def plot(series: Sequence[Series], x: Axis, y: Axis, label: str) -> str:
+    """A chart of series as SVG, with a legend below.
+
+    Parameters
+    ----------
+    series
+        At least one point in all.
+    x, y
+        The axes.
+    label
+        Description of the chart for those who cannot see it.
+    """
+    points = [point for one in series for point in one.points]
+    ends = [value for point in points for value in (point.x, point.low, point.high) if value is not None]
+    across = Scale(ends, x, LEFT, WIDTH - RIGHT)
+    up = Scale([point.y for point in points], y, HEIGHT - BOTTOM, TOP)
+    parts = _axes(across, up)
+    for one in series:
+        if one.line and len(one.points) > 1:
+            path = " ".join(f"{across(point.x):.1f},{up(point.y):.1f}" for point in one.points)
+            parts.append(f'<polyline class="curve s{one.color}" points="{path}"/>')
+    marked = [(one, point) for one in series for point in one.points if one.marks]
+    parts += [_mark(point, one.color, across, up) for one, point in marked]
+    strokes = [box for one in series if one.line for box in _along([(p.x, p.y) for p in one.points], across, up)]
+    strokes += [box for _, p in marked if p.low and p.high for box in _along([(p.low, p.y), (p.high, p.y)], across, up)]
+    parts += _labels([point for _, point in marked], strokes, across, up)
+    legend = "".join(
+        f'<span><span class="swatch c{one.color}"></span>{html.escape(one.name)}</span>' for one in series if one.name
+    )
+    return svg_chart(parts, HEIGHT, label) + (f'<div class="legend">{legend}</div>' if legend else "")
+
+
+def _axes(across: Scale, up: Scale) -> list[str]:
+    """Grid lines with their numbers, and the labels of the axes."""
+    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    parts = y_axis(up.ticks(7), up, up.axis.label, up.axis.text)
+    for tick in across.ticks(9):
+        place = across(tick)
+        parts.append(f'<path class="grid" d="M{place:.1f} {TOP}V{bottom}"/>')
+        parts.append(f'<text x="{place:.1f}" y="{bottom + 17}" text-anchor="middle">{across.axis.text(tick)}</text>')
+    parts.append(f'<path class="axis" d="M{LEFT} {bottom}H{right}"/>')
+    parts.append(f'<text x="{right}" y="{HEIGHT - 8}" text-anchor="end">{html.escape(across.axis.label)}</text>')
+    return parts
+
+
+def _mark(point: Point, color: int, across: Scale, up: Scale) -> str:
+    x, y = across(point.x), up(point.y)
+    title = f"<title>{html.escape(point.title)}</title>" if point.title else ""
+    spread = ""
+    if point.low is not None and point.high is not None:
+        spread = f'<path class="curve s{color}" d="M{across(point.low):.1f} {y:.1f}H{across(point.high):.1f}"/>'
+    kind = f"c{color}" if point.filled else f"hollow s{color}"
+    return f'<g>{title}{spread}<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{5 if point.filled else 4}"/></g>'
+
+
+def _along(places: Sequence[tuple[float, float]], across: Scale, up: Scale) -> list[Box]:
+    """Small boxes that cover the lines from place to place."""
+    boxes = []
+    for a, b in pairwise(places):
+        ax, ay, bx, by = across(a[0]), up(a[1]), across(b[0]), up(b[1])
+        count = max(1, round(math.hypot(bx - ax, by - ay) / STROKE))
+        for n in range(count):
+            x, y = ax + (bx - ax) * (n + 0.5) / count, ay + (by - ay) * (n + 0.5) / count
+            boxes.append((x - 1, y - 1, x + 1, y + 1))
+    return boxes
+
+
+def _labels(points: Sequence[Point], strokes: Sequence[Box], across: Scale, up: Scale) -> list[str]:
+    """The labels of points, each where it hides no mark and no other label, and no line if that can be.
+
+    Those without room are left out.
+    """
+    taken: list[Box] = []
+    for point in points:
+        x, y = across(point.x), up(point.y)
+        taken.append((x - 5, y - 5, x + 5, y + 5))
+    parts = []
+    for point in points:
+        if not point.label:
+            continue
+        x, y = across(point.x), up(point.y)
+        wide = LETTER * len(point.label)
+        boxes = [(left, top, left + wide, top + LINE) for left, top in _places(x, y, wide)]
+        free = [box for box in boxes if _inside(box) and not any(_overlap(box, other) for other in taken)]
+        clear = [box for box in free if not any(_overlap(box, stroke) for stroke in strokes)]
+        if free:
+            left, top, _, _ = box = (clear or free)[0]
+            taken.append(box)
+            parts.append(f'<text class="name" x="{left:.1f}" y="{top + 11:.1f}">{html.escape(point.label)}</text>')
+    return parts
+
+
+def _inside(box: Box) -> bool:
+    return box[0] >= LEFT and box[2] <= WIDTH and box[1] >= 0 and box[3] <= HEIGHT - BOTTOM + 4
+
+
+def _places(x: float, y: float, wide: float) -> list[tuple[float, float]]:
+    """The places where the label of a mark may stand, left and top, best first."""
+    middle, above, below = y - LINE / 2, y - LINE - 6, y + 6
+    near = [(x + 9, middle), (x - 6 - wide, middle), (x - wide / 2, above), (x - wide / 2, below)]
+    slanted = [(x + 6, above), (x + 6, below), (x - 3 - wide, above), (x - 3 - wide, below)]
+    return [*near, *slanted, (x - wide / 2, above - 10), (x - wide / 2, below + 10)]
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def y_axis(
+    ticks: Sequence[float], place: Callable[[float], float], label: str, text: Callable[[float], str]
+) -> list[str]:
+    """Grid lines with their numbers, and the axis label above them."""
+    parts = [f'<text class="label" x="0" y="12">{html.escape(label)}</text>']
+    for tick in ticks:
+        y = place(tick)
+        parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}"/>')
+        parts.append(f'<text class="tick" x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{text(tick)}</text>')
+    return parts
 
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
@@ -33,91 +248,10 @@ def nice_ticks(low: float, high: float, count: int) -> list[float]:
     return [index * step for index in range(first, last + 1)]
 
 
-def psnr_chart(frames: Sequence[FrameRecord], mean: float) -> str:
-    """PSNR in dB over the frame number: a line with a mark per frame (I, P, R), and the mean."""
-    finite = [frame.psnr for frame in frames if math.isfinite(frame.psnr)] or [40.0]
-    low, high = math.floor(min(finite) - 0.5), math.ceil(max(finite) + 0.5)
-    height = 240
-    plot_height = height - _TOP - _BOTTOM
-
-    def y_of(psnr: float) -> float:
-        return _TOP + plot_height * (1 - (min(psnr, high) - low) / (high - low))
-
-    parts = _y_axis(nice_ticks(low, high, 5), y_of, "PSNR, dB", lambda value: f"{value:g}")
-    parts += _frame_axis(frames, height)
-    if math.isfinite(mean):
-        parts.append(f'<path class="mean" d="M{_LEFT} {y_of(mean):.1f}H{WIDTH - _RIGHT}"/>')
-        parts.append(f'<text class="meantext" x="{WIDTH - _RIGHT}" y="{y_of(mean) - 5:.1f}">mean {mean:.2f} dB</text>')
-    points = " ".join(f"{_x(index, frames):.1f},{y_of(frame.psnr):.1f}" for index, frame in enumerate(frames))
-    parts.append(f'<polyline class="line" points="{points}"/>')
-    crowded = _PLOT_WIDTH / len(frames) < _MIN_MARK_GAP
-    for index, frame in enumerate(frames):
-        if not crowded or frame.type != "P":
-            parts.append(_mark(frame, _x(index, frames), y_of(frame.psnr)))
-    return svg_chart(parts, height, "PSNR of each frame in dB")
-
-
 def color_classes(shares: Mapping[str, float]) -> dict[str, int]:
     """The colour of each part by its rank in size, in the order given: large ones differ, the smallest are all grey."""
     ranked = sorted(shares, key=lambda name: -shares[name])
     return {name: min(ranked.index(name), COLORS - 1) for name in shares}
-
-
-def bits_chart(frames: Sequence[FrameRecord], colors: Mapping[str, int]) -> str:
-    """Bits of each frame over the frame number: stacked bars from zero, a layer per attribute that has a colour."""
-    high = max(max(frame.bits for frame in frames), 1) * 1.05
-    height = 260
-    plot_height = height - _TOP - _BOTTOM
-
-    def y_of(bits: float) -> float:
-        return _TOP + plot_height * (1 - bits / high)
-
-    parts = _y_axis(nice_ticks(0, high, 5), y_of, "bits", thousands)
-    parts += _frame_axis(frames, height)
-    step = _PLOT_WIDTH / len(frames)
-    bar = step if step < 3 else min(step * 0.78, 40)
-    for index, frame in enumerate(frames):
-        x = _x(index, frames) - bar / 2
-        layers = []
-        stacked = 0
-        for attribute, color in colors.items():
-            bits = frame.bits_by_attribute.get(attribute, 0)
-            if bits:
-                top, bottom = y_of(stacked + bits), y_of(stacked)
-                layers.append(
-                    f'<rect class="c{color}" x="{x:.2f}" y="{top:.2f}" width="{bar:.2f}" height="{bottom - top:.2f}"/>'
-                )
-                stacked += bits
-        parts.append(f"<g>{_title(frame)}{''.join(layers)}</g>")
-    return svg_chart(parts, height, "bits of each frame, stacked by attribute")
-
-
-STATES: Final = {
-    "done": ("c0", "done"),
-    "skipped": ("c5", "left out, at least in part"),
-    "off": ("c9", "switched off"),
-}
-"""The class and the meaning of the colour of what was decided."""
-
-
-def choices_chart(frames: Sequence[FrameRecord]) -> str:
-    """What was decided: a row for each effect, a column for each frame, the reason as what the pointer shows."""
-    effects = [choice.effect for choice in frames[0].choices]
-    row = 20
-    height = _TOP + row * len(effects) + _BOTTOM
-    parts = _frame_axis(frames, height)
-    step = _PLOT_WIDTH / len(frames)
-    for number, effect in enumerate(effects):
-        y = _TOP + row * number
-        parts.append(f'<text class="label" x="0" y="{y + 14}">{html.escape(effect)}</text>')
-        for index, frame in enumerate(frames):
-            choice = frame.choices[number]
-            title = html.escape(f"frame {frame.number}, {effect}: {choice.reason}")
-            parts.append(
-                f'<rect class="{STATES[choice.state][0]}" x="{_LEFT + step * index:.2f}" y="{y}" '
-                f'width="{max(step - 1, step * 0.8):.2f}" height="{row - 3}"><title>{title}</title></rect>'
-            )
-    return svg_chart(parts, height, "what was decided about each effect of each frame")
 
 
 def share_bar(shares: Mapping[str, float], label: str) -> str:
@@ -144,67 +278,6 @@ def thousands(value: float) -> str:
 def decibels(psnr: float) -> str:
     """A PSNR with its unit."""
     return f"{psnr:.2f} dB" if math.isfinite(psnr) else "identical"
-
-
-def mark_symbol(frame_type: str) -> str:
-    """The mark of a frame type for the legend of :func:`psnr_chart`."""
-    return f'<svg class="symbol" viewBox="0 0 14 14" aria-hidden="true">{_shape(frame_type, 7, 7)}</svg>'
-
-
-def _shape(frame_type: str, x: float, y: float) -> str:
-    """Diamond, dot or hollow square."""
-    if frame_type == "I":
-        return f'<path class="mark-i" d="M{x:.1f} {y - 6:.1f}l6 6l-6 6l-6 -6z"/>'
-    if frame_type == "P":
-        return f'<circle class="mark-p" cx="{x:.1f}" cy="{y:.1f}" r="3"/>'
-    return f'<rect class="mark-r" x="{x - 3.5:.1f}" y="{y - 3.5:.1f}" width="7" height="7"/>'
-
-
-def _mark(frame: FrameRecord, x: float, y: float) -> str:
-    return f"<g>{_title(frame)}{_shape(frame.type, x, y)}</g>"
-
-
-def _title(frame: FrameRecord) -> str:
-    """What the pointer shows over a frame."""
-    return f"<title>frame {frame.number}, {frame.type}: {decibels(frame.psnr)}, {thousands(frame.bits)} bits</title>"
-
-
-def _x(index: int, frames: Sequence[FrameRecord]) -> float:
-    """Middle of a frame's band."""
-    return _LEFT + _PLOT_WIDTH * (index + 0.5) / len(frames)
-
-
-def _y_axis(
-    ticks: Sequence[float], y_of: Callable[[float], float], label: str, text: Callable[[float], str]
-) -> list[str]:
-    """Grid lines with their numbers, and the axis label above them."""
-    parts = [f'<text class="label" x="0" y="12">{label}</text>']
-    for tick in ticks:
-        y = y_of(tick)
-        parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{WIDTH - _RIGHT}"/>')
-        parts.append(f'<text class="tick" x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{text(tick)}</text>')
-    return parts
-
-
-def _frame_axis(frames: Sequence[FrameRecord], height: int) -> list[str]:
-    """Frame numbers below the plot, and a dashed line at every I-frame."""
-    bottom = height - _BOTTOM
-    parts = [f'<path class="axis" d="M{_LEFT} {bottom}H{WIDTH - _RIGHT}"/>']
-    index_of = {frame.number: index for index, frame in enumerate(frames)}
-    for tick in nice_ticks(frames[0].number, frames[-1].number, 12):
-        if (index := index_of.get(round(tick))) is not None and abs(tick - round(tick)) < 1e-6:
-            x = _x(index, frames)
-            parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{round(tick)}</text>')
-    parts.append(f'<text class="label" x="{WIDTH - _RIGHT}" y="{height - 4}" text-anchor="end">frame number</text>')
-    last_label = -math.inf
-    for index, frame in enumerate(frames):
-        if frame.type == "I":
-            x = _x(index, frames)
-            parts.append(f'<path class="key" d="M{x:.1f} {_TOP - 6}V{bottom}"/>')
-            if x - last_label >= _MIN_LABEL_GAP:
-                parts.append(f'<text class="keytext" x="{x:.1f}" y="{_TOP - 10}" text-anchor="middle">I</text>')
-                last_label = x
-    return parts
 
 
 def svg_chart(parts: Sequence[str], height: int, label: str) -> str:

@@ -1,4 +1,4 @@
-"""What a report tells, as plain data; whatever can be derived is derived here, so that no two numbers disagree."""
+"""The contents of a report as plain data; whatever can be derived is derived here, so that no two numbers disagree."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ class Figure:
     Attributes
     ----------
     label
-        What it is.
+        Name of the number.
     value
         The number as text.
     unit
@@ -43,7 +43,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was decided about one effect of a frame.
+    """The decision about one effect of a frame.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """What one frame cost and what came of it.
+    """The cost of one frame, and its quality.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class FrameRecord:
     reason
         Why it became a frame of this type; may be empty.
     choices
-        What was decided about each effect; of all frames the same effects in the same order, or none.
+        Decisions about each effect; the same effects in the same order for all frames, or none.
     """
 
     number: int
@@ -184,7 +184,7 @@ class ReportData:
     notes
         Sentences that a reader must know.
     environment
-        What it ran on: name and value.
+        Names and values that describe the machine.
     """
 
     title: str

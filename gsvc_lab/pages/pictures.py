@@ -17,7 +17,7 @@ U1 = NDArray[np.uint8]
 F8 = NDArray[np.float64]
 
 DIFFERENCE_GAIN: Final = 8
-"""How many times the difference picture amplifies."""
+"""Factor by which the difference picture amplifies."""
 
 MAX_PREVIEW_BYTES: Final = 1_200_000
 """Size of the animation before base64 adds a third of it."""
@@ -64,7 +64,7 @@ def splat_centres_picture(
     scale: int = 4,
     ellipses: int = _ELLIPSES,
 ) -> U1:
-    """Where the splats sit: a dot per centre over the paled frame, and the outline of a few; as figure 3 of the paper.
+    """Places of the splats: a dot per centre over the paled frame, and the outline of a few; figure 3 of the paper.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def splat_centres_picture(
     peak
         Largest sample value of the frame.
     scale
-        How many times the picture is larger than the frame.
+        Size of the picture as a multiple of the frame's.
     ellipses
-        How many outlines (one standard deviation) to draw, at evenly spaced ranks of size.
+        Number of outlines (one standard deviation) to draw, at evenly spaced ranks of size.
 
     Returns
     -------

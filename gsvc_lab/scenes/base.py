@@ -1,13 +1,14 @@
-"""What a scene shows before any effect: a colour, a gradient, a texture, a photograph or a picture file."""
+"""The base picture of a scene, before any effect: a colour, a gradient, a texture, a photograph or a picture file."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_lab.scenes.canvas import F4, Canvas
 from gsvc_lab.scenes.parameters import (
     Checked,
     ParameterError,
@@ -19,21 +20,16 @@ from gsvc_lab.scenes.parameters import (
     table,
     text,
 )
+from gsvc_lab.scenes.photographs import PHOTOGRAPHS, photograph
 from gsvc_lab.scenes.sampling import smoothed
 from gsvc_lab.scenes.seeds import generator
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.portable import cos, sin, total
 
-if TYPE_CHECKING:
-    from gsvc_lab.scenes.effect import Canvas
-
-F4 = NDArray[np.float32]
 Color = tuple[float, float, float]
 
-PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")
-"""RGB photographs that every scikit-image wheel holds as PNG files, so that they read the same everywhere."""
 MAX_IMAGE_PIXELS: Final = 2**25
-"""Of a picture file: 8192 x 4096."""
+"""Maximum number of pixels of a picture file: 8192 x 4096."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,7 @@ class Gradient(Checked):
     to: Color = parameter(color(), "the colour where it ends")
     angle: float = parameter(number(-360, 360), "its direction in degrees: 0 to the right, 90 down", 0.0)
 
-    def picture(self, canvas: "Canvas", seed: int) -> F4:
+    def picture(self, canvas: Canvas, seed: int) -> F4:
         """Its picture of the frame's size, (H, W, 3) f4; the two colours stand in the outermost corners or edges."""
         cosine, sine = cos(math.radians(self.angle)), sin(math.radians(self.angle))
         x, y = canvas.centres()
@@ -61,7 +57,7 @@ class Checker(Checked):
     first: Color = parameter(color(), "the colour of the square in the middle", (0.9, 0.9, 0.9))
     second: Color = parameter(color(), "the colour of its neighbours", (0.1, 0.1, 0.1))
 
-    def picture(self, canvas: "Canvas", seed: int) -> F4:
+    def picture(self, canvas: Canvas, seed: int) -> F4:
         """Its picture of the frame's size, (H, W, 3) f4."""
         side = max(self.size * canvas.shorter, 1.0)
         x, y = canvas.centres()
@@ -77,7 +73,7 @@ class Noise(Checked):
     mean: Color = parameter(color(), "its mean colour", (0.5, 0.5, 0.5))
     contrast: float = parameter(number(0, 1), "the standard deviation of its samples", 0.15)
 
-    def picture(self, canvas: "Canvas", seed: int) -> F4:
+    def picture(self, canvas: Canvas, seed: int) -> F4:
         """Its picture of the frame's size, (H, W, 3) f4; the channels are independent."""
         samples = generator(seed, "base noise").standard_normal((canvas.height, canvas.width, 3))
         sigma = 0.5 * self.size * canvas.shorter
@@ -90,7 +86,7 @@ class Noise(Checked):
 
 @dataclass(frozen=True)
 class Base(Checked):
-    """What a scene shows before any effect: exactly one of these."""
+    """The base picture of a scene, before any effect: exactly one of these."""
 
     color: Color | None = parameter(color(), "one colour everywhere", None)
     gradient: Gradient | None = parameter(table(Gradient), "an even change of colour", None)
@@ -122,7 +118,7 @@ class Base(Checked):
         """The file of an `image`, else None; a relative path begins in `folder`, None for the current one."""
         return None if self.image is None else (folder or Path()) / self.image
 
-    def picture(self, canvas: "Canvas", seed: int, folder: Path | None = None) -> F4:
+    def picture(self, canvas: Canvas, seed: int, folder: Path | None = None) -> F4:
         """Draw or read it.
 
         Parameters
@@ -130,9 +126,9 @@ class Base(Checked):
         canvas
             A texture is drawn in the size of its frames.
         seed
-            Of the scene.
+            Seed of the scene.
         folder
-            Where relative paths begin.
+            Folder in which relative paths begin.
 
         Returns
         -------
@@ -146,8 +142,6 @@ class Base(Checked):
         if self.color is not None:
             return np.broadcast_to(np.array(self.color, np.float32), (canvas.height, canvas.width, 3)).copy()
         if self.photograph is not None:
-            from gsvc_lab.scenes.photographs import photograph
-
             return photograph(self.photograph)
         if (path := self.path(folder)) is not None:
             return _read_image(path)
@@ -177,7 +171,7 @@ def _stripes(place: NDArray[np.float64], side: float) -> NDArray[np.float64]:
     """1 in the stripe around 0, -1 in its neighbours and so on; the mean over a pixel, which is 1/side wide."""
 
     def integral(at: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of a wave of period 2 that is 1 for -1/2..1/2 and -1 for 1/2..3/2."""
+        """The integral of a wave of period 2 that is 1 for -1/2..1/2 and -1 for 1/2..3/2."""
         phase = (at + 0.5) % 2
         return np.where(phase < 1, phase, 2 - phase)
 

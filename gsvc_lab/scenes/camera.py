@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F4, F8, centres
+from gsvc_lab.scenes.canvas import F4, F8, centres
 from gsvc_lab.scenes.sampling import read_at, read_grid, smoothed, spline_coefficients
 from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import cos, sin
@@ -13,7 +13,7 @@ from gsvc_ref.portable import cos, sin
 
 @dataclass(frozen=True)
 class Camera:
-    """What part of the picture fills the frame.
+    """The part of the picture that fills the frame.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of a picture and of the frame that shows a part of it, in pixels."""
+    """The sizes of a picture and of the frame that shows a part of it, in pixels."""
 
     picture_width: int
     picture_height: int
@@ -51,7 +51,7 @@ class Sizes:
         return camera.span * min(self.picture_width / self.width, self.picture_height / self.height)
 
     def to_picture(self, camera: Camera, x: F8, y: F8) -> tuple[F8, F8]:
-        """What points of the picture the camera shows at points (x, y) of the frame, all in pixels.
+        """The points of the picture that the camera shows at points (x, y) of the frame, all in pixels.
 
         (0.5, 0.5) is the centre of the first pixel, of the frame as of the picture.
         """
@@ -64,7 +64,7 @@ class Sizes:
         )
 
     def to_frame(self, camera: Camera, x: F8, y: F8) -> tuple[F8, F8]:
-        """Where in the frame the camera shows points (x, y) of the picture: the inverse of `to_picture`."""
+        """The points of the frame that show points (x, y) of the picture: the inverse of `to_picture`."""
         step = self.step(camera)
         across, down = (x - camera.x * self.picture_width) / step, (y - camera.y * self.picture_height) / step
         cosine, sine = cos(camera.roll), sin(camera.roll)
@@ -97,7 +97,7 @@ class View:
         self._seen: tuple[Camera, F4] | None = None
 
     def see(self, camera: Camera, displacement: tuple[F8, F8] | None = None) -> F4:
-        """What the camera sees, as a (height, width, 3) f4 picture; beyond the picture's edges its mirror image.
+        """The view of the camera, a (height, width, 3) f4 picture; beyond the picture's edges its mirror image.
 
         The picture is low-passed to the frame's resolution by a Gaussian, then read with cubic splines. The same array
         again for the same camera, so it must not be changed.
@@ -105,9 +105,9 @@ class View:
         Parameters
         ----------
         camera
-            Where the camera stands.
+            Place of the camera.
         displacement
-            How far right and below of itself each pixel reads, in pixels of the frame, (height, width) f8 each.
+            Distances right and below of itself at which each pixel reads, in frame pixels, (height, width) f8 each.
         """
         if displacement is None and self._seen is not None and self._seen[0] == camera:
             return self._seen[1]
@@ -139,5 +139,5 @@ class View:
 
 
 def view(picture: F4, camera: Camera, width: int, height: int) -> F4:
-    """What the camera sees of a picture, once; see `View`."""
+    """The view of the camera over a picture, once; see `View`."""
     return View(picture, width, height).see(camera)

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_lab.scenes.base import Base
-from gsvc_lab.scenes.description import Scene
+from gsvc_lab.scenes.canvas import F4, F8
+from gsvc_lab.scenes.description import Description
 from gsvc_lab.scenes.effect import (
-    F4,
-    F8,
     CameraEffect,
     Effect,
     LightEffect,
@@ -41,12 +40,12 @@ class Clip:
     Attributes
     ----------
     scene, canvas
-        What is drawn.
+        The scene, and its frame.
     effects
         The prepared effects by name: the kind and a number that counts those of its kind, such as ``shape-2``.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Description) -> None:
         self.scene, self.canvas = scene, scene.canvas
         self.effects: dict[str, Effect] = {}
         counts = Counter[str]()
@@ -82,7 +81,7 @@ class Clip:
         return self._last[1].copy()
 
     def _exposed(self, number: int) -> F4:
-        """What falls on the sensor while the shutter is open."""
+        """The light on the sensor while the shutter is open."""
         for shutter in self.shutters.values():  # one at most
             moments = shutter.moments(number)
             first = picture = self.picture(moments[0])
@@ -95,7 +94,7 @@ class Clip:
         return self.picture(number)
 
     def picture(self, time: float) -> F4:
-        """What there is to be seen at a moment, (height, width, 3) f4; not to be changed."""
+        """The picture at a moment, (height, width, 3) f4; not to be changed."""
         camera = self.camera(time)
         displacement = None
         if self.warps:
@@ -117,7 +116,7 @@ class Clip:
         return picture
 
     def camera(self, time: float) -> "Camera":
-        """Where the camera stands at a moment; without a camera effect it sees the largest part that fits."""
+        """The camera at a moment; without a camera effect it sees the largest part that fits."""
         from gsvc_lab.scenes.camera import Camera
 
         camera = Camera(0.5, 0.5, 1.0)
@@ -126,7 +125,7 @@ class Clip:
         return camera
 
     def displacement(self, x: F8, y: F8, time: float) -> tuple[F8, F8]:
-        """How far right and below of themselves points of the frame read, in pixels: the warps one after the other."""
+        """Distances right and below of themselves at which points of the frame read, in pixels: all warps in turn."""
         x_read, y_read = x, y
         for warp in self.warps.values():
             right, below = warp.displacement(x_read, y_read, self.canvas, time)
@@ -152,6 +151,6 @@ class Clip:
         return self._views[base]
 
 
-def frames(scene: Scene) -> Iterator[U1]:
+def frames(scene: Description) -> Iterator[U1]:
     """Draw a scene: (height, width, 3) u1 frames, each when it is asked for, rounded half to even."""
     return iter(Clip(scene))

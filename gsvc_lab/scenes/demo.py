@@ -37,7 +37,7 @@ def demo_clip(width: int = 192, height: int = 112, frames: int = 40, seed: int =
     width, height
         Size in pixels.
     frames
-        How many frames, at 24 frames per second.
+        Number of frames, at 24 frames per second.
     seed
         Decides how the hand that holds the camera sways; same seed, same bytes.
 
@@ -97,7 +97,7 @@ def _ball(number: int, width: int, height: int) -> Ball:
 
 
 def _sway(frames: int, rng: Draws) -> list[float]:
-    """How far a hand moves the camera, per frame, as a fraction of the picture: three slow waves of random phase."""
+    """The motion of the camera by a hand, per frame, as a fraction of the picture: three slow waves of random phase."""
     phases = rng.uniform(0, 2 * math.pi, 3)
     seconds = np.arange(frames) / float(DEMO_FRAME_RATE)
     slow, middle, fast = (

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F8, Canvas
+from gsvc_lab.scenes.canvas import F8, Canvas
 from gsvc_ref.portable import hypot
 
 Box = tuple[float, float, float, float]
@@ -33,7 +33,7 @@ def _within(edge: int, size: int) -> int:
 
 
 def inside(distance: F8) -> F8:
-    """How much of a pixel lies within an outline, 0 to 1, by the signed distance of its centre in pixels."""
+    """The part of a pixel that lies within an outline, 0 to 1, by the signed distance of its centre in pixels."""
     return np.clip(0.5 - distance, 0, 1)
 
 

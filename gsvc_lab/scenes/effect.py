@@ -1,4 +1,4 @@
-"""What an effect of a scene is: a frozen dataclass of parameters with the hook of the stage at which it takes part.
+"""An effect of a scene: a frozen dataclass of parameters with the hook of the stage at which it takes part.
 
 A frame is drawn in this order, and a stage without an effect does nothing:
 
@@ -28,52 +28,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_lab.scenes.canvas import F4, F8, Canvas
 from gsvc_lab.scenes.parameters import Checked
 from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # an effect that needs neither imports neither
     from gsvc_lab.scenes.base import Base
     from gsvc_lab.scenes.camera import Camera
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Stage = Literal["camera", "warp", "transition", "object", "light", "shutter", "sensor"]
-
-
-@dataclass(frozen=True)
-class Canvas:
-    """What effects may know of the clip that they are part of.
-
-    Attributes
-    ----------
-    width, height
-        Of a frame, in pixels.
-    frames
-        How many there are.
-    """
-
-    width: int
-    height: int
-    frames: int
-
-    @property
-    def shorter(self) -> int:
-        """The shorter side in pixels: what lengths are fractions of."""
-        return min(self.width, self.height)
-
-    def centres(self) -> tuple[F8, F8]:
-        """The centres of the pixels; see `centres`."""
-        return centres(self.width, self.height)
-
-
-def centres(width: int, height: int) -> tuple[F8, F8]:
-    """The centres of a frame's pixels, x and y in pixels, as (1, width) and (height, 1) f8: (0.5, 0.5) is the first."""
-    x = np.arange(width, dtype=np.float64)[None, :]
-    y = np.arange(height, dtype=np.float64)[:, None]
-    return x + 0.5, y + 0.5
 
 
 @dataclass(frozen=True)
@@ -85,7 +50,7 @@ class Effect(Checked, ABC):
     SUMMARY
         One sentence for the gallery.
     STAGE
-        Where it takes part.
+        Stage at which it takes part.
     """
 
     SUMMARY: ClassVar[str] = ""
@@ -96,7 +61,7 @@ class Effect(Checked, ABC):
         return self
 
     def truth(self, canvas: Canvas, time: float) -> dict[str, Any]:
-        """What is exactly known about a frame: arrays and numbers by name, of the same shape and type in all frames."""
+        """Exact knowledge about a frame: arrays and numbers by name, of the same shape and type in all frames."""
         return {}
 
 
@@ -117,7 +82,7 @@ class WarpEffect(Effect):
 
     @abstractmethod
     def displacement(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8]:
-        """How far right and below of themselves pixels with centres (x, y) read, in pixels, (H, W) f8 each."""
+        """Distances right and below at which pixels with centres (x, y) read, in pixels, (H, W) f8 each."""
 
     def shade(self, picture: F4, canvas: Canvas, time: float) -> F4:
         """The picture, brighter and darker as by the warp's relief, a new array; the same array where there is none."""
@@ -137,7 +102,7 @@ class TransitionEffect(Effect):
     def replace(self, picture: Callable[[], F4], see: Callable[["Base"], F4], canvas: Canvas, time: float) -> F4:
         """The picture at a time, given how to draw that of before, and how to draw another base by the same camera.
 
-        What is not shown is not drawn.
+        A picture that is not shown is not drawn.
         """
 
     @abstractmethod
@@ -155,14 +120,14 @@ class ObjectEffect(Effect):
         """The picture with the object in front, a new array; the same array where it is not to be seen."""
 
     def coverage(self, x: F8, y: F8, canvas: Canvas, time: float) -> F8 | None:
-        """How much of a pixel the object hides whose centre is at (x, y) in pixels, 0..1; None: light, hides nothing.
+        """The part of a pixel with its centre at (x, y) that the object hides, 0..1; None: light, hides nothing.
 
         (0.5, 0.5) is the centre of the first pixel. Any points may be asked for, whole arrays of them.
         """
         return None
 
     def motion(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8] | None:
-        """How far right and down the object's points at (x, y) have moved since time - 1, in pixels; None: unknown."""
+        """The motion of the object's points at (x, y) since time - 1, right and down in pixels; None: unknown."""
         return None
 
 

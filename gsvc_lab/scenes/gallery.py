@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gsvc_lab.pages.page import document
 from gsvc_lab.pages.pictures import animation_uri, png_uri
+from gsvc_lab.scenes.built_in import SCENE_PREFIX, scene_names, scene_text
 from gsvc_lab.scenes.clip import Clip
-from gsvc_lab.scenes.description import Scene
 from gsvc_lab.scenes.effect import EFFECTS, effect_class, kind_of
 from gsvc_lab.scenes.gallery_pictures import (
     changing_frames,
@@ -24,18 +24,18 @@ from gsvc_lab.scenes.gallery_pictures import (
     truth_picture,
 )
 from gsvc_lab.scenes.ground_truth import truth
-from gsvc_lab.scenes.names import SCENE_PREFIX, scene_names, scene_text
 from gsvc_lab.scenes.parameters import key_of, parameters
 from gsvc_lab.scenes.reference import as_toml, reference_object
+from gsvc_lab.scenes.scene import Scene
 from gsvc_ref.files import write_text
 
 U1 = NDArray[np.uint8]
 Progress = Callable[[str, float, float | None], None]
 
 WIDTH: Final = 192
-"""Of the pictures in pixels: scenes are drawn small, which a description allows."""
+"""Width of the pictures in pixels: scenes are drawn small, which a description allows."""
 MAX_CLIP_BYTES: Final = 140_000
-"""Of the moving picture of one scene, before base64 adds a third of it."""
+"""Size of the moving picture of one scene at most, before base64 adds a third of it."""
 STRIP: Final = 6
 """Frames in the strip of a scene."""
 
@@ -232,7 +232,7 @@ def _default(item: dict[str, Any]) -> str:
 
 
 def _known_truth(kind: str) -> str:
-    """What an effect knows besides motion and masks: the first sentence of its `truth`."""
+    """The knowledge of an effect besides motion and masks: the first sentence of its `truth`."""
     method = effect_class(kind).truth
     if method.__qualname__ == "Effect.truth":
         return ""

@@ -29,7 +29,7 @@ def telling_frames(clip: Sequence[U1], count: int) -> list[int]:
     clip
         (H, W, 3) u1 frames.
     count
-        How many to choose, at least 3; of a shorter clip all.
+        Number of frames to choose, at least 3; of a shorter clip all.
     """
     small = [_shrunk(frame) for frame in clip]
     chosen = sorted({round(number) for number in np.linspace(0, len(clip) - 1, count)})
@@ -68,7 +68,7 @@ def truth_picture(known: dict[str, Any]) -> U1:
     Parameters
     ----------
     known
-        What `gsvc_lab.scenes.ground_truth` tells.
+        Ground truth of a frame, as `gsvc_lab.scenes.ground_truth` gives it.
     """
     right, below = np.asarray(known["motion"], np.float64)
     known_motion = np.isfinite(right) & np.isfinite(below)

@@ -1,4 +1,4 @@
-"""What is exactly known about a frame of a scene, because it was drawn: motion, what was hidden, masks, cuts.
+"""Exact knowledge about a frame of a scene, because it was drawn: motion, what was hidden, masks, cuts.
 
 `truth` and the NPZ file of `write_truth` (there with one more axis in front, the frames) have these keys:
 
@@ -18,7 +18,7 @@
 ``NAME.mask``, ``NAME.seen``
     (H, W) f4: how much of each pixel an object covers, 0..1, with what is hidden by others in front of it and without.
 ``NAME.VALUE``
-    What an effect itself knows; see `truth` of its class. NAME is its kind and number, such as ``noise-1``.
+    Knowledge of an effect itself; see `truth` of its class. NAME is its kind and number, such as ``noise-1``.
 
 A pixel belongs to what covers at least half of it. With a shutter all this is true of the middle of the time in which
 it is open.
@@ -32,9 +32,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_lab.scenes.canvas import F8, Canvas
 from gsvc_lab.scenes.clip import Clip
-from gsvc_lab.scenes.description import Scene
-from gsvc_lab.scenes.effect import F8, Canvas
+from gsvc_lab.scenes.description import Description
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import check_parent, complete_file
 
@@ -46,8 +46,8 @@ MAX_STEPS: Final = 200
 MAX_TRUTH_BYTES: Final = 2**31
 
 
-def truth(scene: Scene | Clip, frame: int) -> dict[str, Any]:
-    """What is known about a frame; the module's docstring names the keys.
+def truth(scene: Description | Clip, frame: int) -> dict[str, Any]:
+    """The ground truth of a frame; the module's docstring names the keys.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def truth(scene: Scene | Clip, frame: int) -> dict[str, Any]:
 
 
 def _masks(clip: Clip, frame: int) -> dict[str, Any]:
-    """How much of each pixel the objects cover."""
+    """The part of each pixel that the objects cover."""
     masks: dict[str, Any] = {}
     left: Any = np.float64(1)  # of a pixel, by what stands in front
     for name, item in reversed(clip.objects.items()):
@@ -101,7 +101,7 @@ def _motion(clip: Clip, frame: int) -> dict[str, Any]:
 
 
 def _owner(clip: Clip, x: F8, y: F8, time: float) -> NDArray[np.intp]:
-    """What is seen at points of the frame: 0 the background, else the number of an object, counted from 1."""
+    """The thing seen at points of the frame: 0 the background, else the number of an object, counted from 1."""
     owner = np.zeros(x.shape, np.intp)
     for number, item in enumerate(clip.objects.values(), 1):
         part = item.coverage(x, y, clip.canvas, time)
@@ -111,7 +111,7 @@ def _owner(clip: Clip, x: F8, y: F8, time: float) -> NDArray[np.intp]:
 
 
 def _background(clip: Clip, x: F8, y: F8, canvas: Canvas, frame: int) -> tuple[F8, F8] | None:
-    """How the camera and the warps have moved the base in points of the frame; None where there is not one answer."""
+    """The motion of the base by the camera and the warps in points of the frame; None where there is not one answer."""
     if not set(clip.shown(frame)) & set(clip.shown(frame - 1)):
         return None
     now, before = clip.camera(frame), clip.camera(frame - 1)
@@ -148,7 +148,7 @@ def _grid(clip: Clip) -> tuple[F8, F8]:
     return x, y
 
 
-def check_truth_size(scene: Scene) -> None:
+def check_truth_size(scene: Description) -> None:
     """Refuse a scene of which too much is known to write it.
 
     Raises
@@ -167,7 +167,9 @@ def check_truth_size(scene: Scene) -> None:
         )
 
 
-def write_truth(scene: Scene, path: str | Path, on_frame: Callable[[int], None] = lambda number: None) -> list[str]:
+def write_truth(
+    scene: Description, path: str | Path, on_frame: Callable[[int], None] = lambda number: None
+) -> list[str]:
     """Write what is known about all frames of a scene as one NPZ file, which stands under its name once it is complete.
 
     Parameters

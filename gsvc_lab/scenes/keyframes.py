@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Final
 
-from gsvc_lab.scenes.effect import Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import MAX_FRAMES, ParameterError, Rule, number, pair, several
 from gsvc_lab.scenes.paths import begun, frame_at, gentle
 
 MAX_KEYS: Final = 1000
-"""Of a list of values over time."""
+"""Interpolation of a list of values over time."""
 
 
 def is_shown(start: int, end: int | None, time: float) -> bool:
@@ -18,12 +18,12 @@ def is_shown(start: int, end: int | None, time: float) -> bool:
 
 
 def places() -> Rule:
-    """Of something that may also be outside the frame."""
+    """Places of something that may also be outside the frame."""
     return several(pair(-10, 10), 1, MAX_KEYS)
 
 
 def values(low: float, high: float) -> Rule:
-    """Of something that changes over time."""
+    """Values of something that changes over time."""
     return several(number(low, high), 1, MAX_KEYS)
 
 
@@ -66,7 +66,7 @@ def key_before(
     at
         Frames of the keys; empty for evenly spaced ones from the clip's first frame to its last.
     count
-        How many keys there are.
+        Number of keys.
     canvas
         The clip.
     time

@@ -1,53 +1,18 @@
-"""The built-in scenes by name: TOML files in the folder `library`."""
+"""Scenes as sources of `gsvc_ref.video.open_video`, by name or file; what draws them is imported when one is opened."""
 
 from typing import TYPE_CHECKING, Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_lab.scenes.built_in import SCENE_PREFIX, SCENE_SUFFIX
 from gsvc_ref.plugins import NamedSource
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoReader
 
-SCENE_PREFIX: Final = "scene:"
-"""What the name of a built-in scene begins with where a video file might be named as well: ``scene:pan``."""
-SCENE_SUFFIX: Final = ".toml"
-
-
-def scene_names() -> tuple[str, ...]:
-    """The names of the built-in scenes, in the order of the alphabet."""
-    from importlib.resources import files
-
-    library = files("gsvc_lab.scenes") / "library"
-    return tuple(
-        sorted(item.name.removesuffix(SCENE_SUFFIX) for item in library.iterdir() if item.name.endswith(SCENE_SUFFIX))
-    )
-
-
-def scene_text(name: str) -> str:
-    """The description of a built-in scene as it stands in its file.
-
-    Raises
-    ------
-    UsageError
-        There is none of that name.
-    """
-    from importlib.resources import files
-
-    names = scene_names()
-    if name not in names:
-        from difflib import get_close_matches
-
-        close = get_close_matches(name, names, n=1)
-        guess = f" (did you mean {close[0]}?)" if close else ""
-        raise UsageError(f"there is no scene {name!r}{guess}; there are {', '.join(names)}, or give a FILE.toml")
-    return (files("gsvc_lab.scenes") / "library" / f"{name}{SCENE_SUFFIX}").read_text(encoding="utf-8")
-
 
 def _open(name: str) -> "VideoReader":
-    from gsvc_lab.scenes.description import Scene
+    from gsvc_lab.scenes.scene import Scene
 
     return Scene.find(name).open_video()
 
 
 SCENES: Final = NamedSource(SCENE_PREFIX, SCENE_SUFFIX, _open)
-"""Scenes as sources of `gsvc_ref.video.open_video`."""

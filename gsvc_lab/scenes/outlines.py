@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import Box, polygon_distance
-from gsvc_lab.scenes.effect import F8
 from gsvc_ref.portable import arctan2, cos, hypot, sin
 
 Corners = Sequence[tuple[float, float]]
@@ -17,12 +17,12 @@ RECTANGLE: Final[Corners] = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 """In halves of the width and the height from the centre, as all corners before they are placed; y points down."""
 
 ROUND_POINTS: Final = 128
-"""Of an outline that has no corners."""
+"""Number of points of an outline that has no corners."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """How a shape stands in the frame.
+    """The pose of a shape in the frame.
 
     Its own coordinates are those of the circle or square that it was before it got its size, bulges, turn and place.
 
@@ -35,11 +35,11 @@ class Pose:
     angle
         In radians, clockwise as seen.
     wobble
-        How far its outline bulges, as a part of the distance from the centre.
+        Height of the bulges of its outline, as a part of the distance from the centre.
     waves
-        How many bulges there are around it.
+        Number of bulges around it.
     phase
-        Of the bulges, in radians.
+        Phase of the bulges in radians.
     """
 
     x: float
@@ -52,7 +52,7 @@ class Pose:
     phase: float = 0.0
 
     def bulge(self, theta: F8) -> F8:
-        """How many times farther from the centre points are by the bulges, by their direction in own coordinates."""
+        """The factor by which bulges move points away from the centre, by their direction in own coordinates."""
         return np.asarray(1 + self.wobble * sin(self.waves * theta + self.phase))
 
     def own(self, x: F8, y: F8) -> tuple[F8, F8]:

@@ -42,7 +42,7 @@ class ParameterError(UsageError):
 
 @dataclass(frozen=True)
 class Rule:
-    """What a value may be.
+    """The values that a parameter may have.
 
     Attributes
     ----------

@@ -20,12 +20,12 @@ def begun(time: float, start: int) -> bool:
 
 
 def gentle(share: float) -> float:
-    """How far something has come that is slow at both ends, by a cosine, from 0 at 0 to 1 at 1."""
+    """The progress of a motion that is slow at both ends, by a cosine, from 0 at 0 to 1 at 1."""
     return float(0.5 - 0.5 * cos(math.pi * share))
 
 
 def progress(time: float, start: int, end: int | None, frames: int, pace: str = "even") -> float:
-    """How much of a change is done: 0 up to frame `start`, 1 from frame `end` on (None: the last of the clip).
+    """The part of a change that is done: 0 up to frame `start`, 1 from frame `end` on (None: the last of the clip).
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def progress(time: float, start: int, end: int | None, frames: int, pace: str = 
     start, end
         Numbers of frames.
     frames
-        How many the clip has.
+        Number of frames of the clip.
     pace
         One of `PACES`.
     """

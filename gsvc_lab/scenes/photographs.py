@@ -1,13 +1,14 @@
 """The photographs inside the scikit-image package: real pixels without a download."""
 
-import numpy as np
-import skimage.data
-from numpy.typing import NDArray
+from typing import Final
 
-from gsvc_lab.scenes.base import PHOTOGRAPHS
+import numpy as np
+
+from gsvc_lab.scenes.canvas import F4
 from gsvc_ref.errors import UsageError
 
-F4 = NDArray[np.float32]
+PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")
+"""RGB photographs that every scikit-image wheel holds as PNG files, so that they read the same everywhere."""
 
 
 def photograph(name: str) -> F4:
@@ -20,5 +21,7 @@ def photograph(name: str) -> F4:
     """
     if name not in PHOTOGRAPHS:
         raise UsageError(f"there is no photograph {name!r}; there are {', '.join(PHOTOGRAPHS)}")
+    import skimage.data
+
     samples = getattr(skimage.data, name)()  # (H, W, 3) u1
     return np.asarray(samples, np.float32) / np.float32(255)

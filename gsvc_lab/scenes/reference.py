@@ -1,13 +1,14 @@
-"""What can stand in the description of a scene, told from the declarations themselves."""
+"""The keys and values of a scene's description, taken from the declarations themselves."""
 
 from dataclasses import MISSING
 from textwrap import wrap
 from typing import Any, Final
 
 from gsvc_lab.scenes.base import Base, Checker, Gradient, Noise
-from gsvc_lab.scenes.description import MAX_PIXELS, Scene
+from gsvc_lab.scenes.description import MAX_PIXELS
 from gsvc_lab.scenes.effect import EFFECTS, effect_class
 from gsvc_lab.scenes.parameters import Checked, key_of, parameters
+from gsvc_lab.scenes.scene import Scene
 
 TABLES: Final[dict[str, type[Checked]]] = {
     "base": Base, "base.gradient": Gradient, "base.checker": Checker, "base.noise": Noise,

@@ -14,7 +14,7 @@ from gsvc_ref.portable import exp
 F8 = NDArray[np.float64]
 
 _POLE: Final = math.sqrt(3) - 2
-"""Of the recursive filters that find the coefficients of a cubic spline."""
+"""Pole of the recursive filters that find the coefficients of a cubic spline."""
 _POWERS: Final = 30
 """The powers of the pole beyond are less than a unit in the last place."""
 _AT_ONCE: Final = 1 << 16  # places that are read together: what belongs to them stays in the cache

@@ -11,10 +11,10 @@ def generator(seed: int, name: str, *numbers: int) -> Draws:
     Parameters
     ----------
     seed
-        Of the scene.
+        Seed of the scene.
     name
-        Of the part, such as the kind of an effect.
+        Name of the part, such as the kind of an effect.
     numbers
-        What else tells parts apart, such as the number of a frame; 0 or more each.
+        Numbers that tell parts apart, such as that of a frame; 0 or more each.
     """
     return Draws([seed, crc32(name.encode()), *numbers])

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import segment_distance
-from gsvc_lab.scenes.effect import F8
 from gsvc_ref.errors import UsageError
 
 Line = tuple[tuple[float, float], ...]
@@ -127,9 +127,9 @@ def text_distance(x: F8, y: F8, text: str, left: float, top: float, height: floa
     text
         Checked.
     left, top
-        Of the text's strokes, in pixels.
+        Size of the text with its strokes, in pixels.
     height
-        Of a capital with its strokes, in pixels.
+        Height of a capital with its strokes, in pixels.
     weight
         Thickness of the strokes as a part of that.
     """

@@ -1,4 +1,4 @@
-"""``gsvc compare``: how far two videos are apart."""
+"""``gsvc compare``: the distance of two videos."""
 
 from argparse import Namespace
 from collections.abc import Iterator
@@ -137,7 +137,7 @@ def _compare(a: Side, b: Side, arguments: Namespace) -> "Comparison":
 
 
 def _damage(side: Side) -> list[str]:
-    """What is wrong with a video, if anything."""
+    """Sentences about the damage of a video, if there is any."""
     if side.frames.damage is None:
         return []
     if side.stream is None:

@@ -1,4 +1,4 @@
-"""What a command says while kernels are compiled; this imports the compiler, so commands import it when they run."""
+"""The notice that kernels are being compiled; this imports the compiler, so commands import it when they run."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,11 +12,11 @@ from numba.core import event
 from gsvc_ref.cli.errors import say
 
 COMPILE_EVENT: Final = "numba:compile"
-"""What Numba broadcasts when it compiles, and not when it finds a kernel in its cache."""
+"""Name of the event that Numba broadcasts when it compiles, and not when it finds a kernel in its cache."""
 
 
 class CompilationNotice(event.Listener):
-    """Says once, on standard error, that the compiler works, at the moment when it begins to.
+    """A listener that says once, on standard error, that the compiler works, at the moment when it begins to.
 
     Attributes
     ----------

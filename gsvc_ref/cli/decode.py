@@ -166,7 +166,7 @@ def _with_progress(frames: "Iterable[Frame]", expected: int | None, display: Pro
 
 
 def _expected(stream: "Stream", arguments: Namespace) -> int | None:
-    """How many frames the stream promises for the range that was asked for."""
+    """The number of frames that the stream promises for the range that was asked for."""
     start, stop = arguments.frames
     total = stream.frame_count
     ends = [end for end in (stop, total) if end is not None]

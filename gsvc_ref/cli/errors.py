@@ -1,4 +1,4 @@
-"""From exceptions to one line on standard error and an exit code."""
+"""The translation of exceptions into one line on standard error and an exit code."""
 
 import errno
 import os
@@ -34,7 +34,7 @@ ADVICE: Final = {
     errno.EFBIG: "; files may not get so large here (ulimit -f, or the file system): write to another disk",
     errno.EACCES: "; check the permissions, or give another path",
 }
-"""What to do about an error of the operating system, by its number."""
+"""Advice about an error of the operating system, by its number."""
 
 
 def say(command: str, message: str) -> None:
@@ -44,7 +44,7 @@ def say(command: str, message: str) -> None:
 
 
 def prepare_streams() -> None:
-    """Let standard output and error bear whatever is printed: what they cannot show, and that they are closed."""
+    """Let standard output and error take whatever is printed, also if they cannot show it or are closed."""
     if sys.stderr is None:  # closed; `print` would take standard output, which may carry a stream
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (for as long as the process lives)
     for stream in (sys.stdout, sys.stderr):
@@ -59,7 +59,7 @@ def guarded(command: str, action: Callable[[], int]) -> int:
     Parameters
     ----------
     command
-        What messages begin with, such as ``gsvc encode``.
+        First words of messages, such as ``gsvc encode``.
     action
         Returns an exit code.
     """
@@ -117,7 +117,7 @@ def missing_package(error: BaseException) -> str | None:
 
 
 def describe_os_error(error: OSError) -> str:
-    """What the operating system refused, for which file, and what to do where that is known."""
+    """The refusal of the operating system with the file that it concerns, and advice where there is any."""
     if error.strerror is None:  # raised with a message of our own
         return str(error)
     place = f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""

@@ -1,4 +1,4 @@
-"""Inputs and outputs of the commands: what can be said about a name before anything is read or written."""
+"""Inputs and outputs of the commands: checks of a name before anything is read or written."""
 
 import os
 import sys
@@ -20,11 +20,11 @@ STREAM_SUFFIX: Final = ".gsvc"
 CUT_RULE: Final = "R-6.2-4"
 """The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"
-"""The one that a file of another type breaks."""
+"""The requirement that a file of another type breaks."""
 
 
 def display_name(name: str, standard: str = "standard input") -> str:
-    """What to call a file in messages."""
+    """The name of a file in messages."""
     return standard if name == STDIO else name
 
 

@@ -1,4 +1,4 @@
-"""One line on a terminal that tells how far a command is; nothing anywhere else."""
+"""One line on a terminal that shows the progress of a command; nothing anywhere else."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ from gsvc_ref.cli.text import duration
 DELAY_S: Final = 0.7
 """Commands that end sooner show nothing."""
 INTERVAL_S: Final = 0.1
-"""Least time between two updates."""
+"""Minimum time between two updates."""
 
 
 class Line(Protocol):
@@ -89,7 +89,7 @@ def open_line(stream: TextIO) -> Line:
 
 
 class ProgressDisplay:
-    """Shows how far a command is and how long it will take; a context manager, which clears the line at its end.
+    """The display of a command's progress and remaining time; a context manager, which clears the line at its end.
 
     Nothing is shown in the first `DELAY_S`, with `quiet`, or when standard error is no terminal.
 
@@ -120,7 +120,7 @@ class ProgressDisplay:
             self._show(text, None)
 
     def update(self, text: str, done: float, total: float | None) -> None:
-        """Tell that `done` of `total` (None: unknown) units of work are complete; with the first comes an estimate."""
+        """Show that `done` of `total` (None: unknown) units of work are complete; with the first comes an estimate."""
         now = self._clock()
         if not self.active or now < self._next:
             return

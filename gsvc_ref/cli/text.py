@@ -1,4 +1,4 @@
-"""Numbers, tables and JSON as the commands print them, and what of others' text they let through."""
+"""Numbers, tables and JSON as the commands print them, and the escaping of text of unknown origin."""
 
 import json
 import math
@@ -33,7 +33,7 @@ def printable(text: str) -> str:
 
 
 def show(*lines: str, file: TextIO | None = None) -> None:
-    """Print lines, of which nothing commands the terminal: everything that commands print goes through here."""
+    """Print lines with all that could control the terminal escaped; all output of commands goes through here."""
     with naming("standard output" if file in (None, sys.stdout) else "standard error"):
         print(printable("\n".join(lines)), file=file, flush=True)
 

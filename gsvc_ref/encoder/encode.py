@@ -49,7 +49,7 @@ def encode(
         VideoFormat.
     target
         A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
-        folder, ``.NAME.PROCESS-NUMBER.part``, and its own name when it is complete and on the disk: at every moment it
+        folder, ``.NAME.NUMBER.part``, and its own name when it is complete and on the disk: at every moment it
         is the old file or the new one, also if the process is killed.
     settings
         Settings.quick() if not given.

@@ -1,4 +1,4 @@
-"""How far two videos are apart: PSNR, MS-SSIM and, where ffmpeg has libvmaf, VMAF."""
+"""The distance of two videos: PSNR, MS-SSIM and, where ffmpeg has libvmaf, VMAF."""
 
 from gsvc_ref.metrics.comparison import Comparison, FrameComparison, compare_frames
 from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter, vmaf

@@ -8,10 +8,10 @@ from fractions import Fraction
 from itertools import zip_longest
 from typing import Any
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.metrics.frames import Frame, check_pair
 from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter
-from gsvc_ref.metrics.squared_error import mse, psnr_from_mse
+from gsvc_ref.metrics.squared_error import check_pair, mse, psnr_from_mse
 from gsvc_ref.metrics.ssim import ms_ssim, ms_ssim_scales
 
 
@@ -85,12 +85,12 @@ class Comparison:
 
     @property
     def identical_frames(self) -> int:
-        """How many pairs are equal in every sample."""
+        """Number of pairs that are equal in every sample."""
         return sum(frame.identical for frame in self.frames)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the means must know, one sentence each."""
+        """Sentences that a reader of the means must know."""
         compared = f"only the first {len(self.frames)} frames of both are compared"
         notes = [
             f"the {name} video ends {missing} frames before the other one: {compared}"

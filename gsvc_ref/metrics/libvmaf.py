@@ -23,8 +23,9 @@ from typing import IO, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.metrics.frames import Frame, check_pair
+from gsvc_ref.metrics.squared_error import check_pair
 
 MODEL: Final = "vmaf_v0.6.1"
 """The model built into libvmaf that published figures use."""
@@ -73,9 +74,9 @@ def ffmpeg_with_libvmaf() -> tuple[str | None, str | None]:
 
 
 class VmafMeter:
-    """Scores pairs of frames as they come; a context manager.
+    """A meter that scores pairs of frames as they come; a context manager.
 
-    Where VMAF cannot be had, :meth:`add` does nothing and :meth:`finish` tells the reason.
+    Where VMAF cannot be had, :meth:`add` does nothing and :meth:`finish` gives the reason.
 
     Parameters
     ----------
@@ -206,7 +207,7 @@ class VmafMeter:
         return scores
 
     def _complaint(self) -> str | None:
-        """What ffmpeg said last on its error stream."""
+        """The last words of ffmpeg on its error stream."""
         if self._process is not None:
             self._process.wait()
         if self._errors is None:

@@ -18,7 +18,7 @@ where a bar is the mean over all places at which the window lies inside the pict
 - **Negative means** (structure that is inverted on the whole) count as 0: their fractional power does not exist.
 - **Small frames**: as many scales as leave at least 11 samples on the shorter side, with the first weights divided by
   their sum. Five scales need 161 samples. A value over fewer scales is not comparable with one over five:
-  :func:`ms_ssim_scales` tells the number.
+  :func:`ms_ssim_scales` gives the number.
 - **Frames with a side under 11** have one scale; the window shrinks to the side's length.
 
 Moments are computed of p = x + y and m = x - y, because 2 cov = (var p - var m)/2 and var x + var y =
@@ -28,12 +28,10 @@ Moments are computed of p = x + y and m = x - y, because 2 cov = (var p - var m)
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.metrics.frames import Frame, check_pair
-
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F8, Frame
+from gsvc_ref.metrics.squared_error import check_pair
 
 SCALE_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 """Exponents of the five scales, from the finest to the coarsest; Wang et al. 2003, section 3.2."""
@@ -52,7 +50,7 @@ STRUCTURE_K: Final = 0.03
 
 
 def ms_ssim_scales(height: int, width: int) -> int:
-    """How many of the five scales a frame of this size has: the shorter side must keep 11 samples; at least one."""
+    """The number of scales of a frame of this size, 1 to 5: each but the first has sides of at least 11 samples."""
     side = min(height, width)
     scales = 1
     while scales < len(SCALE_WEIGHTS) and (side := (side + 1) // 2) >= WINDOW_SIZE:
@@ -110,29 +108,12 @@ def halve(plane: F8) -> F8:
     return np.asarray((even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]) / 4)
 
 
-def mean_similarity_plain(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: float) -> tuple[float, float]:
-    """Means of l * cs and of cs over all places where the window lies inside two (H, W) f8 planes: the definition."""
-    from scipy.ndimage import correlate1d  # here, so that no command waits for what only the definition needs
-
-    def filtered(plane: F8) -> F8:
-        rows, columns = (
-            slice(len(w) // 2, len(w) // 2 + size - len(w) + 1)
-            for w, size in zip((vertical, horizontal), plane.shape, strict=True)
-        )
-        return np.asarray(correlate1d(correlate1d(plane, vertical, axis=0), horizontal, axis=1)[rows, columns])
-
-    plus, minus = x + y, x - y
-    mean_plus, mean_minus = filtered(plus), filtered(minus)
-    variance_plus = filtered(plus**2) - mean_plus**2
-    variance_minus = filtered(minus**2) - mean_minus**2
-    luminance = ((mean_plus**2 - mean_minus**2) / 2 + c1) / ((mean_plus**2 + mean_minus**2) / 2 + c1)  # (11-6)
-    contrast_structure = ((variance_plus - variance_minus) / 2 + c2) / ((variance_plus + variance_minus) / 2 + c2)
-    return float((luminance * contrast_structure).mean()), float(contrast_structure.mean())
-
-
 @kernel(contract=True)
 def mean_similarity(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: float) -> tuple[float, float]:
-    """Compute :func:`mean_similarity_plain` row by row, so that the moments stay in the cache."""
+    """Means of l * cs and of cs over all places where the window lies inside two (H, W) f8 planes.
+
+    Computed row by row, so that the moments stay in the processor's cache.
+    """
     height, width = x.shape
     taps = len(horizontal)
     rows, columns = height - len(vertical) + 1, width - taps + 1

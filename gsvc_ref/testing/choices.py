@@ -1,4 +1,4 @@
-"""Where random data comes from: one interface over Hypothesis, which shrinks what fails, and over a plain seed."""
+"""Sources of random data: one interface over Hypothesis, which shrinks what fails, and over a plain seed."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class Choices(ABC):
-    """What a generator of random data asks for; all follows from `integer`."""
+    """The questions of a generator of random data; the answers to all follow from `integer`."""
 
     @abstractmethod
     def integer(self, lowest: int, highest: int) -> int:

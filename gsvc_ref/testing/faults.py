@@ -28,8 +28,8 @@ class Lie:
         Its name in spec.md, also after that of its plane or channel: ``symbol``, ``color_index[1].symbol``,
         ``l21.cholesky_scale``; ``align`` is what `align()` skips.
     value
-        What is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as ``"0110"``;
-        or a function from the truth to one of these. A single `f32` is a run of one.
+        The value that is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as
+        ``"0110"``; or a function from the truth to one of these. A single `f32` is a run of one.
     occurrence
         Which element of that name lies, counted from 0 through the stream as it is written: a payload before its chunk.
     """
@@ -41,14 +41,14 @@ class Lie:
 
 @dataclass
 class Liar:
-    """What the writers of one stream share: the lies, and how often each element has been written."""
+    """The state that the writers of one stream share: the lies, and how often each element has been written."""
 
     lies: Iterable[Lie]
     seen: Counter[str] = field(default_factory=Counter)
     told: set[Lie] = field(default_factory=set)
 
     def says(self, prefix: str, element: str, truth: Any) -> Any:
-        """What to write for an element, whose full name begins with `prefix`."""
+        """The value to write for an element, whose full name begins with `prefix`."""
         said = truth
         for name in {element, prefix + element}:
             for lie in self.lies:
@@ -146,11 +146,11 @@ def write_stream(
     Parameters
     ----------
     header, frames
-        What it says; its `frame_count` becomes that of `frames`.
+        The contents; the header's `frame_count` becomes that of `frames`.
     index
         Whether it has an index.
     ancillary
-        For a frame number, the type and payload of a chunk that stands before that frame.
+        Type and payload of a chunk by the number of the frame that it stands before.
     lies
         Elements that say something else.
 

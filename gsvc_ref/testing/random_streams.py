@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import U2
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
 from gsvc_ref.quantization.half import EXPONENT_MASK
@@ -23,13 +23,11 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import Lie, write_stream
 
-U2 = NDArray[np.uint16]
-
 MAX_SPLATS = 256
-"""Every level allows so many splats of any size on frames of any size: its work is 256 times its pixels."""
+"""Number of splats of any size that every level allows on frames of any size: its work is 256 times its pixels."""
 
 FEW_SPLATS = 8
-"""So few that no plane is worth entropy coding, and that a stream can be read by eye."""
+"""Number of splats at which no plane is worth entropy coding, and a stream can be read by eye."""
 
 MAX_PIXELS = 1 << 17
 """Pixels of a frame of level 1."""
@@ -47,9 +45,9 @@ class Stream:
     data
         Its bytes.
     header, frames
-        What they say.
+        Their contents.
     splats
-        What they stand for: the splats of each frame, bit for bit.
+        The splats of each frame that they stand for, bit for bit.
     """
 
     data: bytes

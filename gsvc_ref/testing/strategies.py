@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F4, U2, Frame
 from gsvc_ref.draws import Draws
-from gsvc_ref.splats import F4, Splats
-from gsvc_ref.testing.random_streams import SYMBOL_KINDS, U2, paint_symbols
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing.random_streams import SYMBOL_KINDS, paint_symbols
 
 HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -1.0, 1e6, -1e6, 3e38, -3e38)
-"""Where implementations break: signed zeros, subnormals, the smallest normal number, the far, the almost infinite."""
+"""Numbers at which implementations break: signed zeros, subnormals, the smallest normal, far and huge ones."""
 
 
 @st.composite
@@ -79,7 +79,7 @@ def videos(
     max_frames: int = 4,
     max_size: int = 24,
     bit_depths: st.SearchStrategy[int] | None = None,
-) -> tuple[list[NDArray[np.unsignedinteger]], int]:
+) -> tuple[list[Frame], int]:
     """Small videos: frames (H, W, 3) of one size, u1 for 8 bits and u2 for 9 to 16; and their bit depth."""
     bit_depth = draw(st.sampled_from((8, 10, 12, 16)) if bit_depths is None else bit_depths)
     width, height = draw(st.integers(1, max_size)), draw(st.integers(1, max_size))
@@ -88,7 +88,7 @@ def videos(
     peak, dtype = 2**bit_depth - 1, np.uint8 if bit_depth == 8 else np.uint16
     shape = (height, width, 3)
     still = rng.integers(0, peak, shape, endpoint=True)
-    frames: list[NDArray[np.unsignedinteger]] = []
+    frames: list[Frame] = []
     for number in range(draw(st.integers(1, max_frames))):
         if kind == "noise":
             frame = rng.integers(0, peak, shape, endpoint=True)

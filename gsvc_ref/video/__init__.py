@@ -4,12 +4,13 @@ import sys
 from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import PartialFile
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import images, libav, libav_writer, y4m
 from gsvc_ref.video.color import frame_to_planes, planes_to_frame
-from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
+from gsvc_ref.video.format import ChromaFormat, ColorDescription, VideoFormat
 from gsvc_ref.video.png import decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE
@@ -35,7 +36,7 @@ STREAM_SUFFIX: Final = ".gsvc"
 
 
 class VideoSource(Protocol):
-    """What can be opened as a video though it is no file, such as a scene of gsvc_lab."""
+    """An object that can be opened as a video though it is no file, such as a scene of gsvc_lab."""
 
     def open_video(self) -> VideoReader:
         """A new reader of its frames."""
@@ -121,7 +122,7 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWrit
         frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); an existing folder,
         or a name without a suffix, for numbered PNG files. A pipe or device takes y4m.
     format
-        What frames must fit. For y4m also how they are written, so replace ``chroma_format`` or ``color`` to choose.
+        The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
 
     Raises
     ------

@@ -12,11 +12,11 @@ edges, linear chroma. All weights are whole quarters, so that filtered integers 
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import I8
 from gsvc_ref.video.format import VideoFormat
 
 PHASE_OF_COLUMNS: Final = (0, 1, 0, 1, 0, 1)
@@ -36,8 +36,8 @@ class Taps:
         (outputs, taps) i8, quarters; each row sums to 4.
     """
 
-    indices: NDArray[np.int64]
-    weights: NDArray[np.int64]
+    indices: I8
+    weights: I8
 
 
 def up_taps(size: int, phase: int | None) -> Taps:
@@ -70,24 +70,3 @@ def phases(video: VideoFormat) -> tuple[int | None, int | None]:
     rows = PHASE_OF_ROWS[location] if video.chroma_format == "420" else None
     columns = PHASE_OF_COLUMNS[location] if video.chroma_format in ("420", "422") else None
     return rows, columns
-
-
-def resample(plane: NDArray[Any], vertical: Taps, horizontal: Taps) -> NDArray[np.int64]:
-    """Filter an integer plane along both axes; the result is in sixteenths.
-
-    Parameters
-    ----------
-    plane
-        (rows, columns, ...) of any integer type.
-
-    Returns
-    -------
-    (vertical outputs, horizontal outputs, ...) i8, 16 times the filtered plane.
-    """
-    extra = (1,) * (plane.ndim - 1)
-    wide = plane.astype(np.int64)
-    taps = range(vertical.indices.shape[1])
-    columns = sum(vertical.weights[:, t].reshape(-1, *extra) * wide[vertical.indices[:, t]] for t in taps)
-    across = np.moveaxis(np.asarray(columns), 1, 0)
-    filtered = sum(horizontal.weights[:, t].reshape(-1, *extra) * across[horizontal.indices[:, t]] for t in taps)
-    return np.moveaxis(np.asarray(filtered), 0, 1)

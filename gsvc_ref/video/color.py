@@ -6,24 +6,22 @@ With E' in [0, 1]^3 the R'G'B' values, both directions are one affine map per pi
 
 K follows from (K_R, K_B) or is one of the two special matrices; gain and offset follow from range and bit depth. The
 results are clipped to 0 .. 2^bit_depth - 1 and rounded half to even, as everywhere in this package (H.273 rounds ties
-away from zero). The computation is binary64 in a stated order; the plain NumPy functions are the definition, the
-compiled ones give the same bits.
+away from zero). The computation is binary64 in the order of spec.md's code, section 11.1.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F8, I8, Frame
+from gsvc_ref.arrays import Plane as Plane
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.chroma import down_taps, phases, resample, up_taps
-from gsvc_ref.video.format import MATRIX_NAMES, Frame, VideoFormat, assumed_matrix, check_frame
+from gsvc_ref.video.chroma import down_taps, phases, up_taps
+from gsvc_ref.video.format import MATRIX_NAMES, VideoFormat, assumed_matrix, check_frame
 
-F8 = NDArray[np.float64]
-Plane = NDArray[np.unsignedinteger[Any]]
 Planes = tuple[Plane, Plane, Plane]
 
 LUMA_WEIGHTS: Final = {
@@ -107,34 +105,6 @@ def conversion(video: VideoFormat) -> Conversion:
     return Conversion(forward * (gain / video.peak)[:, None], inverse * (video.peak / gain), offset)
 
 
-def _apply(row: F8, a: F8, b: F8, c: F8) -> F8:
-    sums: F8 = (row[0] * a + row[1] * b) + row[2] * c
-    return sums
-
-
-def planes_to_frame_plain(planes: Planes, video: VideoFormat) -> Frame:
-    """Definition of `planes_to_frame` in NumPy."""
-    convert = conversion(video)
-    vertical, horizontal = phases(video)
-    rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
-    luma = planes[0] - convert.offset[0]
-    cb, cr = (resample(planes[i], rows, columns) / 16 - convert.offset[i] for i in (1, 2))  # (H, W) f8 each
-    rgb = np.stack([_apply(row, luma, cb, cr) for row in convert.to_rgb], axis=-1)
-    return np.rint(np.clip(rgb, 0, video.peak)).astype(video.dtype)
-
-
-def frame_to_planes_plain(frame: Frame, video: VideoFormat) -> Planes:
-    """Definition of `frame_to_planes` in NumPy: chroma comes from the mean R'G'B' of its cell, as the map is linear."""
-    convert = conversion(video)
-    vertical, horizontal = phases(video)
-    mean = resample(frame, down_taps(video.height, vertical), down_taps(video.width, horizontal)) / 16
-    sources = (frame.astype(np.float64), mean, mean)
-    values = [_apply(row, *np.moveaxis(rgb, -1, 0)) for row, rgb in zip(convert.to_planes, sources, strict=True)]
-    values = [value + offset for value, offset in zip(values, convert.offset, strict=True)]
-    y, cb, cr = (np.rint(np.clip(value, 0, video.peak)).astype(video.dtype) for value in values)
-    return y, cb, cr
-
-
 @kernel(inline=True)
 def _sample(value: float, peak: float) -> float:
     rounded: float = np.rint(min(max(value, 0.0), peak))
@@ -146,10 +116,10 @@ def _planes_to_frame(
     y_plane: Plane,
     cb_plane: Plane,
     cr_plane: Plane,
-    row_indices: NDArray[np.int64],
-    row_weights: NDArray[np.int64],
-    column_indices: NDArray[np.int64],
-    column_weights: NDArray[np.int64],
+    row_indices: I8,
+    row_weights: I8,
+    column_indices: I8,
+    column_weights: I8,
     matrix: F8,
     offset: F8,
     peak: float,
@@ -178,10 +148,10 @@ def _planes_to_frame(
 @kernel()
 def _frame_to_planes(
     frame: Frame,
-    row_indices: NDArray[np.int64],
-    row_weights: NDArray[np.int64],
-    column_indices: NDArray[np.int64],
-    column_weights: NDArray[np.int64],
+    row_indices: I8,
+    row_weights: I8,
+    column_indices: I8,
+    column_weights: I8,
     matrix: F8,
     offset: F8,
     peak: float,

@@ -1,16 +1,13 @@
-"""What a video is made of: size, rate, bit depth, chroma format and colour description (ITU-T H.273)."""
+"""The format of a video: size, rate, bit depth, chroma format and colour description (ITU-T H.273)."""
 
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import Frame as Frame
 from gsvc_ref.errors import GsvcError, UsageError
-
-Frame = NDArray[np.unsignedinteger[Any]]
-"""A full-range R'G'B' picture, (H, W, 3): u1 for 8 bits, u2 for 9 to 16 bits."""
 
 ChromaFormat = Literal["rgb", "420", "422", "444"]
 
@@ -41,7 +38,7 @@ SITING_NAMES: Final = ("left", "centre", "top left", "top", "bottom left", "bott
 
 @dataclass(frozen=True)
 class ColorDescription:
-    """How numbers mean colours: code points of ITU-T H.273.
+    """The colours that numbers stand for: code points of ITU-T H.273.
 
     Attributes
     ----------
@@ -91,7 +88,7 @@ class VideoFormat:
     sample_aspect_ratio
         Width of a pixel divided by its height.
     frame_count
-        As the file states it, or None; a hint for progress displays, only reading tells.
+        The number that the file states, or None: a hint for progress displays, which reading may contradict.
 
     Raises
     ------

@@ -12,10 +12,11 @@ from typing import Final
 import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, check_parent, remove_leftovers
+from gsvc_ref.files import PartialFile, check_parent, remove_leftover
 from gsvc_ref.video import png
-from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, VideoFormat, check_size
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 
@@ -67,14 +68,14 @@ def decode_image(data: bytes, name: str) -> PngImage:
 
 
 class ImageReader(VideoReader):
-    """Reads pictures as the frames of a video.
+    """A reader of pictures as the frames of a video.
 
     Parameters
     ----------
     sources
         Files in order, or the contents of one; at least one.
     name
-        What to call the whole in messages.
+        Name of the whole in messages.
 
     Raises
     ------
@@ -158,7 +159,7 @@ def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:
 
 
 class ImageFolderWriter(VideoWriter):
-    """Writes ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
+    """A writer of ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
 
     Parameters
     ----------
@@ -184,7 +185,8 @@ class ImageFolderWriter(VideoWriter):
         elif list_images(folder):
             raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
         else:
-            remove_leftovers(folder)
+            for path in folder.glob(".frame_*.png.*.part"):
+                remove_leftover(path)
         self._folder = folder
         self._written: list[Path] = []
 
@@ -205,7 +207,7 @@ class ImageFolderWriter(VideoWriter):
 
 
 class ImageFileWriter(VideoWriter):
-    """Writes a video of one frame as one PNG file.
+    """A writer of a video of one frame as one PNG file.
 
     Raises
     ------

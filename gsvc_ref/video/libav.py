@@ -79,14 +79,14 @@ def _fair_ratio(ratio: Fraction | None) -> Fraction | None:
 
 
 class LibavReader(VideoReader):
-    """Reads the first video stream of a file through PyAV.
+    """A reader of the first video stream of a file through PyAV.
 
     Parameters
     ----------
     source
         A path, or a binary file that can seek.
     name
-        What to call the source in messages.
+        Name of the source in messages.
 
     Raises
     ------
@@ -157,7 +157,7 @@ class LibavReader(VideoReader):
             ) from error
 
     def _drain(self) -> Iterator[av.VideoFrame]:
-        """What the decoder still holds."""
+        """Pictures that the decoder still holds."""
         try:
             yield from self._stream.codec_context.decode(None)
         except self._av.FFmpegError:

@@ -10,10 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError, naming
-from gsvc_ref.files import PartialFile, remove_leftovers
+from gsvc_ref.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
-from gsvc_ref.video.format import ChromaFormat, Frame, VideoFormat, assumed_matrix
+from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
 from gsvc_ref.video.stream import VideoWriter
 
@@ -27,7 +28,7 @@ ENCODERS: Final = {
 
 
 def viewing_format(video: VideoFormat) -> VideoFormat:
-    """What players show: 8 bits, limited range, left siting, 4:2:0, or 4:4:4 where a side is odd."""
+    """The format that players show: 8 bits, limited range, left siting, 4:2:0, or 4:4:4 where a side is odd."""
     matrix = video.color.matrix if video.color.matrix in LUMA_WEIGHTS else assumed_matrix(video.height)
     color = replace(video.color, matrix=matrix, full_range=False, chroma_location=0)
     chroma: ChromaFormat = "444" if video.width % 2 or video.height % 2 else "420"
@@ -35,7 +36,7 @@ def viewing_format(video: VideoFormat) -> VideoFormat:
 
 
 class LibavWriter(VideoWriter):
-    """Writes H.264 (VP9 for .webm) in 8 bits for viewing.
+    """A writer of H.264 (VP9 for .webm) in 8 bits for viewing.
 
     Parameters
     ----------
@@ -60,7 +61,6 @@ class LibavWriter(VideoWriter):
         self._partial = PartialFile(target)
         container = CONTAINERS[target.suffix.lower()]
         try:
-            remove_leftovers(self._partial.target.parent, self._partial.target.name)
             with self._explained_errors():
                 self._container = self._av.open(str(self._partial.path), "w", format=container)
                 self._stream = self._add_stream(container)

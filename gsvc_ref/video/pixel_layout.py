@@ -1,4 +1,4 @@
-"""Where the samples of a pixel format lie in memory, told from FFmpeg's name of the format."""
+"""The places of the samples of a pixel format in memory, by FFmpeg's name: PyAV knows planes and depths, no offsets."""
 
 import re
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ NV_FORMATS: Final[dict[str, tuple[ChromaFormat, bool]]] = {
 
 @dataclass(frozen=True)
 class PixelLayout:
-    """How to take the samples of a pixel format apart.
+    """The places of the samples of a pixel format in memory.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class PixelLayout:
     bit_depth
         8 to 16.
     dtype
-        Of the samples in memory: ``u1``, ``<u2`` or ``>u2``.
+        Type of the samples in memory: ``u1``, ``<u2`` or ``>u2``.
     shift
         Unused bits below each sample.
     """

@@ -1,27 +1,31 @@
-"""PNG (ISO/IEC 15948) of all colour types and depths, because no dependency reads or writes 16-bit R'G'B' with it.
+"""PNG (ISO/IEC 15948) of all colour types and depths: Pillow reads the picture data, to which 16-bit R'G'B' is foreign.
 
 Bit depths 9 to 15 are carried as PNG provides for it: samples scaled to 16 bits, the true depth in the chunk sBIT.
 """
 
+import io
 import struct
 import zlib
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from PIL.PngImagePlugin import PngImageFile
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I2, U1, Frame
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, Frame, check_size
-
-U1 = NDArray[np.uint8]
-I2 = NDArray[np.int16]
+from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
 SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Samples per pixel by colour type: grey, R'G'B', palette, grey with alpha, R'G'B' with alpha."""
 DEPTHS: Final = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+RAW_MODES: Final = {(2, 16): ("RGB;16B", "RGB;16L"), (6, 16): ("RGBA;16B", "RGBA;16L"), (4, 16): ("RGBA",)}
+"""Modes in which Pillow reads 16-bit samples, of which it keeps one byte, by colour type and depth.
+
+From samples of the opposite byte order that is the lower byte; four bytes of grey with alpha fit a pixel of R'G'B'A.
+"""
 ADAM7: Final = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
 """Passes of an interlaced PNG: first row, first column, row step, column step."""
 DEFLATE_LEVEL: Final = 4
@@ -43,7 +47,7 @@ class PngImage:
     color
         From the chunks cICP or sRGB, else unspecified primaries and transfer.
     notes
-        What was left out.
+        Sentences about what was left out.
     """
 
     frame: Frame
@@ -57,7 +61,12 @@ def _malformed(name: str, problem: str) -> GsvcError:
 
 
 @kernel()
-def _paeth(left: int, above: int, corner: int) -> int:
+def _predict(kind: int, left: int, above: int, corner: int) -> int:
+    """The prediction of a byte by its neighbours, of kind 1 (left), 2 (above) or 4 (Paeth); PNG, section 9.2."""
+    if kind == 1:
+        return left
+    if kind == 2:
+        return above
     estimate = left + above - corner
     to_left, to_above, to_corner = abs(estimate - left), abs(estimate - above), abs(estimate - corner)
     if to_left <= to_above and to_left <= to_corner:
@@ -66,39 +75,18 @@ def _paeth(left: int, above: int, corner: int) -> int:
 
 
 @kernel()
-def _predict(kind: int, left: int, above: int, corner: int) -> int:
-    if kind == 1:
-        return left
-    if kind == 2:
-        return above
-    if kind == 3:
-        return (left + above) // 2
-    return _paeth(left, above, corner) if kind == 4 else 0
-
-
-@kernel()
-def _unfilter(filtered: U1, step: int, rows: I2) -> None:
-    """Undo the row filters.
+def _filter(rows: I2, step: int, filtered: U1) -> None:
+    """Filter each row by the kind with the least sum of absolute residuals (PNG, section 12.7).
 
     Parameters
     ----------
-    filtered
-        (H, 1 + bytes), each row led by its kind.
+    rows
+        (1 + H, step + bytes); the row above and the pixels on the left are zero.
     step
         Bytes from a sample to the same one of the pixel on the left.
-    rows
-        (1 + H, step + bytes), filled in; the row above and the pixels on the left are zero.
+    filtered
+        (H, 1 + bytes), filled in, each row led by its kind.
     """
-    for y in range(filtered.shape[0]):
-        kind = int(filtered[y, 0])
-        for x in range(filtered.shape[1] - 1):
-            left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
-            rows[y + 1, x + step] = (int(filtered[y, x + 1]) + _predict(kind, left, above, corner)) & 255
-
-
-@kernel()
-def _filter(rows: I2, step: int, filtered: U1) -> None:
-    """Filter each row by the kind with the least sum of absolute residuals (PNG, section 12.7); see `_unfilter`."""
     width = filtered.shape[1] - 1
     for y in range(filtered.shape[0]):
         best_kind, best_sum = 0, 256 * width
@@ -145,15 +133,17 @@ def _chunks(data: bytes, name: str) -> dict[bytes, bytes]:
     return chunks
 
 
-def _passes(width: int, height: int, interlaced: bool) -> list[tuple[tuple[int, int, int, int], int, int]]:
-    """The passes that hold pixels, each with its number of rows and columns."""
-    grids = ADAM7 if interlaced else ((0, 0, 1, 1),)
-    sized = ((grid, -((grid[0] - height) // grid[2]), -((grid[1] - width) // grid[3])) for grid in grids)
-    return [entry for entry in sized if entry[1] > 0 and entry[2] > 0]
+def _inflated_size(width: int, height: int, pixel_bits: int, interlaced: bool) -> int:
+    """Bytes of all rows of all passes, each row led by the kind of its filter."""
+    size = 0
+    for y, x, y_step, x_step in ADAM7 if interlaced else ((0, 0, 1, 1),):
+        rows, columns = -((y - height) // y_step), -((x - width) // x_step)
+        size += rows * (1 + (columns * pixel_bits + 7) // 8) if columns > 0 else 0
+    return size
 
 
 def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
-    """Raw samples (H, W, channels) u1 or u2, with the colour type and bit depth."""
+    """Samples (H, W, channels) u2 or u1, fewer than 8 bits of grey scaled to 8, with the colour type and bit depth."""
     if len(chunks[b"IHDR"]) != 13:
         raise _malformed(name, "its IHDR is not 13 bytes long")
     width, height, depth, color_type, *methods = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
@@ -161,39 +151,36 @@ def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
     if color_type not in CHANNELS or depth not in DEPTHS[color_type] or methods[:2] != [0, 0] or methods[2] > 1:
         raise _malformed(name, f"colour type {color_type}, depth {depth} and methods {methods} do not exist")
     channels = CHANNELS[color_type]
-    passes = _passes(width, height, methods[2] == 1)
-    sizes = [rows * (1 + (columns * channels * depth + 7) // 8) for _, rows, columns in passes]
+    size = _inflated_size(width, height, channels * depth, methods[2] == 1)
     inflate = zlib.decompressobj()
     try:
-        raw = inflate.decompress(chunks[b"IDAT"], sum(sizes) + 1)
+        inflated = len(inflate.decompress(chunks[b"IDAT"], size + 1))
     except zlib.error as error:
         raise _malformed(name, f"its picture data cannot be inflated ({error})") from error
-    if len(raw) != sum(sizes):
-        raise _malformed(name, f"its picture data inflate to another length than the {sum(sizes)} bytes it needs")
-    samples = np.empty((height, width, channels), np.uint16 if depth == 16 else np.uint8)
-    start = 0
-    for ((y, x, y_step, x_step), rows, columns), size in zip(passes, sizes, strict=True):
-        filtered = np.frombuffer(raw, np.uint8, size, start).reshape(rows, -1)
-        start += size
-        if filtered[:, 0].max() > 4:
-            raise _malformed(name, "it uses a row filter that does not exist")
-        step = max(1, channels * depth // 8)
-        padded = np.zeros((rows + 1, step + filtered.shape[1] - 1), np.int16)
-        _unfilter(filtered.copy(), step, padded)
-        packed = padded[1:, step:].astype(np.uint8)
-        samples[y::y_step, x::x_step] = _unpack(packed, depth)[:, : columns * channels].reshape(rows, columns, channels)
+    if inflated != size:  # Pillow does not check this
+        raise _malformed(name, f"its picture data inflate to another length than the {size} bytes it needs")
+    try:
+        parts = [_pillow_samples(chunks, raw_mode) for raw_mode in RAW_MODES.get((color_type, depth), (None,))]
+    except (OSError, SyntaxError, ValueError, Warning) as error:  # the process may turn warnings into errors
+        raise _malformed(name, f"its picture data cannot be read ({error})") from error
+    samples: Frame = parts[0].reshape(height, width, -1)
+    if len(parts) == 2:  # the upper and the lower bytes
+        samples = np.left_shift(samples, 8, dtype=np.uint16) | parts[1]
+    elif (color_type, depth) == (4, 16):
+        samples = samples.view(">u2").astype(np.uint16)
     return samples, color_type, depth
 
 
-def _unpack(packed: U1, depth: int) -> Frame:
-    """Split rows of bytes into samples, (H, bytes) u1 to (H, samples) u1 or u2."""
-    if depth == 16:
-        return packed.view(">u2").astype(np.uint16)
-    if depth == 8:
-        return packed
-    shifts = np.arange(8 - depth, -1, -depth, dtype=np.uint8)
-    samples: U1 = ((packed[:, :, None] >> shifts) & np.uint8((1 << depth) - 1)).reshape(len(packed), -1)
-    return samples
+def _pillow_samples(chunks: dict[bytes, bytes], raw_mode: str | None) -> Frame:
+    """Samples as Pillow reads them from the chunks that make the picture, all others left out; (H, W) or more."""
+    kept = b"".join(_chunk(kind, chunks[kind]) for kind in (b"IHDR", b"IDAT", b"IEND"))
+    picture: Any = PngImageFile(io.BytesIO(SIGNATURE + kept))  # Image.open warns, and warnings belong to the process
+    if raw_mode is not None:
+        picture.tile = [(*picture.tile[0][:3], raw_mode)]
+    samples = np.asarray(picture)
+    if samples.dtype == np.bool_:
+        samples = samples * np.uint8(255)
+    return samples.astype(np.uint8 if samples.dtype == np.uint8 else np.uint16)
 
 
 def _is_opaque(samples: Frame, color_type: int, depth: int, transparency: bytes | None) -> bool:
@@ -205,7 +192,8 @@ def _is_opaque(samples: Frame, color_type: int, depth: int, transparency: bytes 
         alpha = np.full(256, 255, np.uint8)
         alpha[: len(transparency)] = np.frombuffer(transparency[:256], np.uint8)
         return bool((alpha[samples] == 255).all())
-    key = np.frombuffer(transparency, ">u2")
+    scale = 255 // ((1 << depth) - 1) if depth < 8 else 1
+    key = scale * np.frombuffer(transparency, ">u2").astype(np.int64)
     return not bool((samples == key).all(axis=-1).any())
 
 
@@ -240,7 +228,7 @@ def decode_png(data: bytes, name: str) -> PngImage:
     data
         The file.
     name
-        What to call it in messages.
+        Name of the file in messages.
 
     Raises
     ------
@@ -271,8 +259,6 @@ def decode_png(data: bytes, name: str) -> PngImage:
         frame = _look_up(samples[..., 0], chunks.get(b"PLTE", b""), name)
     else:
         frame = samples[..., :3] if color_type in (2, 6) else np.repeat(samples[..., :1], 3, axis=-1)
-        if depth < 8:
-            frame = frame * np.uint8(255 // ((1 << depth) - 1))
         significant = set(chunks.get(b"sBIT", b"")[: frame.shape[-1] if color_type in (2, 6) else 1])
         if depth == 16 and len(significant) == 1 and 9 <= min(significant) <= 15:
             bit_depth = min(significant)

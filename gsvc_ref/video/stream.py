@@ -1,16 +1,17 @@
-"""What every reader and writer of video has in common."""
+"""The base classes of all readers and writers of video."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.video.format import Frame, VideoFormat, check_frame
+from gsvc_ref.video.format import VideoFormat, check_frame
 
 
 class VideoReader(ABC):
-    """Frames of a source, one after the other: iterate once.
+    """A reader of the frames of a source, one after the other: iterate once.
 
     Attributes
     ----------
@@ -70,18 +71,18 @@ class VideoReader(ABC):
 
 
 class VideoWriter(ABC):
-    """Takes frames; the result stands under its final name only after `close`.
+    """A writer of frames; the result stands under its final name only after `close`.
 
     As a context manager it closes when the block ends well and aborts when it ends by an exception.
 
     Attributes
     ----------
     format
-        What frames must fit, and what is written.
+        The format that frames must fit, and that is written.
     notes
         Sentences about what the target cannot carry.
     frames_written, frames_skipped
-        How many frames were written, and how many left out by `skip`.
+        Number of frames that were written, and that were left out by `skip`.
     """
 
     def __init__(self, video: VideoFormat) -> None:

@@ -8,10 +8,11 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
+from gsvc_ref.arrays import Frame, Plane
 from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, remove_leftovers
-from gsvc_ref.video.color import Plane, conversion, frame_to_planes, planes_to_frame
-from gsvc_ref.video.format import Frame, VideoFormat
+from gsvc_ref.files import PartialFile
+from gsvc_ref.video.color import conversion, frame_to_planes, planes_to_frame
+from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE, format_header, malformed, parse_header, planar_format
 
@@ -22,14 +23,14 @@ READ_SIZE: Final = 1 << 22
 
 
 class Y4mReader(VideoReader):
-    """Reads y4m from a file or pipe, never seeking.
+    """A reader of y4m from a file or pipe, which never seeks.
 
     Parameters
     ----------
     source
         A path, or a binary file at the start of the data, which is never closed.
     name
-        What to call the source in messages.
+        Name of the source in messages.
 
     Raises
     ------
@@ -117,7 +118,7 @@ def _refuse_stream(line: bytes, name: str) -> None:
     UsageError
         It is one; the message says what to do.
     """
-    from gsvc_ref.bitstream.chunks import MAGIC  # which imports the compiler
+    from gsvc_ref.bitstream.chunks import MAGIC  # here, because it imports the compiler
 
     if MAGIC.startswith(line):
         raise UsageError(
@@ -127,7 +128,7 @@ def _refuse_stream(line: bytes, name: str) -> None:
 
 
 def _no_frame(line: bytes) -> str:
-    """What is wrong with a line in the place of the header of a frame."""
+    """The fault of a line in the place of the header of a frame."""
     found = line[:16].decode("ascii", "backslashreplace")
     if not line.startswith((b"FRAME\n", b"FRAME ")):
         return f"must begin with FRAME, found {found!r}"
@@ -137,13 +138,13 @@ def _no_frame(line: bytes) -> str:
 
 
 def _name_of(file: BinaryIO) -> str:
-    """What to call a file that the caller opened."""
+    """The name in messages of a file that the caller opened."""
     name = getattr(file, "name", "the output")
     return "standard output" if name == "<stdout>" else str(name)
 
 
 class Y4mWriter(VideoWriter):
-    """Writes y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
+    """A writer of y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
 
     Parameters
     ----------
@@ -174,7 +175,6 @@ class Y4mWriter(VideoWriter):
         elif target.is_file() or not target.exists():
             self._partial = PartialFile(target)
             try:
-                remove_leftovers(self._partial.target.parent, self._partial.target.name)
                 self._stream = self._partial.path.open("wb")
             except BaseException:  # an interrupt too leaves no file behind
                 self._partial.discard()

@@ -40,7 +40,7 @@ class Header:
     mono
         There are no chroma planes.
     notes
-        What was assumed.
+        Sentences about what was assumed.
     """
 
     format: VideoFormat
@@ -98,7 +98,7 @@ def parse_header(line: bytes, name: str) -> Header:
     line
         The first line, without its newline.
     name
-        What to call the source in messages.
+        Name of the source in messages.
 
     Raises
     ------

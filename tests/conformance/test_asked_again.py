@@ -100,11 +100,14 @@ def test_what_is_unsupported_or_takes_too_long_is_not_asked_again(folder, tmp_pa
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
 def test_memory_that_is_not_written_to_differs_in_a_command(folder, tmp_path, monkeypatch):
-    """Each answer comes from a new process, whose new memory is zero as often as not."""
+    """Each answer comes from a new process, whose new memory is zero as often as not.
+
+    4,096 bytes: more than glibc keeps for reuse without filling it.
+    """
     monkeypatch.delenv("MALLOC_PERTURB_", raising=False)
     text = PROGRAM.format(home=os.path.dirname(toy_operations.__file__))
     text += "\nimport ctypes\nC = ctypes.CDLL(None)\nC.malloc.restype = ctypes.POINTER(ctypes.c_longlong * 6)\n"
-    text += "half = np.array(C.malloc(48).contents)\nnp.save(Path(outside, 'half.npy'), half)\n"
+    text += "half = np.array(C.malloc(4096).contents)\nnp.save(Path(outside, 'half.npy'), half)\n"
     report = judge(folder, ProcessImplementation(write_program(tmp_path, text), 60.0), HALVE, repeat=3)
     assert "gave 3 different answers in 3 runs" in report.results[0].message
     monkeypatch.setenv("MALLOC_PERTURB_", "7")  # the user's own choice

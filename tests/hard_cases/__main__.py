@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from tests.hard_cases.table import failures, measurements, plain, replaced, row
+from gsvc_lab.pages.markers import put_between
+from tests.hard_cases.table import BEGIN, END, failures, measurements, plain, row
 from tests.hard_cases.table import markdown as as_markdown
 
 
@@ -19,7 +20,7 @@ def main() -> int:
     lines = [row(*one) for one in measured]
     print(plain(lines))
     if page is not None:
-        page.write_text(replaced(page.read_text(encoding="utf-8"), as_markdown(lines)), encoding="utf-8")
+        put_between(page, BEGIN, END, as_markdown(lines))
     if failed := failures(measured):
         print(f"\nFAILED: {', '.join(failed)}")
         return 1

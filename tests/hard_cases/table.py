@@ -77,10 +77,3 @@ def markdown(lines: Iterable[tuple[str, ...]]) -> str:
     entries = catalogue().values()
     parts += [f"| {name} | {e.danger} | {e.condition} |" for name, e in zip(names, entries, strict=True)]
     return "\n".join(parts)
-
-
-def replaced(page: str, table: str) -> str:
-    """A page with another table between its two marks."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{table}\n{END}{after}"

@@ -3,9 +3,10 @@
 import re
 from pathlib import Path
 
+from gsvc_lab.pages.markers import replaced
 from tests.hard_cases.catalogue import catalogue
 from tests.hard_cases.measuring import Measurement, Worst
-from tests.hard_cases.table import BEGIN, END, failures, markdown, number, replaced, row
+from tests.hard_cases.table import BEGIN, END, failures, markdown, number, row
 
 PAGE = Path(__file__).parents[2] / "docs/stability.md"
 
@@ -42,7 +43,7 @@ def test_a_case_fails_if_ours_is_outside_or_the_naive_one_within():
 
 def test_only_the_table_of_a_page_is_replaced():
     lines = [(entry.name, entry.operation, *"abcdef") for entry in catalogue().values()]
-    page = replaced(f"before\n{BEGIN}\nwhat was\n{END}\nafter\n", markdown(lines))
-    assert page.startswith(f"before\n{BEGIN}\n| case |")
-    assert page.endswith(f"|\n{END}\nafter\n")
+    page = replaced(f"before\n{BEGIN}\nwhat was\n{END}\nafter\n", BEGIN, END, markdown(lines))
+    assert page.startswith(f"before\n{BEGIN}\n\n| case |")
+    assert page.endswith(f"|\n\n{END}\nafter\n")
     assert "what was" not in page

@@ -85,20 +85,61 @@ def test_shallow_grey_is_scaled_to_8_bits(depth):
     np.testing.assert_array_equal(image.frame[0, :, 0], expected)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 3), (5, 4), (8, 8), (9, 17)])
-def test_interlaced_pictures(width, height):
-    """The seven passes of Adam7, picked here by the pattern that the standard prints."""
-    frame = random_frame(height, width, 8, 1)
+def picked(width, height):
+    """The passes of Adam7 by the pattern that the standard prints: for each row of each pass its columns."""
     pattern = np.array([list(map(int, row)) for row in ["16462646", "77777777", "56565656", "77777777"] * 2])
     pattern[4] = [3, 6, 4, 6, 3, 6, 4, 6]
-    number = np.tile(pattern, (3, 1))[:height, np.arange(width) % 8]
-    data = b""
-    for p in range(1, 8):
-        for y in range(height):
-            row = frame[y][number[y] == p]
-            data += b"\0" + row.tobytes() if len(row) else b""
-    image = decode_png(png((width, height, 8, 2, 0, 0, 1), chunk(b"IDAT", zlib.compress(data))), "x")
-    np.testing.assert_array_equal(image.frame, frame)
+    number = np.tile(pattern, (height // 8 + 1, 1))[:height, np.arange(width) % 8]
+    rows = [(y, np.flatnonzero(number[y] == p)) for p in range(1, 8) for y in range(height)]
+    return [(y, columns) for y, columns in rows if len(columns)]
+
+
+@pytest.mark.parametrize("interlaced", [0, 1])
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 3), (5, 4), (8, 8), (9, 17)])
+@pytest.mark.parametrize(("color_type", "channels"), [(0, 1), (2, 3), (4, 2), (6, 4)])
+@pytest.mark.parametrize("depth", [8, 16])
+def test_pictures_of_every_type_in_rows_and_in_passes(width, height, color_type, channels, depth, interlaced):
+    rng = np.random.default_rng(width)
+    samples = rng.integers(0, 1 << depth, (height, width, channels)).astype(f">u{depth // 8}")
+    if channels in (2, 4):
+        samples[..., -1] = (1 << depth) - 1
+    rows = picked(width, height) if interlaced else [(y, np.arange(width)) for y in range(height)]
+
+    def decoded():
+        data = b"".join(b"\0" + samples[y, columns].tobytes() for y, columns in rows)
+        return decode_png(
+            png((width, height, depth, color_type, 0, 0, interlaced), chunk(b"IDAT", zlib.compress(data))), "x"
+        )
+
+    image = decoded()
+    assert image.bit_depth == depth
+    assert image.frame.dtype == (np.uint8 if depth == 8 else np.uint16)
+    expected = samples[..., :3] if channels > 2 else np.broadcast_to(samples[..., :1], (height, width, 3))
+    np.testing.assert_array_equal(image.frame, expected)
+    if channels in (2, 4):
+        samples[-1, -1, -1] -= 1
+        with pytest.raises(GsvcError, match="transparent"):
+            decoded()
+
+
+@pytest.mark.parametrize(
+    ("depth", "color_type", "row"), [(1, 0, 0x50), (2, 0, 0x1B), (4, 0, 0x1F), (16, 0, 1), (16, 2, 1)]
+)
+def test_a_transparent_sample_is_one_of_the_depth_of_the_file(depth, color_type, row):
+    """Not one that is scaled to 8 bits."""
+    channels = 3 if color_type == 2 else 1
+    peak = (1 << depth) - 1
+    width = max(1, 8 // depth)
+    data = b"\0" + (bytes([row]) if depth < 16 else bytes([0xAB, 0xCD] * channels))
+    present = [row >> (8 - depth * (i + 1)) & peak for i in range(width)] if depth < 16 else [0xABCD]
+    for key in {0, 1, peak, 0xAB, 0xABCC, 0xABCD}:
+        transparency = chunk(b"tRNS", struct.pack(">H", key) * channels)
+        file = png((width, 1, depth, color_type, 0, 0, 0), transparency, chunk(b"IDAT", zlib.compress(data)))
+        if key in present:
+            with pytest.raises(GsvcError, match="transparent"):
+                decode_png(file, "x")
+        else:
+            assert len(decode_png(file, "x").notes) == 1
 
 
 @pytest.mark.parametrize("kind", range(5))
@@ -182,9 +223,14 @@ ROW = chunk(b"IDAT", zlib.compress(bytes(4)))
         (png((1, 1, 8, 2, 0, 0, 2), ROW), "malformed", "do not exist"),
         (png((1, 1, 8, 2, 0, 0, 0)), "malformed", "another length than the 4 bytes"),
         (png((2, 1, 8, 2, 0, 0, 0), ROW), "malformed", "another length than the 7 bytes"),
+        (png((9999, 9999, 8, 2, 0, 0, 0), ROW), "malformed", "another length"),
         (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(bytes(9)))), "malformed", "another length"),
         (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", b"junk")), "malformed", "inflated"),
-        (png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(b"\5\0\0\0"))), "malformed", "row filter"),
+        (
+            png((1, 1, 8, 2, 0, 0, 0), chunk(b"IDAT", zlib.compress(b"\5\0\0\0"))),
+            "malformed",
+            "picture data cannot be read",
+        ),
         (png((1, 1, 8, 2, 0, 0, 0), chunk(b"ABCD", b""), ROW), "malformed", "critical chunk"),
         (png((1, 1, 8, 2, 0, 0, 0), chunk(b"tRNS", b"abc"), ROW), "malformed", "tRNS"),
         (png((1, 1, 8, 2, 0, 0, 0), chunk(b"cICP", b"abc"), ROW), "malformed", "cICP"),

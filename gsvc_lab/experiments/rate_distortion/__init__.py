@@ -12,7 +12,6 @@ import numpy as np
 from gsvc_lab.experiments.experiment import Experiment, Result, Run
 from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_lab.experiments.rate_distortion.bd_rate import check_bd_rates
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip, from_frames
 from gsvc_lab.experiments.rate_distortion.codecs import CODECS, Codec
 from gsvc_lab.experiments.rate_distortion.compare import (
     ALONE,
@@ -27,6 +26,7 @@ from gsvc_lab.experiments.rate_distortion.compare import (
 from gsvc_lab.experiments.rate_distortion.figures import draw_clip, draw_seconds
 from gsvc_lab.experiments.rate_distortion.measure import Curve, codec_curves, gsvc_curve, gsvc_point
 from gsvc_lab.experiments.rate_distortion.plan import LARGE_FRAMES, PAPER_FRAMES, PIXELS_PER_SPLAT, Job, jobs
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_frames
 from gsvc_lab.experiments.rate_distortion.tables import (
     anchor_table,
     bd_table,
@@ -102,7 +102,7 @@ def named(clip: PlanarClip, others: Sequence[PlanarClip]) -> PlanarClip:
 
 
 def result(clips: Sequence[PlanarClip], curves: Sequence[Curve], settings: Run) -> Result:
-    """What the curves show."""
+    """The verdict on the curves."""
     against = compared(curves, GSVC)
     short = {curve.clip for curve in curves if curve.coder == GSVC_PAPER}  # too few frames for means beside long clips
     long = [one for one in against if one.clip not in short] or against
@@ -127,7 +127,7 @@ def result(clips: Sequence[PlanarClip], curves: Sequence[Curve], settings: Run) 
 
 
 def extent(clips: Sequence[PlanarClip]) -> tuple[str, str]:
-    """What the verdict is about, and what the large version has."""
+    """The material that the verdict is about, and that of the large version."""
     sizes = ", ".join(dict.fromkeys(f"{clip.format.width}x{clip.format.height}" for clip in clips))
     frames = max(clip.frame_count for clip in clips)
     return (
@@ -138,7 +138,7 @@ def extent(clips: Sequence[PlanarClip]) -> tuple[str, str]:
 
 
 def setting(clips: Sequence[PlanarClip], settings: Run) -> str:
-    """What was measured on what."""
+    """Sentences about what was measured."""
     titles = "; ".join(clip.title for clip in clips)
     densities = ", ".join(map(str, PIXELS_PER_SPLAT))
     small = (

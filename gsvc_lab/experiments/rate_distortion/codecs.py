@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_lab.experiments.rate_distortion import ffmpeg
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.video.color import Plane
 
 SCAN: Final = 8192
@@ -26,7 +26,7 @@ class Variant:
     name
         For tables.
     options
-        Of ffmpeg.
+        Options of ffmpeg.
     evidence
         A regular expression that the codec's own report matches if they took effect.
     """
@@ -49,13 +49,13 @@ class Codec:
     quality
         The option that sets the quality, as ffmpeg and as tables call it.
     values
-        Of that option, from coarse to fine.
+        Values of that option, from coarse to fine.
     removed_units
         Types of units that are taken out before the bytes are counted, since pictures do not need them.
     bit_depth
-        Of the coded pictures.
+        Bits of a sample of the coded pictures.
     thread_option
-        How the number of threads is set; ``{}`` stands for it.
+        Options that set the number of threads; ``{}`` stands for it.
     facts
         Regular expressions of what is worth quoting from the codec's report: its version, its preset.
     variants
@@ -157,9 +157,9 @@ class Coded:
     removed_bytes
         Size of what was taken out.
     seconds, cpu_seconds
-        Of encoding, from the start of ffmpeg to its end.
+        Time of encoding, from the start of ffmpeg to its end.
     report
-        What the codec said about its settings.
+        The codec's own words about its settings.
     """
 
     path: Path
@@ -170,7 +170,7 @@ class Coded:
     report: str
 
     def quoted(self, codec: Codec) -> list[str]:
-        """What is worth quoting from the report, with single spaces."""
+        """The part of the report that is worth quoting, with single spaces."""
         found = (re.search(fact, self.report) for fact in codec.facts)
         return [re.sub(r"\s+", " ", match[0]) for match in found if match]
 

@@ -79,7 +79,7 @@ def verdict(found: Ratios, clips: int) -> Verdict:
     Parameters
     ----------
     found
-        Of GSVC against each coder.
+        BD-rates of GSVC against each coder.
     clips
         That the means are over.
     """

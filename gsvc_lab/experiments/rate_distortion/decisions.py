@@ -1,4 +1,4 @@
-"""What somebody who builds codecs would ask first about the comparison, and the answers."""
+"""The first questions of somebody who builds codecs about the comparison, and the answers."""
 
 from typing import Final
 

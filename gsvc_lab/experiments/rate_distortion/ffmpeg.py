@@ -29,7 +29,7 @@ class Ran:
     seconds, cpu_seconds
         On the wall, and of all its threads; both from the start of the program to its end.
     log
-        What it wrote on its error stream.
+        The text of its error stream.
     """
 
     seconds: float
@@ -94,7 +94,7 @@ def run(arguments: Sequence[str], *, loglevel: str = "error", capture: bool = Fa
     arguments
         After the common ones.
     loglevel
-        Of what it writes into the log.
+        Level of the messages in the log.
     capture
         Whether its standard output is to stand in the log too.
 
@@ -119,7 +119,7 @@ def run(arguments: Sequence[str], *, loglevel: str = "error", capture: bool = Fa
 
 
 def pictures(arguments: Sequence[str], size: int) -> Iterator[bytes]:
-    """What ffmpeg writes to its standard output, in pieces of `size` bytes.
+    """The standard output of ffmpeg in pieces of `size` bytes.
 
     Raises
     ------

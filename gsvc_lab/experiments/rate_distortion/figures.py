@@ -25,7 +25,7 @@ MAX_MARKS: Final = 9
 
 COORDINATE: Final = re.compile(r"(?<=[ \"(])(-?\d+\.\d\d)\d+")
 INDENT: Final = re.compile(r"\n +")
-"""What a written SVG has more of than anybody sees; labels, which stand behind a >, are not coordinates."""
+"""Parts of a written SVG that nobody sees; labels, which stand behind a >, are not coordinates."""
 
 OURS: Final = {
     GSVC: (COLORS[6], "-", "o", True),
@@ -39,7 +39,7 @@ STANDARDS: Final = {"AVC": ("#0072B2", "s"), "HEVC": ("#D55E00", "^"), "AV1": ("
 
 
 def style(coder: str) -> dict[str, Any]:
-    """How a coder's curve is drawn: a colour for each codec, dashed and hollow for what is not its defaults."""
+    """The style of a coder's curve: a colour for each codec, dashed and hollow for what is not its defaults."""
     if coder in OURS:
         color, dashes, mark, filled = OURS[coder]
     else:

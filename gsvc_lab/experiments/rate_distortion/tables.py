@@ -97,7 +97,7 @@ def points_table(curves: Sequence[Curve]) -> Table:
 
 
 def published_table() -> Table:
-    """What the paper publishes, to stand beside."""
+    """The paper's published numbers, to stand beside."""
     rows = [(*row, NOT_DECODABLE) for row in PUBLISHED]
     rows += [(name, "–", "–", "–", "–", remark) for name, remark in NOT_RUN]
     title = "What the paper publishes (1920x1080, means over UVG's Beauty, HoneyBee and Jockey)"
@@ -105,14 +105,14 @@ def published_table() -> Table:
 
 
 def decisions_table(curves: Sequence[Curve], clips: Sequence[str], software: str, start: float) -> Table:
-    """How the comparison was made, and what the coders reported."""
+    """The conditions of the comparison, and what the coders reported."""
     rows = [(topic, text.format(software=software, start=start, clips="; ".join(clips))) for topic, text in DECISIONS]
     rows += [("reported", note) for note in reported(curves)]
     return Table("How it was compared", ("about", "what was done"), tuple(rows))
 
 
 def reported(curves: Sequence[Curve]) -> list[str]:
-    """What the coders reported; where it is not the same on all clips, on which."""
+    """The reports of the coders; where one is not the same on all clips, with their names."""
     on: dict[tuple[str, str], list[str]] = {}
     for curve in curves:
         for note in curve.notes:

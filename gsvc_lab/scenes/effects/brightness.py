@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F4, Canvas, LightEffect
+from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.effect import LightEffect
 from gsvc_lab.scenes.keyframes import check_keys, frames, key_before, value_at, values
 from gsvc_lab.scenes.parameters import choice, number, parameter
 from gsvc_ref.portable import sin
@@ -44,7 +45,7 @@ class Brightness(LightEffect):
         return {"gain": gain, "offset": offset}
 
     def gain_and_offset(self, canvas: Canvas, time: float) -> tuple[float, float]:
-        """What holds at a time."""
+        """The values that hold at a time."""
         count = len(self.at) or max(len(self.gain), len(self.offset))
         key, part = key_before(self.at, count, canvas, time, self.pace)
         wave = 1 + self.swing * sin(2 * math.pi * time / self.period)

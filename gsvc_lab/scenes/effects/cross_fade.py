@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gsvc_lab.scenes.base import Base
-from gsvc_lab.scenes.effect import F4, Canvas, TransitionEffect
+from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.effect import TransitionEffect
 from gsvc_lab.scenes.parameters import frame_number, parameter, table
 from gsvc_lab.scenes.paths import check_order, progress
 
@@ -27,7 +28,7 @@ class CrossFade(TransitionEffect):
         check_order(self.start, self.end)
 
     def share(self, canvas: Canvas, time: float) -> float:
-        """How much of the other base is in the mixture, 0..1."""
+        """The share of the other base in the mixture, 0..1."""
         return progress(time, self.start, self.end, canvas.frames)
 
     def replace(self, picture: Callable[[], F4], see: Callable[[Base], F4], canvas: Canvas, time: float) -> F4:

@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F4, Canvas, LightEffect
+from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.effect import LightEffect
 from gsvc_lab.scenes.parameters import MAX_FRAMES, flag, frame_number, number, parameter, several, whole
 from gsvc_lab.scenes.paths import frame_at
 
@@ -35,7 +36,7 @@ class Flash(LightEffect):
         return {"gain": gain, "offset": offset}
 
     def gain_and_offset(self, time: float) -> tuple[float, float]:
-        """What holds at a time: (1, 0) where there is no flash; the strongest where several meet."""
+        """The values that hold at a time: (1, 0) where there is no flash; the strongest where several meet."""
         since = [frame_at(time) - first for first in self.at]
         strength = max(
             (1 - number / self.frames if self.fading else 1.0 for number in since if 0 <= number < self.frames),

@@ -6,7 +6,8 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F4, F8, Canvas, SensorEffect
+from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
 from gsvc_lab.scenes.sampling import correlated, gaussian
 from gsvc_ref.draws import Draws

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gsvc_lab.scenes.effect import Canvas, ShutterEffect
+from gsvc_lab.scenes.canvas import Canvas
+from gsvc_lab.scenes.effect import ShutterEffect
 from gsvc_lab.scenes.parameters import number, parameter, whole
 
 

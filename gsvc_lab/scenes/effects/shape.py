@@ -6,8 +6,9 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from gsvc_lab.scenes.canvas import F4, F8, Canvas
 from gsvc_lab.scenes.distances import centres_in, inside, window
-from gsvc_lab.scenes.effect import F4, F8, Canvas, ObjectEffect
+from gsvc_lab.scenes.effect import ObjectEffect
 from gsvc_lab.scenes.keyframes import check_keys, frames, is_shown, key_before, places, value_at, values
 from gsvc_lab.scenes.outlines import (
     RECTANGLE,
@@ -108,13 +109,13 @@ class Shape(ObjectEffect):
         return painted
 
     def coverage(self, x: F8, y: F8, canvas: Canvas, time: float) -> F8:
-        """How much of the pixels with centres (x, y) the shape hides, 0 to 1."""
+        """The part of the pixels with centres (x, y) that the shape hides, 0 to 1."""
         if (pose := self.pose(canvas, time)) is None:
             return np.zeros(np.broadcast_shapes(x.shape, y.shape))
         return inside(self._distance(x, y, pose))
 
     def motion(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8] | None:
-        """How far right and down the shape's points at (x, y) moved in the last frame; None if it just appeared."""
+        """The motion of the shape's points at (x, y) in the last frame, right and down; None if it just appeared."""
         pose, before = self.pose(canvas, time), self.pose(canvas, time - 1)
         if pose is None or before is None:
             return None
@@ -132,7 +133,7 @@ class Shape(ObjectEffect):
         return {"center": np.array([pose.x, pose.y]), "outline": pose.placed(corners)}
 
     def pose(self, canvas: Canvas, time: float) -> Pose | None:
-        """How the shape stands at a time; None when it is not to be seen."""
+        """The pose of the shape at a time; None when it is not to be seen."""
         if not is_shown(self.start, self.end, time):
             return None
         count = len(self.at) or max(len(self.path), len(self.scale), len(self.angle))
@@ -157,7 +158,7 @@ class Shape(ObjectEffect):
 
     @property
     def _corners(self) -> Corners:
-        """Of a shape that is not round."""
+        """The pose of a shape that is not round."""
         corners: Corners = self.corners or regular_polygon(self.points)
         if self.form == "rectangle":
             corners = RECTANGLE
@@ -170,7 +171,7 @@ class Shape(ObjectEffect):
         return round_distance(x, y, pose) if self.form in _ROUND else corner_distance(x, y, self._corners, pose)
 
     def _colors(self, x: F8, y: F8, distance: F8, pose: Pose, canvas: Canvas) -> F8:
-        """What the shape looks like, (h, w, 3) or (3,) f8."""
+        """The colours of the shape, (h, w, 3) or (3,) f8."""
         colors = np.asarray(self.color, np.float64)
         if self.form == "ball":
             colors = ball_colors(*pose.own(x, y), self.color)

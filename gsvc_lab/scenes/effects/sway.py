@@ -6,7 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F8, Canvas, WarpEffect
+from gsvc_lab.scenes.canvas import F8, Canvas
+from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, pair, parameter
 from gsvc_ref.portable import cos, hypot, sin
 
@@ -32,7 +33,7 @@ class Sway(WarpEffect):
     period: float = parameter(number(2, 1e6), "frames to and fro", 30.0)
 
     def displacement(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8]:
-        """How far right and below of themselves pixels with centres (x, y) read, in pixels."""
+        """Distances right and below of themselves at which pixels with centres (x, y) read, in pixels."""
         phase = 2 * math.pi * time / self.period
         dx, dy = x - self.place[0] * canvas.width, y - self.place[1] * canvas.height
         size = canvas.shorter / 2

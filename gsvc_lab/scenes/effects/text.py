@@ -5,8 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_lab.scenes.canvas import F4, F8, Canvas
 from gsvc_lab.scenes.distances import Box, centres_in, inside, polygon_distance, window
-from gsvc_lab.scenes.effect import F4, F8, Canvas, ObjectEffect
+from gsvc_lab.scenes.effect import ObjectEffect
 from gsvc_lab.scenes.keyframes import is_shown
 from gsvc_lab.scenes.parameters import ParameterError, choice, frame_number, number, pair, parameter
 from gsvc_lab.scenes.parameters import color as rgb
@@ -63,7 +64,7 @@ class Text(ObjectEffect):
         return painted
 
     def coverage(self, x: F8, y: F8, canvas: Canvas, time: float) -> F8:
-        """How much of the pixels with centres (x, y) the text and its box hide, 0 to 1."""
+        """The part of the pixels with centres (x, y) that the text and its box hide, 0 to 1."""
         x, y = np.broadcast_arrays(x, y)
         if not is_shown(self.start, self.end, time):
             return np.zeros(x.shape)
@@ -73,7 +74,7 @@ class Text(ObjectEffect):
         return np.asarray(1 - (1 - share) * (1 - inside(self._box_distance(x, y, canvas, time))))
 
     def motion(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8] | None:
-        """How far right and down the text moved in the last frame; None if it just appeared."""
+        """The motion of the text in the last frame, right and down; None if it just appeared."""
         if not (is_shown(self.start, self.end, time) and is_shown(self.start, self.end, time - 1)):
             return None
         shape = np.broadcast_shapes(x.shape, y.shape)

@@ -8,7 +8,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gsvc_lab.scenes.effect import F4, F8, Canvas, WarpEffect
+from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, parameter, whole
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import cos, power, sin
@@ -68,7 +69,7 @@ class Water(WarpEffect):
         return drawn
 
     def displacement(self, x: F8, y: F8, canvas: Canvas, time: float) -> tuple[F8, F8]:
-        """How far right and below of themselves pixels with centres (x, y) read, in pixels."""
+        """Distances right and below of themselves at which pixels with centres (x, y) read, in pixels."""
         right = np.zeros(np.broadcast_shapes(x.shape, y.shape))
         below = np.zeros_like(right)
         for wave in self._waves:

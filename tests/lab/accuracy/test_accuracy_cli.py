@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gsvc_lab.accuracy.cells import BEGIN, END
+from gsvc_lab.accuracy.tables import BEGIN, END
 from gsvc_ref.cli import main
 
-QUICK = ["--group", "exp", "--seconds", "0.1", "--repeats", "1", "--quiet"]
+QUICK = ["--group", "cutoff", "--seconds", "0.1", "--repeats", "1", "--quiet"]
 
 
 @pytest.fixture(scope="module")
@@ -23,16 +23,16 @@ def picture(tmp_path_factory):
 def test_a_table(picture, capsys):
     assert main(["accuracy", str(picture), *QUICK]) == 0
     out = capsys.readouterr().out
-    assert "degree 5 (reference)" in out
+    assert "1/255 (reference)" in out
     assert "small.png, 24x16, 9 splats" in out
-    assert "tile" not in out
+    assert "Threads" not in out
 
 
 def test_json_alone(picture, capsys):
     assert main(["accuracy", str(picture), *QUICK, "--json"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert [group["name"] for group in found["groups"]] == ["exp"]
+    assert [group["name"] for group in found["groups"]] == ["cutoff"]
     assert captured.err == ""
 
 
@@ -41,8 +41,8 @@ def test_a_page_and_markdown(picture, capsys, tmp_path, monkeypatch):
     (tmp_path / "page.md").write_text(f"{BEGIN}\n{END}\n", encoding="utf-8")
     assert main(["accuracy", str(picture), *QUICK, "--plot", "--markdown", "page.md"]) == 0
     assert "accuracy.html: " in capsys.readouterr().out
-    assert "--group exp --plot" in (tmp_path / "accuracy.html").read_text(encoding="utf-8")
-    assert "| C library |" in (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "--group cutoff --plot" in (tmp_path / "accuracy.html").read_text(encoding="utf-8")
+    assert "| none |" in (tmp_path / "page.md").read_text(encoding="utf-8")
     assert main(["accuracy", str(picture), *QUICK, "--json", "-o", "other.html"]) == 0
     json.loads(capsys.readouterr().out)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["accuracy.html", "other.html", "page.md"]
@@ -52,7 +52,7 @@ def test_a_page_and_markdown(picture, capsys, tmp_path, monkeypatch):
     ("arguments", "words"),
     [
         (["--scene", "dog"], "there is no scene 'dog'; there are demo, astronaut"),
-        (["--group", "speed"], "there is no group 'speed'; there are precision, exp"),
+        (["--group", "speed"], "there is no group 'speed'; there are precision, threads"),
         (["--group", ","], "names no group"),
         (["missing.png"], "there is no file 'missing.png'"),
         (["small.png", "--scene", "demo"], "give one of them"),

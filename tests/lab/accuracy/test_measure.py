@@ -1,4 +1,4 @@
-"""Errors, spreads, turns and Pareto-best rungs."""
+"""Errors, spreads, turns and what is Pareto-best."""
 
 import math
 import time

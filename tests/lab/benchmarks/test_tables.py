@@ -44,5 +44,5 @@ def test_the_report_replaces_what_stands_between_its_markers():
     report = pytest.importorskip("gsvc_lab.benchmarks.report", reason="gsvc_lab.benchmarks is only in a checkout")
     document = "before\n<!-- measured: goals -->\nold\n<!-- end -->\nafter\n"
     once = report.filled(document, {"goals": "new"})
-    assert once == "before\n<!-- measured: goals -->\nnew\n<!-- end -->\nafter\n"
+    assert once == "before\n<!-- measured: goals -->\n\nnew\n\n<!-- end -->\nafter\n"
     assert report.filled(once, {"goals": "new"}) == once

@@ -9,8 +9,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2]))
 pytest.importorskip("gsvc_lab.experiments.experiment", reason="gsvc_lab.experiments is only in a checkout")
 
-from gsvc_lab.experiments.clips import Still
 from gsvc_lab.experiments.experiment import Run
+from gsvc_lab.experiments.material import Still
 from gsvc_ref.encoder import Settings
 
 

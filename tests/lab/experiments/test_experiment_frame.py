@@ -88,7 +88,7 @@ def test_the_document_has_claim_verdict_numbers_and_command(made):
     text = document([made], "figures")
     assert "## Splats & quality\n\nThe paper: More is better.\n\n**Here: partly.** Because it is < 1." in text
     assert "![Splats & quality](figures/splats-one.svg)" in text
-    assert "| what | PSNR, dB |\n| --- | ---: |\n| a\\|b & c | 30.50 |" in text
+    assert "| what | PSNR, dB |\n|---|---:|\n| a\\|b & c | 30.50 |" in text
     assert "`python -m gsvc_lab.experiments splats`" in text
     assert f"(#{anchor('Splats & quality')})" in text
 
@@ -124,7 +124,7 @@ def only_splats(monkeypatch):
 
 
 def test_the_command_runs_keeps_and_shows(only_splats, tmp_path, capsys):
-    document = tmp_path / "docs" / "gsvc_lab.experiments.md"
+    document = tmp_path / "docs" / "experiments.md"
     words = ["splats", "--output", str(tmp_path), "--markdown", str(document)]
     assert command.main(words) == 0
     out = capsys.readouterr().out

@@ -16,7 +16,7 @@ from gsvc_lab.experiments import rate_distortion
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.rate_distortion import codecs, compare, ffmpeg, figures, measure, plan, tables
 from gsvc_lab.experiments.rate_distortion.bd_rate import bd_rate, efficient, mean_ratio
-from gsvc_lab.experiments.rate_distortion.clips import from_file, from_frames, from_raw
+from gsvc_lab.experiments.rate_distortion.planes import from_file, from_frames, from_raw
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError

@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from gsvc_lab.experiments.clips import Clip
+from gsvc_lab.clips import Clip
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 RGB = ColorDescription(primaries=1, transfer=13, matrix=0, full_range=True, chroma_location=0)

@@ -9,8 +9,11 @@ from html_pages import parsed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_lab.pages import Choice, Figure, FrameRecord, PictureRow, ReportData, pictures, report_html, write_report
-from gsvc_lab.pages.charts import bits_chart, color_classes, nice_ticks, psnr_chart, share_bar
+from gsvc_lab.pages import pictures
+from gsvc_lab.pages.charts import color_classes, nice_ticks, share_bar
+from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData
+from gsvc_lab.pages.frame_charts import bits_chart, psnr_chart
+from gsvc_lab.pages.report import report_html, write_report
 from gsvc_ref.errors import UsageError
 
 

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gsvc_lab.pages import difference_picture, pictures, splat_centres_picture
-from gsvc_lab.pages.pictures import animation_uri, png_uri, side_by_side, to_eight_bits
+from gsvc_lab.pages import pictures
+from gsvc_lab.pages.pictures import (
+    animation_uri,
+    difference_picture,
+    png_uri,
+    side_by_side,
+    splat_centres_picture,
+    to_eight_bits,
+)
 
 GREY = np.full((20, 30, 3), 128, np.uint8)
 

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from scene_cases import scene
 
 from gsvc_lab.scenes import EFFECTS, Base, Scene, effect_class, scene_names
-from gsvc_lab.scenes.description import MAX_EFFECTS, MAX_FILE_BYTES, MAX_PIXELS
+from gsvc_lab.scenes.built_in import scene_text
+from gsvc_lab.scenes.description import MAX_EFFECTS, MAX_PIXELS
 from gsvc_lab.scenes.effects.cut import Cut
 from gsvc_lab.scenes.effects.pan import Pan
-from gsvc_lab.scenes.names import scene_text
 from gsvc_lab.scenes.parameters import ParameterError, key_of, parameters
 from gsvc_lab.scenes.reference import reference_lines, reference_object
+from gsvc_lab.scenes.scene import MAX_FILE_BYTES
 from gsvc_ref.errors import UsageError
 
 DESCRIPTION = """

@@ -5,6 +5,7 @@ import pytest
 from html_pages import parsed
 
 from gsvc_lab.scenes import EFFECTS, Scene, gallery, scene_names
+from gsvc_lab.scenes.built_in import scene_text
 from gsvc_lab.scenes.gallery_pictures import (
     changing_frames,
     motion_wheel,
@@ -12,7 +13,6 @@ from gsvc_lab.scenes.gallery_pictures import (
     telling_frames,
     truth_picture,
 )
-from gsvc_lab.scenes.names import scene_text
 
 FEW = ("static", "cut", "many", "jumping-circle")
 

@@ -5,7 +5,7 @@ import pytest
 from scene_cases import scene
 
 from gsvc_lab.scenes import Clip, truth
-from gsvc_lab.scenes.effect import Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.brightness import Brightness
 from gsvc_lab.scenes.effects.flash import Flash
 from gsvc_lab.scenes.effects.highlight import Highlight

@@ -3,7 +3,7 @@ import pytest
 from scene_cases import scene
 
 from gsvc_lab.scenes import Clip, truth
-from gsvc_lab.scenes.effect import Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.grain import Grain
 from gsvc_lab.scenes.effects.noise import Noise
 from gsvc_ref.draws import Draws

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scene_cases import scene
 
 from gsvc_lab.scenes import Clip, paint_ball, truth
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.distances import polygon_distance, segment_distance
-from gsvc_lab.scenes.effect import Canvas
 from gsvc_lab.scenes.effects.shape import Shape
 from gsvc_lab.scenes.outlines import Pose, regular_polygon, round_distance
 from gsvc_lab.scenes.shapes import Ball

@@ -5,7 +5,7 @@ import pytest
 from scene_cases import scene
 
 from gsvc_lab.scenes import Clip, truth
-from gsvc_lab.scenes.effect import Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.text import Text
 from gsvc_lab.scenes.stroke_font import CHARACTERS, text_width
 from gsvc_ref.errors import UsageError

@@ -1,4 +1,4 @@
-"""That a rung changes what it says and nothing else."""
+"""That a setting changes what it says and nothing else."""
 
 from dataclasses import fields, is_dataclass, replace
 
@@ -6,9 +6,9 @@ import numba
 import numpy as np
 import pytest
 
-from gsvc_lab.accuracy.choices import QUICK_FIT, Coding, Reference, Subject, Training
-from gsvc_lab.accuracy.rungs import ENCODING, GROUP_NAMES, GROUPS, check_names
+from gsvc_lab.accuracy.groups import ENCODING, GROUP_NAMES, GROUPS, check_names, thread_counts
 from gsvc_lab.accuracy.sources import scene_source
+from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, Training
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import PRECISIONS
@@ -19,20 +19,20 @@ from gsvc_ref.training.fit import NEW, Population
 JIT = not numba.config.DISABLE_JIT
 
 VARIED = {
-    "precision": None,  # different renderers
-    "exp": {"variant.degree"},
-    "cutoff": {"variant.cutoff"},
-    "tile": {"variant.tile"},
+    "precision": {"precision"},
+    "threads": {"threads"},
+    "cutoff": {"cutoff"},
     "position": {"position_bits"},
     "cholesky": {"cholesky_bits"},
     "color": {"stages", "codewords"},
+    "gradients": {"precision"},
     "splats": {"pixels_per_splat"},
     "iterations": {"fit.iterations", "fit.schedule.steps"},
     "start": {"start"},
     "rates": {"fit.rates.position", "fit.rates.cholesky", "fit.rates.color", "fit.rates.weight", "fit.schedule",
               "fit.learn_pixels", "fit.relative_steps"},
 }  # fmt: skip
-"""The choice of each group, as the paths of the fields that its rungs may differ in."""
+"""What each group varies, as the paths of the fields that its settings may differ in."""
 
 
 def differences(a, b, path=""):
@@ -46,32 +46,36 @@ def differences(a, b, path=""):
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.name)
-def test_rungs_of_a_group_differ_in_one_choice(group):
-    names = [rung.name for rung in group.rungs]
+def test_settings_of_a_group_differ_in_one_thing(group):
+    names = [setting.name for setting in group.settings]
     assert len(set(names)) == len(names) >= 2
-    assert sum(rung.base for rung in group.rungs) == 1
-    choices = [rung.choice for rung in group.rungs]
-    assert len(set(choices)) == len(choices)
-    if (varied := VARIED[group.name]) is not None:
-        for choice in choices[1:]:
-            assert differences(choices[0], choice) <= varied
-            assert differences(choices[0], choice)
+    assert sum(setting.base for setting in group.settings) == 1
+    first, *others = [setting.work for setting in group.settings]
+    assert len({first, *others}) == len(names)
+    for work in others:
+        assert differences(first, work) <= VARIED[group.name]
+        assert differences(first, work)
 
 
-def test_every_precision_is_a_rung():
-    precisions = [rung.choice.precision for rung in GROUPS[0].rungs if isinstance(rung.choice, Reference)]
-    assert precisions == list(PRECISIONS)
+def test_every_precision_is_measured():
+    assert [setting.work for setting in GROUPS[0].settings] == [Rendering(precision) for precision in PRECISIONS]
+
+
+@pytest.mark.parametrize(("most", "counts"), [(1, (1, 2)), (2, (1, 2)), (6, (1, 2, 4, 6)), (8, (1, 2, 4, 8))])
+def test_threads_go_up_to_all_processors(monkeypatch, most, counts):
+    monkeypatch.setattr("gsvc_lab.accuracy.groups.processors", lambda: most)
+    assert thread_counts() == counts
 
 
 @pytest.mark.parametrize("group", [group for group in GROUPS if group.kind == "training"], ids=lambda group: group.name)
-def test_the_rung_called_quick_is_the_preset(group):
-    quick = [rung.choice for rung in group.rungs if rung.usual == "quick"]
+def test_the_setting_called_quick_is_the_preset(group):
+    quick = [setting.work for setting in group.settings if setting.usual == "quick"]
     assert quick == [Training()]
     assert Training().fit == Settings.quick().intra.fit
 
 
 @pytest.mark.parametrize(
-    ("choice", "changed"),
+    ("coding", "changed"),
     [
         (Coding(), {"intra.quantizer.position_step", "intra.candidates"}),
         (Coding(position_bits=9), {"intra.quantizer.position_step", "intra.candidates"}),
@@ -80,20 +84,20 @@ def test_the_rung_called_quick_is_the_preset(group):
         (Coding(stages=2), {"intra.quantizer.position_step", "intra.candidates", "intra.quantizer.colors.codewords"}),
     ],
 )  # fmt: skip
-def test_coding_is_that_of_the_preset_but_for_the_choice(choice, changed):
-    assert differences(Settings.quick(), choice.settings(40, 30)) == changed
+def test_coding_is_that_of_the_preset_but_for_the_setting(coding, changed):
+    assert differences(Settings.quick(), coding.settings(40, 30)) == changed
 
 
 @pytest.fixture(scope="module")
-def subject():
+def picture():
     rows, columns = (64, 80) if JIT else (20, 24)  # interpreted kernels are slow
-    return Subject(scene_source("chelsea").picture[100 : 100 + rows, 200 : 200 + columns])
+    return SourcePicture(scene_source("chelsea").picture[100 : 100 + rows, 200 : 200 + columns])
 
 
 @pytest.mark.parametrize("bits", [6, 9])
-def test_positions_have_the_bits_that_the_rung_says(subject, bits):
-    _, state, size = Coding(position_bits=bits).run(subject, 0)
-    half = np.array([subject.width / 2, subject.height / 2])
+def test_positions_have_the_bits_that_the_setting_says(picture, bits):
+    _, state, size = Coding(position_bits=bits).run(picture, 0)
+    half = np.array([picture.width / 2, picture.height / 2])
     steps = (state.splats.positions.astype(np.float64) / half - 1) * 2 ** (bits - 1)
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-3)
     finer = np.rint(steps) % 2
@@ -101,42 +105,42 @@ def test_positions_have_the_bits_that_the_rung_says(subject, bits):
     assert size > 0
 
 
-def test_coarser_choices_cost_fewer_bytes(monkeypatch):
+def test_coarser_settings_cost_fewer_bytes(monkeypatch):
     def untuned(values, quantizer, objective, settings):
         return fine_tune(values, quantizer, objective, replace(settings, iterations=0))
 
-    monkeypatch.setattr("gsvc_lab.accuracy.choices.fine_tune", untuned)
-    subject = Subject(scene_source("chelsea").picture[100:164, 200:280])
-    splats = image_start(subject.picture, 300, np.random.default_rng(0))
-    subject.population = Population(splats, 1.0, np.full(300, NEW), QUICK_FIT)
-    usual = Coding().run(subject, 0)[2]
+    monkeypatch.setattr("gsvc_lab.accuracy.work.fine_tune", untuned)
+    picture = SourcePicture(scene_source("chelsea").picture[100:164, 200:280])
+    splats = image_start(picture.picture, 300, np.random.default_rng(0))
+    picture.population = Population(splats, 1.0, np.full(300, NEW), QUICK_FIT)
+    usual = Coding().run(picture, 0)[2]
     for coarser in (Coding(position_bits=7), Coding(cholesky_bits=4), Coding(stages=1)):
-        assert coarser.run(subject, 0)[2] < usual
+        assert coarser.run(picture, 0)[2] < usual
 
 
-def test_fewer_cholesky_bits_leave_positions_and_colours_to_the_same_quantisers(subject):
-    coarse, fine = (Coding(cholesky_bits=bits).run(subject, 0)[0].intra for bits in (4, 12))
+def test_fewer_cholesky_bits_leave_positions_and_colours_to_the_same_quantisers(picture):
+    coarse, fine = (Coding(cholesky_bits=bits).run(picture, 0)[0].intra for bits in (4, 12))
     assert coarse.cholesky.max() < 16 <= fine.cholesky.max()
     assert len(coarse.codebooks) == len(fine.codebooks) == 3
     assert [len(book) for book in coarse.codebooks] == [len(book) for book in fine.codebooks]
 
 
-def test_seeds_give_other_splats_and_the_same_seed_the_same(subject):
-    first, again, other = (Training().run(subject, seed).splats() for seed in (1, 1, 2))
+def test_seeds_give_other_splats_and_the_same_seed_the_same(picture):
+    first, again, other = (Training().run(picture, seed).splats() for seed in (1, 1, 2))
     assert first == again
     assert first != other
 
 
-def test_a_random_start_begins_dark(subject):
-    start = Training(start="random", fit=Training().fit.__class__(iterations=0, pruning=None)).run(subject, 0)
+def test_a_random_start_begins_dark(picture):
+    start = Training(start="random", fit=Training().fit.__class__(iterations=0, pruning=None)).run(picture, 0)
     assert abs(start.parameters()[:, 5:8]).max() < 0.01
-    assert len(start) == subject.width * subject.height // 40
+    assert len(start) == picture.width * picture.height // 40
 
 
 def test_names():
     check_names(GROUP_NAMES)
     assert GROUP_NAMES[-1] == ENCODING
-    with pytest.raises(UsageError, match="'speed'; there are precision, exp"):
-        check_names(("exp", "speed"))
+    with pytest.raises(UsageError, match="'speed'; there are precision, threads"):
+        check_names(("cutoff", "speed"))
     with pytest.raises(UsageError, match="no group"):
         check_names(())

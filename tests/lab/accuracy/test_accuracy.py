@@ -1,4 +1,4 @@
-"""A whole ladder on a small picture: what is in it, and how it is shown."""
+"""All groups measured on a small picture: what is found, and how it is shown."""
 
 import json
 import math
@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
-from gsvc_lab.accuracy import GROUPS, Source, ladder_html, ladder_object, markdown, measure_ladder
-from gsvc_lab.accuracy.cells import BEGIN, END, number, time_text, update_markdown
+from gsvc_lab.accuracy import GROUPS, Source, accuracy_html, accuracy_object, markdown, measure_accuracy
 from gsvc_lab.accuracy.encoding import Curve, encoding_curve, thinned
-from gsvc_lab.accuracy.ladder import central
 from gsvc_lab.accuracy.measure import pareto
 from gsvc_lab.accuracy.pictures import amplified
-from gsvc_lab.accuracy.plots import Axis, Point, Series, plot
+from gsvc_lab.accuracy.runner import central
 from gsvc_lab.accuracy.sources import clip_source, scene_source
+from gsvc_lab.accuracy.tables import number, time_text
 from gsvc_lab.cli.accuracy import describe
+from gsvc_lab.pages.charts import Axis, Point, Series, plot
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
@@ -33,14 +33,14 @@ def small_source():
 
 
 @pytest.fixture(scope="module")
-def ladder():
-    return measure_ladder(small_source(), seconds=2, repeats=1)
+def report():
+    return measure_accuracy(small_source(), seconds=2, repeats=1)
 
 
-def test_every_group_and_rung_has_finite_numbers(ladder):
-    found = json.loads(json.dumps(to_json(ladder_object(ladder)), allow_nan=False))
+def test_every_group_and_setting_has_finite_numbers(report):
+    found = json.loads(json.dumps(to_json(accuracy_object(report)), allow_nan=False))
     assert [(group["name"], [rung["name"] for rung in group["rungs"]]) for group in found["groups"]] == [
-        (group.name, [rung.name for rung in group.rungs]) for group in GROUPS
+        (group.name, [setting.name for setting in group.settings]) for group in GROUPS
     ]
     for group in found["groups"]:
         for rung in group["rungs"]:
@@ -58,54 +58,42 @@ def test_every_group_and_rung_has_finite_numbers(ladder):
     assert [curve["preset"] for curve in found["curves"]] == ["quick", "paper"]
 
 
-def test_the_exact_renderer_is_the_only_one_without_error(ladder):
-    steps = {(result.group.name, step.rung.name): step for result in ladder.groups for step in result.steps}
-    assert [key for key, step in steps.items() if step.errors.psnr == math.inf] == [("precision", "exact")]
-    assert (
-        steps["exp", "degree 2"].errors.rms > steps["exp", "degree 3"].errors.rms > steps["exp", "degree 4"].errors.rms
-    )
-    assert steps["cutoff", "1/255"].errors.rms > steps["cutoff", "none"].errors.rms
+def test_the_exact_pictures_are_the_only_ones_without_error(report):
+    found = {(result.group.name, one.setting.name): one for result in report.groups for one in result.measurements}
+    exact = [key for key, one in found.items() if one.errors.psnr == math.inf]
+    assert exact == [("precision", "exact"), ("cutoff", "none")]
+    wide = [found["cutoff", name].errors.rms for name in ("1/255", "1/1024", "1/4096")]
+    assert wide == sorted(wide, reverse=True)
+    assert len({one.errors for (group, _), one in found.items() if group == "threads"}) == 1
 
 
-def test_marks_are_pareto_in_error_and_cost(ladder):
-    for result in ladder.groups:
-        costs = [step.bytes if result.group.cost == "bytes" else step.seconds.median for step in result.steps]
-        rms = [step.errors.rms for step in result.steps]
-        assert [step.best for step in result.steps] == pareto(list(zip(rms, costs, strict=True)))
+def test_marks_are_pareto_in_error_and_cost(report):
+    for result in report.groups:
+        costs = [one.bytes if result.group.cost == "bytes" else one.seconds.median for one in result.measurements]
+        rms = [one.errors.rms for one in result.measurements]
+        assert [one.best for one in result.measurements] == pareto(list(zip(rms, costs, strict=True)))
 
 
-def test_the_table_names_everything(ladder):
-    text = "\n".join(describe(ladder))
+def test_the_table_names_everything(report):
+    text = "\n".join(describe(report))
     for group in GROUPS:
         assert f"{group.title} ({group.name}): errors against {group.against}" in text
-        assert all(rung.name in text for rung in group.rungs)
+        assert all(setting.name in text for setting in group.settings)
     assert "identical" in text
     assert "preset paper: " in text
     assert "99.999 %" in text
 
 
-def test_the_markdown_has_a_table_for_each_group(ladder):
-    text = markdown(ladder)
+def test_the_markdown_has_a_table_for_each_group(report):
+    text = markdown(report)
     assert text.count("|---|---|---:|") == len(GROUPS)
     tables = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(tables) == sum(2 + len(group.rungs) for group in GROUPS)
+    assert len(tables) == sum(2 + len(group.settings) for group in GROUPS)
     assert "| \\* |" in text
 
 
-def test_markdown_goes_between_the_markers(ladder, tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
-    for _ in range(2):
-        update_markdown(page, ladder)
-        assert page.read_text(encoding="utf-8") == f"before\n{BEGIN}\n\n{markdown(ladder)}\n{END}\nafter\n"
-    for text in ("", f"{END}\n{BEGIN}\n", f"{BEGIN}{END}{END}"):
-        page.write_text(text, encoding="utf-8")
-        with pytest.raises(UsageError, match="markdown"):
-            update_markdown(page, ladder)
-
-
-def test_the_page_is_well_formed_and_needs_nothing_else(ladder):
-    page = ladder_html(ladder, "gsvc accuracy 'a b.png' --plot")
+def test_the_page_is_well_formed_and_needs_nothing_else(report):
+    page = accuracy_html(report, "gsvc accuracy 'a b.png' --plot")
     checker = parsed(page)
     assert "script" not in checker.tags
     for name, value in checker.attributes:
@@ -119,23 +107,23 @@ def test_the_page_is_well_formed_and_needs_nothing_else(ladder):
     text = " ".join(checker.text)
     assert "a <cat> & more" in text
     assert "gsvc accuracy 'a b.png' --plot" in text
-    for result in ladder.groups:
+    for result in report.groups:
         assert result.group.title in text
-        for step in result.steps:
-            assert step.rung.name in text
-            assert number(step.errors.largest) in text
-            assert time_text(step.seconds.median) in text
+        for one in result.measurements:
+            assert one.setting.name in text
+            assert number(one.errors.largest) in text
+            assert time_text(one.seconds.median) in text
 
 
-def test_a_part_of_the_ladder_makes_a_page(ladder):
+def test_some_groups_make_a_page(report):
     source = small_source()
-    some = measure_ladder(source, ("tile", "start"), seconds=0.1, repeats=1)
-    assert [result.group.name for result in some.groups] == ["tile", "start"]
-    checker = parsed(ladder_html(some))
+    some = measure_accuracy(source, ("threads", "start"), seconds=0.1, repeats=1)
+    assert [result.group.name for result in some.groups] == ["threads", "start"]
+    checker = parsed(accuracy_html(some))
     assert "Coding: PSNR against bytes" not in checker.text
-    curves = measure_ladder(source, ("encoding",), seconds=0.1, repeats=1)
+    curves = measure_accuracy(source, ("encoding",), seconds=0.1, repeats=1)
     assert curves.splats == 0
-    assert parsed(ladder_html(curves)).tags.count("svg") == 1
+    assert parsed(accuracy_html(curves)).tags.count("svg") == 1
     assert "Encoding one I-frame" in "\n".join(describe(curves))
 
 
@@ -148,16 +136,16 @@ def test_large_pictures_are_cut_down_for_training():
 
 
 def test_cut_down_pictures_are_said(monkeypatch):
-    monkeypatch.setattr("gsvc_lab.accuracy.ladder.MAX_TRAINING_PIXELS", 40)
-    found = measure_ladder(small_source(), ("start",), seconds=0.1, repeats=1)
+    monkeypatch.setattr("gsvc_lab.accuracy.runner.MAX_TRAINING_PIXELS", 40)
+    found = measure_accuracy(small_source(), ("start",), seconds=0.1, repeats=1)
     width, height = (8, 4) if JIT else (8, 5)
-    assert found.notes == (f"the rungs that code and train took the middle {width}x{height} pixels of the picture",)
+    assert found.notes == (f"the settings that code and train took the middle {width}x{height} pixels of the picture",)
 
 
 @pytest.mark.parametrize("numbers", [{"seconds": 0}, {"seconds": math.inf}, {"seconds": math.nan}, {"repeats": 0}])
 def test_numbers_out_of_range(numbers):
     with pytest.raises(UsageError, match="seconds is"):
-        measure_ladder(small_source(), ("exp",), **numbers)
+        measure_accuracy(small_source(), ("cutoff",), **numbers)
 
 
 def test_a_curve_that_is_complete_and_one_that_is_stopped():

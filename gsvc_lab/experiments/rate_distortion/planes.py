@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.experiments.clips import as_frame, as_picture
+from gsvc_lab.clips import as_frame, as_picture
 from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video import Frame, VideoFormat, VideoReader, frame_to_planes, open_video, planes_to_frame
@@ -32,7 +32,7 @@ class PlanarClip:
     title
         For tables and figures.
     note
-        Where the planes come from, and what was done to them.
+        Origin of the planes, and what was done to them.
     path
         Raw planes, frame after frame.
     format
@@ -46,7 +46,7 @@ class PlanarClip:
 
     @property
     def frame_count(self) -> int:
-        """How many frames there are."""
+        """Number of frames."""
         assert self.format.frame_count is not None
         return self.format.frame_count
 
@@ -95,7 +95,7 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     path
         Anything `open_video` reads.
     target
-        Where the raw planes go.
+        File for the raw planes.
     frames
         The most frames.
     crop

@@ -1,41 +1,42 @@
-"""Measuring the ladder: the groups that are asked for, within a time."""
+"""Measuring the groups that are asked for, within a time."""
 
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.accuracy.choices import Judgement, Subject
+from gsvc_lab import machine
 from gsvc_lab.accuracy.encoding import Curve, encoding_curve
-from gsvc_lab.accuracy.machine import machine
+from gsvc_lab.accuracy.groups import ENCODING, GROUP_NAMES, GROUPS, Group, Kind, check_names
 from gsvc_lab.accuracy.measure import Spread, take_turns, timed, visit
 from gsvc_lab.accuracy.pictures import error_pictures
-from gsvc_lab.accuracy.results import GroupResult, Ladder, Step, steps_of
-from gsvc_lab.accuracy.rungs import ENCODING, GROUP_NAMES, GROUPS, Group, Kind, check_names
+from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement, measurements_of
 from gsvc_lab.accuracy.sources import Source
+from gsvc_lab.accuracy.work import Quality, SourcePicture, Work
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
 
 SECONDS: Final = 110.0
-"""Time to measure in, by default."""
+"""Time to measure in by default."""
 
 REPEATS: Final = 9
-"""Most rounds of each rung, by default."""
+"""Maximum number of rounds by default."""
 
 PAPER_S: Final = 60.0
-"""The curve of the preset paper ends there at the latest."""
+"""Seconds after which the curve of the preset paper ends."""
 
 MIN_PAPER: Final = 0.3
-"""It gets this fraction of all time even if the groups before it took longer than they should."""
+"""Fraction of all time that it gets even if the groups before it took longer than they should."""
 
 SHARES: Final[dict[str, float]] = {"rendering": 1.0, "coding": 1.0, "training": 2.0, ENCODING: 4.0}
-"""How the time is shared among what is asked for."""
+"""Shares of the time for what is asked for."""
 
 MAX_TRAINING_PIXELS: Final = 270_000
-"""Of a larger picture, coding and training take the middle with so many pixels."""
+"""Maximum number of pixels for coding and training, which take the middle of a larger picture."""
 
 P = TypeVar("P", bound=NDArray[Any])
 
@@ -43,27 +44,27 @@ OnProgress = Callable[[str, float, float], None]
 """Called with what is being done, the seconds so far and the seconds in all, roughly."""
 
 
-def measure_ladder(
+def measure_accuracy(
     source: Source,
     names: Sequence[str] = GROUP_NAMES,
     *,
     seconds: float = SECONDS,
     repeats: int = REPEATS,
     on_progress: OnProgress = lambda text, done, total: None,
-) -> Ladder:
-    """Measure groups of the ladder on a picture.
+) -> AccuracyReport:
+    """Measure groups of settings on a picture.
 
     Parameters
     ----------
     source
         The picture.
     names
-        Of the groups.
+        Names of the groups.
     seconds
-        About how long to measure. Every rung runs at least three times, whatever that takes, and at first the splats
-        are fitted and the renderers compiled.
+        About how long to measure. Every setting runs at least three times, whatever that takes, and at first the
+        splats are fitted and the kernels compiled.
     repeats
-        Most rounds in which each rung runs, at least 1.
+        Maximum number of rounds in which each setting runs, at least 1.
     on_progress
         Called now and then.
 
@@ -79,7 +80,7 @@ def measure_ladder(
 
 
 class _Measuring:
-    """One run of `measure_ladder`."""
+    """One run of `measure_accuracy`."""
 
     def __init__(
         self, source: Source, names: tuple[str, ...], seconds: float, repeats: int, on_progress: OnProgress
@@ -91,33 +92,33 @@ class _Measuring:
         self.notes: list[str] = []
         whole = source.picture
         middle = central(whole, MAX_TRAINING_PIXELS)
-        self.whole = Subject(whole, self._on_fit)
-        self.middle = self.whole if middle is whole else Subject(middle, self._on_fit)
+        self.whole = SourcePicture(whole, self._on_fit)
+        self.middle = self.whole if middle is whole else SourcePicture(middle, self._on_fit)
 
-    def run(self) -> Ladder:
+    def run(self) -> AccuracyReport:
         kinds: tuple[Kind, ...] = ("rendering", "coding", "training")
-        steps: dict[str, tuple[Step, ...]] = {}
+        measurements: dict[str, tuple[Measurement, ...]] = {}
         for kind in kinds:
             groups = [group for group in GROUPS if group.kind == kind and group.name in self.names]
             share = self._share(kind, wanted=bool(groups))
             if groups:
-                subject = self.whole if kind == "rendering" else self.middle
-                steps |= self._measure(groups, subject, share)
+                picture = self.whole if kind == "rendering" else self.middle
+                measurements |= self._measure(groups, picture, share)
         share = self._share(ENCODING, wanted=ENCODING in self.names)
         curves = self._curves(share) if ENCODING in self.names else ()
         if self.middle is not self.whole:
             size = f"{self.middle.width}x{self.middle.height}"
-            self.notes.append(f"the rungs that code and train took the middle {size} pixels of the picture")
+            self.notes.append(f"the settings that code and train took the middle {size} pixels of the picture")
         fitted = "population" in vars(self.whole)
-        return Ladder(
+        return AccuracyReport(
             self.source,
             len(self.whole.splats) if fitted else 0,
             self.whole.source_psnr(self.whole.exact) if fitted else None,
-            tuple(GroupResult(group, steps[group.name]) for group in GROUPS if group.name in steps),
+            tuple(GroupResult(group, measurements[group.name]) for group in GROUPS if group.name in measurements),
             curves,
             error_pictures(self.whole, tuple(group for group in GROUPS if group.name in self.names)),
             tuple(self.notes),
-            machine(),
+            machine.named(),
             time.perf_counter() - self.begin,
         )
 
@@ -129,59 +130,57 @@ class _Measuring:
         mine = self.shares.pop(kind)
         return left * mine / after if wanted else 0.0
 
-    def _measure(self, groups: list[Group], subject: Subject, seconds: float) -> dict[str, tuple[Step, ...]]:
-        """Run the rungs of groups of one kind in turns; equal choices of several groups run once."""
-        seeded = groups[0].kind != "rendering"
-        rungs = {rung.choice: rung.name for group in groups for rung in group.rungs}
-        choices = list(rungs)
-        judged: list[list[Judgement]] = [[] for _ in choices]
-        self._tell(f"{groups[0].kind}: getting ready")
-        for index, choice in enumerate(choices if not seeded else choices[:1]):  # what is compiled, compiles here
-            outcome = choice.run(subject, 0)
+    def _measure(
+        self, groups: list[Group], picture: SourcePicture, seconds: float
+    ) -> dict[str, tuple[Measurement, ...]]:
+        """Run the work of groups of one kind in turns; work that several groups share runs once."""
+        kind = groups[0].kind
+        seeded = kind != "rendering"  # every run has another outcome to assess
+        names = {setting.work: setting.name for group in groups for setting in group.settings}
+        assessed: dict[Work, list[Quality]] = {work: [] for work in names}
+        self._report(f"{kind}: getting ready")
+        for work in list(names)[: 1 if seeded else None]:  # what is compiled, compiles here
+            outcome = work.run(picture, 0)
             if not seeded:
-                judged[index].append(choice.judge(subject, outcome))
-            self._tell(f"{groups[0].kind}: {rungs[choice]}, getting ready")
+                assessed[work].append(work.assess(picture, outcome))
+            self._report(f"{kind}: {names[work]}, getting ready")
 
-        def turn(index: int) -> Callable[[int], float]:
-            choice = choices[index]
+        def turn(work: Work, number: int) -> float:
             if not seeded:
-                return lambda number: visit(lambda: choice.run(subject, number))
-
-            def run_and_judge(number: int) -> float:
-                outcome, taken = timed(lambda: choice.run(subject, number))
-                judged[index].append(choice.judge(subject, outcome))
-                return taken
-
-            return run_and_judge
+                return visit(lambda: work.run(picture, number))
+            outcome, taken = timed(lambda: work.run(picture, number))
+            assessed[work].append(work.assess(picture, outcome))
+            return taken
 
         taken = take_turns(
-            [turn(index) for index in range(len(choices))],
+            [partial(turn, work) for work in names],
             self.repeats,
             time.perf_counter() + seconds,
-            lambda index: self._tell(f"{groups[0].kind}: {rungs[choices[index]]}"),
+            lambda index: self._report(f"{kind}: {list(names.values())[index]}"),
         )
-        times = {choice: Spread.of(values) for choice, values in zip(choices, taken, strict=True)}
-        results = dict(zip(choices, judged, strict=True))
-        return {group.name: steps_of(group, times, results) for group in groups}
+        times = {work: Spread.of(values) for work, values in zip(names, taken, strict=True)}
+        return {group.name: measurements_of(group, times, assessed) for group in groups}
 
     def _curves(self, seconds: float) -> tuple[Curve, ...]:
         """One curve per preset; the first encode only compiles."""
         encoding_curve(Settings.quick(iterations=2), self.source, math.inf)
         begin = time.perf_counter()
-        quick = encoding_curve(Settings.quick(), self.source, math.inf, lambda _: self._tell("encoding, preset quick"))
+        quick = encoding_curve(
+            Settings.quick(), self.source, math.inf, lambda _: self._report("encoding, preset quick")
+        )
         limit = min(PAPER_S, max(seconds - (time.perf_counter() - begin), MIN_PAPER * self.total))
-        paper = encoding_curve(Settings.paper(), self.source, limit, lambda _: self._tell("encoding, preset paper"))
+        paper = encoding_curve(Settings.paper(), self.source, limit, lambda _: self._report("encoding, preset paper"))
         return quick, paper
 
     def _on_fit(self, iteration: int, iterations: int, loss: float) -> None:
-        self._tell(f"fitting splats, iteration {iteration}/{iterations}")
+        self._report(f"fitting splats, iteration {iteration}/{iterations}")
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self.on_progress(text, time.perf_counter() - self.begin, self.total)
 
 
 def central(picture: P, most: int) -> P:
-    """The middle of a picture (H, W, 3) with at most so many pixels and its aspect; the picture itself if it fits."""
+    """The middle of a picture (H, W, 3) with at most `most` pixels and its aspect; the picture itself if it fits."""
     height, width = picture.shape[:2]
     if height * width <= most:
         return picture

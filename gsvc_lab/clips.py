@@ -1,8 +1,8 @@
-"""What experiments measure on: clips inside packages, scenes, files that the user gives, and UVG's raw sequences."""
+"""Clips to measure on: those inside packages, scenes, files that the user gives, and UVG's raw sequences."""
 
 import importlib.util
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice
@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.experiments.experiment import Run
-from gsvc_lab.scenes import Camera, Scene, photograph, view
+from gsvc_lab.scenes import Camera, Scene, view
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, planes_to_frame
@@ -29,7 +28,7 @@ PAPER_SEQUENCES: Final = ("Beauty", "HoneyBee", "Jockey")
 """The sequences of UVG that the paper takes: slow, medium and fast motion."""
 
 UVG_NAME: Final = re.compile(r"(?P<name>[A-Za-z]+)_(?P<width>\d+)x(?P<height>\d+)_(?P<rate>\d+)fps_420_8bit_YUV\.yuv")
-"""How UVG names its raw 8-bit files, such as Beauty_1920x1080_120fps_420_8bit_YUV.yuv."""
+"""Pattern of the names of UVG's raw 8-bit files, such as Beauty_1920x1080_120fps_420_8bit_YUV.yuv."""
 
 UVG_COLOR: Final = ColorDescription(primaries=1, transfer=1, matrix=1, full_range=False, chroma_location=0)
 """BT.709 in limited range; the raw files do not say."""
@@ -44,7 +43,7 @@ class Clip:
     name
         For tables and figures.
     about
-        What it is, for people: a noun phrase.
+        A noun phrase that describes it to people.
     format
         Size, frame rate and colour; `format.frame_count` where it is known.
     read
@@ -212,60 +211,3 @@ def uvg_paths(folder: Path) -> list[Path]:
             f"1920x1080 sequences there (https://ultravideo.fi/dataset.html)"
         )
     return [path for name, path in sorted(found, key=lambda one: (one[0] not in PAPER_SEQUENCES, one))]
-
-
-def given_clips(run: Run) -> list[Clip]:
-    """What the user gave by --clip and --uvg, each with a name of its own; empty if neither."""
-    clips = [file_clip(path) for path in run.clips]
-    if run.uvg is not None:
-        clips += [uvg_clip(path, run.say) for path in uvg_paths(run.uvg)]
-    named: list[Clip] = []
-    for clip in clips:
-        same = sum(other.name == clip.name for other in clips[: len(named)])
-        named.append(replace(clip, name=f"{clip.name} ({same + 1})") if same else clip)
-    return named
-
-
-@dataclass(frozen=True)
-class Still:
-    """One picture to fit.
-
-    Attributes
-    ----------
-    name, about
-        As of a clip.
-    frame
-        (H, W, 3) u1.
-    """
-
-    name: str
-    about: str
-    frame: Frame
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        height, width = self.frame.shape[:2]
-        return width, height
-
-
-def stills(run: Run, names: Sequence[str], width: int, height: int) -> list[Still]:
-    """The first frames of what the user gave, or else photographs of scikit-image, as 8 bits.
-
-    The small version resamples them to width x height; the large one takes them as they are.
-    """
-    found = [(clip.name, f"the first frame of {clip.about}", clip.picture()) for clip in given_clips(run)]
-    for name in () if found else names:
-        picture = photograph(name)
-        size = f"{picture.shape[1]}x{picture.shape[0]}"
-        found.append((name, f"the photograph {name} of scikit-image, {size}", picture))
-    small = "" if run.full else f", resampled to {width}x{height}"
-    return [
-        Still(name, about + small, as_frame(picture if run.full else resized(picture, width, height)))
-        for name, about, picture in found
-    ]
-
-
-def preferred(pictures: Sequence[Still], name: str) -> Still:
-    """The picture of this name, or else the first."""
-    return next((still for still in pictures if still.name == name), pictures[0])

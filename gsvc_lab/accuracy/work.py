@@ -1,0 +1,227 @@
+"""Work that is timed: rendering, coding and training with one setting, and how good its outcome is."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Literal, Protocol
+
+import numpy as np
+
+from gsvc_lab.accuracy.cutoff import F8, cut_sum
+from gsvc_lab.accuracy.measure import Errors
+from gsvc_ref.encoder.quantizer_choice import frame_bytes
+from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, FrameSettings, Settings
+from gsvc_ref.reconstruction import FrameCodes, State
+from gsvc_ref.rendering import Objective, Precision, render_sum
+from gsvc_ref.splats import F4, Splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
+from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit
+from gsvc_ref.training.pruning import fold_weights
+from gsvc_ref.training.quantizer import with_codewords
+
+QUICK_FIT: Final[FitSettings] = Settings.quick().intra.fit
+
+ASSESSED_WITH: Final[Precision] = "deterministic"
+"""Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The quality of an outcome.
+
+    Attributes
+    ----------
+    errors
+        Errors against the reference of the group.
+    source_psnr
+        PSNR in dB against the source.
+    bytes
+        Size of the coded frame, or None.
+    """
+
+    errors: Errors
+    source_psnr: float
+    bytes: int | None = None
+
+
+class SourcePicture:
+    """A picture, its splats as the preset quick fits them, and their exact pictures, each made when it is first used.
+
+    Parameters
+    ----------
+    picture
+        (H, W, 3) f4.
+    on_iteration
+        Called while the splats are fitted.
+    """
+
+    def __init__(self, picture: F4, on_iteration: OnIteration | None = None) -> None:
+        self.picture = picture
+        self.height, self.width = picture.shape[:2]
+        self._on_iteration = on_iteration
+        self._objectives: dict[Precision, Objective] = {}
+
+    def objective(self, precision: Precision = "fast") -> Objective:
+        """The loss against the picture."""
+        if precision not in self._objectives:
+            self._objectives[precision] = Objective(self.picture, precision=precision)
+        return self._objectives[precision]
+
+    @cached_property
+    def population(self) -> Population:
+        """The fitted splats, as training has them."""
+        return Training().fitted(self, 0, self._on_iteration)
+
+    @cached_property
+    def splats(self) -> Splats:
+        """The fitted splats."""
+        return self.population.splats()
+
+    @cached_property
+    def exact(self) -> F8:
+        """Their exact sum, (H, W, 3) f8, not clamped."""
+        return np.asarray(render_sum(self.splats, self.width, self.height, precision="exact"), np.float64)
+
+    @cached_property
+    def uncut(self) -> F8:
+        """Their exact sum without a cut-off, (H, W, 3) f8."""
+        return cut_sum(self.splats, self.width, self.height, 0)
+
+    def source_psnr(self, picture: Any) -> float:
+        """PSNR in dB of a sum (H, W, 3), clamped but not rounded, against the picture."""
+        return Errors.between(np.clip(picture, 0, 1), self.picture).psnr
+
+
+class Work(Protocol):
+    """Work with one setting."""
+
+    def run(self, picture: SourcePicture, seed: int) -> Any:
+        """Do what is timed."""
+        ...
+
+    def assess(self, picture: SourcePicture, outcome: Any) -> Quality:
+        """Return how good the outcome of `run` is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Render with the codec's renderer; the error is that against the exact sum."""
+
+    precision: Precision = "fast"
+    threads: int = 1
+
+    def run(self, picture: SourcePicture, seed: int) -> Any:
+        """Return the sum (H, W, 3)."""
+        size = picture.width, picture.height
+        return render_sum(picture.splats, *size, precision=self.precision, threads=self.threads)
+
+    def assess(self, picture: SourcePicture, outcome: Any) -> Quality:
+        """Compare with the exact sum."""
+        return Quality(Errors.between(outcome, picture.exact), picture.source_psnr(outcome))
+
+
+@dataclass(frozen=True)
+class CutOff:
+    """Sum by the definition in binary64 with another support; the error is that against the sum without a cut-off."""
+
+    cutoff: float
+
+    def run(self, picture: SourcePicture, seed: int) -> Any:
+        """Return the sum (H, W, 3) f8."""
+        return cut_sum(picture.splats, picture.width, picture.height, self.cutoff)
+
+    def assess(self, picture: SourcePicture, outcome: Any) -> Quality:
+        """Compare with the exact sum without a cut-off."""
+        return Quality(Errors.between(outcome, picture.uncut), picture.source_psnr(outcome))
+
+
+@dataclass(frozen=True)
+class Coding:
+    """Quantise the fitted splats, fine-tune them and code them as an I-frame, as the preset quick does.
+
+    Attributes
+    ----------
+    position_bits
+        Positions are multiples of 2^(1 - position_bits) of half the frame's longer side; None keeps binary16.
+    cholesky_bits
+        Bits b of a Cholesky factor.
+    stages, codewords
+        M and B of the colours.
+    """
+
+    position_bits: int | None = None
+    cholesky_bits: int = 8
+    stages: int = 3
+    codewords: int = 16
+
+    def settings(self, width: int, height: int) -> Settings:
+        """The preset quick with these settings instead of its own."""
+        settings = Settings.quick(cholesky_bits=self.cholesky_bits)
+        step = None if self.position_bits is None else max(width, height) / 2 * 2.0 ** (1 - self.position_bits)
+        block = replace(settings.intra.quantizer, position_step=step)
+        intra: FrameSettings = replace(settings.intra, quantizer=with_codewords(block, self.stages, self.codewords))
+        return replace(settings, intra=intra)
+
+    def run(self, picture: SourcePicture, seed: int) -> tuple[FrameCodes, State, int]:
+        """Return the codes, the state of a decoder after them, and the bytes of the frame."""
+        settings, before = self.settings(picture.width, picture.height), State.initial(picture.width, picture.height)
+        rng = np.random.default_rng(seed)
+        quantizer = FrameQuantizer(picture.population, picture.objective(), settings, before, rng)
+        values = picture.population.parameters()
+        codes, state, _ = fine_tune(values, quantizer, picture.objective(), settings.intra.tune)
+        return codes, state, frame_bytes(codes, settings, before)
+
+    def assess(self, picture: SourcePicture, outcome: tuple[FrameCodes, State, int]) -> Quality:
+        """Compare with the exact picture of the splats before they were coded, both clamped."""
+        decoded = render_sum(outcome[1].splats, picture.width, picture.height, precision=ASSESSED_WITH)
+        errors = Errors.between(np.clip(decoded, 0, 1), np.clip(picture.exact, 0, 1))
+        return Quality(errors, picture.source_psnr(decoded), outcome[2])
+
+
+@dataclass(frozen=True)
+class Training:
+    """Fit splats to the picture; the defaults are those of the preset quick for an I-frame.
+
+    Attributes
+    ----------
+    pixels_per_splat
+        Number of pixels for each splat.
+    start
+        ``image``, or ``random`` as in the paper, with its weight w folded into the colours.
+    fit
+        Settings of the fit.
+    precision
+        Precision of the loss and its gradient: ``fast`` or ``deterministic``.
+    """
+
+    pixels_per_splat: int = PIXELS_PER_SPLAT
+    start: Literal["image", "random"] = "image"
+    fit: FitSettings = field(default=QUICK_FIT)
+    precision: Precision = "fast"
+
+    def fitted(self, picture: SourcePicture, seed: int, on_iteration: OnIteration | None = None) -> Population:
+        """The splats at the end."""
+        rng = np.random.default_rng([seed, 0])
+        total = max(1, picture.width * picture.height // self.pixels_per_splat)
+        count = self.fit.growth.start(total) if self.fit.growth else total
+        if self.start == "image":
+            splats = image_start(picture.picture, count, rng)
+        else:
+            drawn = random_splats(uniform_numbers(count, rng), picture.width, picture.height)
+            dim = fold_weights(drawn.colors, np.full(count, NEW_WEIGHT, np.float32))
+            splats = Splats(drawn.positions, drawn.cholesky, dim)
+        population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit)
+        objective = picture.objective(self.precision)
+        fit(population, objective, self.fit, rng, total=total, on_iteration=on_iteration)
+        return population
+
+    def run(self, picture: SourcePicture, seed: int) -> Population:
+        """Start and fit."""
+        return self.fitted(picture, seed)
+
+    def assess(self, picture: SourcePicture, outcome: Population) -> Quality:
+        """Compare with the source, clamped."""
+        rendered = render_sum(outcome.splats(), picture.width, picture.height, precision=ASSESSED_WITH)
+        errors = Errors.between(np.clip(rendered, 0, 1), picture.picture)
+        return Quality(errors, errors.psnr)

@@ -1,0 +1,19 @@
+"""Names of array types by the kind and the bytes of their elements, as NumPy writes them: F4 is ``<f4``."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+I2 = NDArray[np.int16]
+I4 = NDArray[np.int32]
+I8 = NDArray[np.int64]
+U1 = NDArray[np.uint8]
+U2 = NDArray[np.uint16]
+
+Frame = NDArray[np.unsignedinteger[Any]]
+"""(H, W, 3) full-range R'G'B', u1 for 8 bits, else u2."""
+Plane = NDArray[np.unsignedinteger[Any]]
+"""(rows, columns) of one component, u1 for 8 bits, else u2."""

@@ -1,0 +1,96 @@
+"""What other packages add: named sources of video, and commands."""
+
+import subprocess
+import sys
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from gsvc_ref import cli, plugins
+from gsvc_ref.plugins import NamedSource
+from gsvc_ref.video import open_video
+from gsvc_ref.video.format import ColorDescription, VideoFormat
+from gsvc_ref.video.stream import VideoReader
+
+WITHOUT_LAB = """
+import importlib.metadata, sys
+importlib.metadata.entry_points = lambda **_: ()
+from gsvc_ref.cli import main
+code = main({words!r})
+print("gsvc_lab" in sys.modules)
+sys.exit(code)
+"""
+
+
+class GreyReader(VideoReader):
+    """Grey frames; their number is the name behind the colon."""
+
+    def __init__(self, name):
+        super().__init__()
+        self.count = int(name.partition(":")[2] or 1)
+        color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
+        self.format = VideoFormat(4, 2, Fraction(24), 8, "rgb", color, frame_count=self.count)
+
+    def _read(self):
+        return iter([np.full((2, 4, 3), 128, np.uint8)] * self.count)
+
+
+@pytest.fixture(autouse=True)
+def loaded():
+    """Load what is installed before a test adds to it."""
+    plugins.commands()
+
+
+@pytest.fixture
+def grey(monkeypatch):
+    """A source of grey frames among the others."""
+    monkeypatch.setattr(plugins, "_sources", [*plugins._sources, NamedSource("grey:", ".grey", GreyReader)])
+
+
+def without_lab(*words):
+    """What `gsvc` does where nothing else is installed."""
+    command = [sys.executable, "-c", WITHOUT_LAB.format(words=list(words))]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_a_source_is_opened_by_its_prefix(grey):
+    with open_video("grey:3") as reader:
+        assert [frame.shape for frame in reader] == [(2, 4, 3)] * 3
+
+
+def test_a_source_is_opened_by_its_suffix(grey, tmp_path):
+    (tmp_path / "one.GREY").write_text("what it holds is the reader's matter")
+    with open_video(tmp_path / "one.GREY") as reader:
+        assert len(list(reader)) == 1
+
+
+def test_a_file_that_describes_a_source_must_exist(grey, tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        open_video(tmp_path / "none.grey")
+
+
+def test_a_command_is_added(monkeypatch, capsys):
+    def add(commands):
+        commands.add_parser("hello").set_defaults(run=lambda arguments: print("hello") or 0)
+
+    monkeypatch.setattr(plugins, "_commands", [*plugins._commands, add])
+    assert cli.main(["hello"]) == 0
+    assert capsys.readouterr().out == "hello\n"
+
+
+def test_the_laboratory_is_a_plugin():
+    assert plugins.source_by_prefix("scene:pan") is not None
+    assert plugins.source_by_suffix("clip.TOML") is not None
+    assert len(plugins.commands()) >= 3
+
+
+def test_the_codec_works_without_the_laboratory(tmp_path):
+    shown = without_lab("--help")
+    assert shown.returncode == 0
+    assert "encode" in shown.stdout
+    assert "scene" not in shown.stdout
+    assert shown.stdout.endswith("False\n")
+    refused = without_lab("encode", "scene:pan", str(tmp_path / "x.gsvc"))
+    assert refused.returncode == 2
+    assert "there is no file 'scene:pan'" in refused.stderr
