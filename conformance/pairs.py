@@ -46,7 +46,6 @@ class Other:
 
 TWIN: Final = Twin()
 OF_SPLATS: Final = OfSplats()
-VIDEO: Final = "the color of a video is described by one VideoFormat, whose arguments these are"
 
 PAIRS: Final[Mapping[str, Twin | Other]] = {
     "read_stream": TWIN,
@@ -85,8 +84,8 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "rvq_assign": TWIN,
     "rvq_update": TWIN,
     "commitment": TWIN,
-    "planes_to_frame": Other("gsvc_ref.video.color:planes_to_frame", VIDEO),
-    "frame_to_planes": Other("gsvc_ref.video.color:frame_to_planes", VIDEO),
+    "planes_to_frame": TWIN,
+    "frame_to_planes": TWIN,
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
 }
 """By name of the operation, in the order of spec.md section 13.9."""

@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from gsvc_ref.training.pruning import pruning_plan as pruning_plan
     from gsvc_ref.training.weighting import weighted_gradients as weighted_gradients
     from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
+    from gsvc_ref.video.color import frame_to_planes as frame_to_planes
+    from gsvc_ref.video.color import planes_to_frame as planes_to_frame
 
 __version__ = "0.1.0"
 
@@ -89,6 +91,7 @@ _HOMES: Final = {
     "decode_stream_deterministic": "gsvc_ref.stream",
     "encode": "gsvc_ref.encoder",
     "encode_plane": "gsvc_ref.bitstream.rans",
+    "frame_to_planes": "gsvc_ref.video.color",
     "from_half": "gsvc_ref.quantization",
     "loss": "gsvc_ref.rendering",
     "lsq_dequantize": "gsvc_ref.quantization",
@@ -96,6 +99,7 @@ _HOMES: Final = {
     "lsq_quantize": "gsvc_ref.quantization",
     "open": "gsvc_ref.stream",
     "parameter_checksum": "gsvc_ref.bitstream.crc",
+    "planes_to_frame": "gsvc_ref.video.color",
     "prune": "gsvc_ref.training.pruning",
     "pruning_plan": "gsvc_ref.training.pruning",
     "read_stream": "gsvc_ref.stream",
@@ -136,6 +140,7 @@ __all__ = [
     "decode_stream_deterministic",
     "encode",
     "encode_plane",
+    "frame_to_planes",
     "from_half",
     "loss",
     "lsq_dequantize",
@@ -143,6 +148,7 @@ __all__ = [
     "lsq_quantize",
     "open",
     "parameter_checksum",
+    "planes_to_frame",
     "prune",
     "pruning_plan",
     "read_stream",
