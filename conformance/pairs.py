@@ -88,7 +88,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "frame_to_planes": TWIN,
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
 }
-"""By name of the operation, in the order of spec.md section 13.9."""
+"""By name of the operation, in the order of spec.md section 4.3."""
 
 
 def twin(name: str) -> Callable[..., Any]:

@@ -7,7 +7,7 @@
 
 This is the document, not a copy of it: the module runs the Python blocks of spec.md in their order, and tracebacks,
 debuggers and `inspect.getsource` show the lines of spec.md. An operation of the document is a function of its named
-inputs, and returns a dict of its named outputs; section 13.9 has their types and shapes. The code is slow, checks
+inputs, and returns a dict of its named outputs; section 4.3 has their types and shapes. The code is slow, checks
 nothing that the document does not ask to be checked, and shares no line with the rest of gsvc_ref, which has the
 operations again as functions that are fast.
 """

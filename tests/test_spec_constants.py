@@ -37,10 +37,14 @@ OTHERS = {
 """What the rows mean whose constant has no name in the code of spec.md, and its value in gsvc_ref."""
 
 
-def annex():
-    """The rows of the first table of Annex A: the cells constant, value, hexadecimal, meaning and section."""
+def annex_text():
     text = spec.SPEC.read_text(encoding="utf-8")
-    table = text[text.index("\n## Annex A") :].split("|---|", 1)[1].split("\n\n", 1)[0]
+    return text[text.index("\n## Annex A") : text.index("\n## Annex B")]
+
+
+def annex():
+    """The rows of the table of Annex A: the cells constant, value, hexadecimal, meaning and section."""
+    table = annex_text().split("|---|", 1)[1].split("\n\n", 1)[0]
     return [[cell.strip() for cell in row.split("|")[1:-1]] for row in table.splitlines()[1:]]
 
 
@@ -79,7 +83,7 @@ def plain(value):
     return value
 
 
-NAMES = [NAMED.fullmatch(cells[0])[1] for cells in annex() if cells[0].startswith("`")]
+NAMES = list(dict.fromkeys(NAMED.findall(annex_text())))
 
 
 def test_the_table_is_read_whole():

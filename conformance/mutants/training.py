@@ -152,7 +152,7 @@ SELECTION: tuple[Mutant, ...] = (
     mutant(AREA, "convergence-strict", "a change equal to the tolerance counted as a change",
         ("if change <= tolerance:", "if change < tolerance:")),
     mutant(AREA, "convergence-not-reset", "calm iterations counted that are not in a row",
-        ("            calm = calm + 1\n        else:\n            calm = 0", "            calm = calm + 1")),
+        ("            in_a_row = in_a_row + 1\n        else:\n            in_a_row = 0", "            in_a_row = in_a_row + 1")),
     mutant(AREA, "convergence-signed", "a rising loss counted as calm",
         ("change = abs(float(losses[j]) - before)", "change = before - float(losses[j])")),
     mutant(AREA, "convergence-first-counts", "the first iteration counted as calm",
@@ -162,7 +162,7 @@ SELECTION: tuple[Mutant, ...] = (
     mutant(AREA, "convergence-relative", "a tolerance relative to the loss",
         ("if change <= tolerance:", "if change <= tolerance * before:")),
     mutant(AREA, "convergence-one-late", "training that stops one iteration late",
-        ("if calm >= patience:", "if calm > patience:")),
+        ("if in_a_row >= patience:", "if in_a_row > patience:")),
 )  # fmt: skip
 
 _MOMENTS = tuple(f'"{name}": {name}[survivors],' for name in ("m", "v", "n", "previous"))

@@ -1,9 +1,10 @@
 """A decoder in JavaScript, with rendering in WebGPU or WebGL2, judged inside a headless Chromium.
 
-Open index.html for its viewer. Judge it with `python -m conformance run --module conformance.adapters.web`, which
-needs Playwright (`pip install playwright`) and a Chromium: that of `playwright install chromium`, one in PATH, or the
-one that GSVC_WEB_BROWSER names. GSVC_WEB_RENDERER is `webgpu`, `webgl2` or `auto` (the default). GSVC_WEB_ARGUMENTS
-takes the place of the arguments that let Chromium draw without a GPU, for machines that have one.
+The page for people, viewer/index.html, has the same scripts. Judge them with `python -m conformance run --module
+conformance.adapters.web`, which needs Playwright (`pip install playwright`) and a Chromium: that of `playwright install
+chromium`, one in PATH, or the one that GSVC_WEB_BROWSER names. GSVC_WEB_RENDERER is `webgpu`, `webgl2` or `auto` (the
+default). GSVC_WEB_ARGUMENTS takes the place of the arguments that let Chromium draw without a GPU, for machines that
+have one.
 
 It is a decoder: bitstream, reconstruction, rendering and deterministic rendering, nothing of training. The functions
 below only carry arrays to the page and back; GSVC.operations of operations.js has what they call.

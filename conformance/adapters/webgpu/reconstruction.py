@@ -36,7 +36,7 @@ def block(
     count
         Splats of the block.
     positions, cholesky, scale, offset, color_indices, codebook_sizes, codewords
-        As section 13.9 has them; no rows for what is not present.
+        As section 4.3 has them; no rows for what is not present.
     reference
         The frame before, f4 (N, 8), for ``inter``.
     survivors

@@ -1,5 +1,5 @@
 "use strict";
-// What the viewer says: numbers, and what is wrong with a file, for people who do not know the specification by heart.
+// Words of the viewer: numbers, and faults of files for people who do not know the specification by heart.
 globalThis.GSVC ??= {};
 
 {
@@ -21,7 +21,7 @@ globalThis.GSVC ??= {};
     return told.replaceAll("-", "−");
   }
 
-  const RULES = { // what is most likely; the others are about elements that hold what they may not
+  const RULES = { // the most likely rules; the others are about elements with values that they may not have
     "R-6.1-1": "This is no GSVC file: its first bytes are not those of one.",
     "R-6.1-2": "The file is of a later version of the format, which this viewer does not know.",
     "R-6.2-4": "The file breaks off: its end is missing.",

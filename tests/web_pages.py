@@ -17,8 +17,7 @@ from conformance.adapters.web import browser
 from conformance.vectors import VECTORS
 
 ROOT = VECTORS.parent
-WEB = "conformance/adapters/web"
-INDEX = browser.PAGE.with_name("index.html")
+INDEX = ROOT / "viewer" / "index.html"
 STREAMS = VECTORS / "core" / "decode_stream_deterministic"
 
 
@@ -62,8 +61,8 @@ class Page:
         return self.text_content(selector)
 
     def picture(self):
-        """What is seen of the stage, (H, W, 3)."""
-        data = browser.wait(self.page.locator("#stage").screenshot())
+        """What is seen of the screen, (H, W, 3)."""
+        data = browser.wait(self.page.locator("#screen").screenshot())
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
     def picture_when(self, holds):

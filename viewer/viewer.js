@@ -1,5 +1,5 @@
 "use strict";
-// The page: opens files, and lets player, stage, timeline and panels know of each other.
+// The page: opens files, and lets player, screen, timeline and panels know of each other.
 globalThis.GSVC ??= {};
 
 {
@@ -18,7 +18,7 @@ globalThis.GSVC ??= {};
     drawn.length = 0;
   });
   const timeline = new GSVC.Timeline($("chart"), $("seek"), (n) => player.seek(n));
-  const stage = new GSVC.Stage($("stage"), $("marks"), {
+  const screen = new GSVC.Screen($("screen"), $("marks"), {
     drawn: pictureDrawn,
     point: (place) => {
       state.point = place;
@@ -26,7 +26,7 @@ globalThis.GSVC ??= {};
     },
     pick: follow,
     view: () => {
-      $("zoom").textContent = `${number(100 * stage.view.scale)} %`;
+      $("zoom").textContent = `${number(100 * screen.view.scale)} %`;
     },
     fault: (error) => {
       player.pause();
@@ -37,7 +37,7 @@ globalThis.GSVC ??= {};
   function showFrame(n) {
     const { stream } = state.file;
     const { parameters, newCount } = stream.frame(n);
-    stage.setFrame(parameters, parameters.length / 8 - newCount);
+    screen.setFrame(parameters, parameters.length / 8 - newCount);
     timeline.show(n);
     $("place").textContent = `${GSVC.panels.numbered(n, stream.frames)}, ${stream.frames[n].type}`;
     tell($("frame"), GSVC.panels.frameFacts(stream.frames[n], stream.frames, player.rate));
@@ -49,10 +49,10 @@ globalThis.GSVC ??= {};
     const now = performance.now();
     drawn.push(now);
     while (now - drawn[0] > 1000) drawn.shift();
-    const { width, height } = stage.picture;
+    const { width, height } = screen.picture;
     const speed = (1000 * (drawn.length - 1)) / (now - drawn[0]);
     tell($("drawing"), [
-      ["device", stage.renderer.description],
+      ["device", screen.renderer.description],
       ["canvas", `${width} × ${height}`],
       ["speed", player.playing && drawn.length > 1 ? `${number(speed, 1)} pictures a second` : "–"],
     ]);
@@ -62,14 +62,14 @@ globalThis.GSVC ??= {};
 
   /** Tell about the splat that is followed, or else of the one under the pointer. */
   function lookAgain() {
-    if (!stage.frame) return;
-    const { parameters, newFrom } = stage.frame;
+    if (!screen.frame) return;
+    const { parameters, newFrom } = screen.frame;
     const { point, track } = state;
     const found = point && GSVC.splats.lookAt(parameters, point.x, point.y);
     const index = track ? track.indexIn(player.number) : found ? found.index : -1;
-    stage.followed = { index: track ? index ?? -1 : -1, points: track ? track.points() : [] };
-    stage.pointed = found ? found.index : -1;
-    stage.marksChanged();
+    screen.followed = { index: track ? index ?? -1 : -1, points: track ? track.points() : [] };
+    screen.pointed = found ? found.index : -1;
+    screen.marksChanged();
     tip(found, point);
     const facts = index !== null && index >= 0 ? GSVC.panels.splatFacts(parameters, index, index >= newFrom) : [];
     if (index === null) facts.push(["splat", "followed; too many frames away"]);
@@ -86,13 +86,13 @@ globalThis.GSVC ??= {};
     if ($("tip").hidden) return;
     $("tip").textContent = `splat ${found.index} · ${found.covering} here`;
     const [x, y] = point.onPage;
-    const room = $("stage").clientWidth - $("tip").offsetWidth - 4;
+    const room = $("screen").clientWidth - $("tip").offsetWidth - 4;
     $("tip").style.transform = `translate(${Math.max(Math.min(x + 14, room), 4)}px, ${y + 18}px)`;
   }
 
   function follow(place) {
-    if (!stage.frame) return;
-    const { index } = GSVC.splats.lookAt(stage.frame.parameters, place.x, place.y);
+    if (!screen.frame) return;
+    const { index } = GSVC.splats.lookAt(screen.frame.parameters, place.x, place.y);
     const same = state.track && index === state.track.indexIn(player.number);
     state.track = index < 0 || same ? null : new GSVC.splats.Track(state.file.stream, player.number, index);
     state.point = place;
@@ -149,7 +149,7 @@ globalThis.GSVC ??= {};
     tell($("file"), GSVC.panels.fileFacts({ name, size, header, frames, fault }));
     for (const id of ["back", "play", "forth"]) $(id).disabled = frames.length < 2;
     timeline.setFrames(frames);
-    stage.setVideo(header.width, header.height, header.bit_depth);
+    screen.setVideo(header.width, header.height, header.bit_depth);
     player.load(frames.length, header.frame_rate_numerator / header.frame_rate_denominator);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
   }
@@ -167,14 +167,14 @@ globalThis.GSVC ??= {};
     return new Uint8Array(await response.arrayBuffer());
   });
 
-  /** What is shown, as a PNG file with the samples of deterministic decoding: the same on every machine. */
+  /** Save the frame that is shown as a PNG file, with the samples of deterministic decoding: the same on every machine. */
   async function save() {
-    if (!stage.frame) return;
-    const { width, height, bitDepth } = stage.video;
+    if (!screen.frame) return;
+    const { width, height, bitDepth } = screen.video;
     const name = `${state.file.name.replace(/\.gsvc$/, "")}_${String(player.number).padStart(6, "0")}.png`;
     let file;
     try {
-      const sum = GSVC.renderSumDeterministic(stage.frame.parameters, width, height);
+      const sum = GSVC.renderSumDeterministic(screen.frame.parameters, width, height);
       file = await GSVC.png(GSVC.toFrameDeterministic(sum, bitDepth), width, height, bitDepth);
     } catch (error) { // not enough memory for a very large frame
       notice("saving", [`${name} could not be made: ${error.message}`]);
@@ -212,10 +212,10 @@ globalThis.GSVC ??= {};
     End: () => player.seek(player.count - 1),
     "[": () => player.seek(keyFrame(-1)),
     "]": () => player.seek(keyFrame(1)),
-    "+": () => stage.zoomIn(),
-    "=": () => stage.zoomIn(),
-    "-": () => stage.zoomOut(),
-    0: () => stage.fit(),
+    "+": () => screen.zoomIn(),
+    "=": () => screen.zoomIn(),
+    "-": () => screen.zoomOut(),
+    0: () => screen.fit(),
     1: () => $("show-sigma").click(),
     2: () => $("show-support").click(),
     3: () => $("show-centres").click(),
@@ -248,12 +248,12 @@ globalThis.GSVC ??= {};
 
   async function useRenderer(kind) {
     try {
-      await stage.useRenderer(kind);
+      await screen.useRenderer(kind);
       notice("drawing", []);
       drawn.length = 0;
     } catch (error) {
       drawingFailed(error);
-      if (stage.renderer) $("renderer").value = stage.renderer.kind; // it goes on
+      if (screen.renderer) $("renderer").value = screen.renderer.kind; // it goes on
     }
   }
 
@@ -272,9 +272,9 @@ globalThis.GSVC ??= {};
     $("forth").addEventListener("click", () => player.step(1));
     $("speed").addEventListener("change", () => (player.speed = Number($("speed").value)));
     $("loop").addEventListener("change", () => (player.loop = $("loop").checked));
-    $("in").addEventListener("click", () => stage.zoomIn());
-    $("out").addEventListener("click", () => stage.zoomOut());
-    $("fit").addEventListener("click", () => stage.fit());
+    $("in").addEventListener("click", () => screen.zoomIn());
+    $("out").addEventListener("click", () => screen.zoomOut());
+    $("fit").addEventListener("click", () => screen.fit());
     $("save").addEventListener("click", save);
     $("full").addEventListener("click", toggleFullScreen);
     $("example").addEventListener("click", openExample);
@@ -286,16 +286,16 @@ globalThis.GSVC ??= {};
     $("renderer").addEventListener("change", () => useRenderer($("renderer").value));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       timeline.show(player.number); // both draw in the colours of the page
-      stage.changed();
+      screen.changed();
     });
     $("sharp").addEventListener("change", () => {
-      stage.sharp = $("sharp").checked;
-      stage.changed();
+      screen.sharp = $("sharp").checked;
+      screen.changed();
     });
     for (const [what, id] of Object.entries(SHOWN)) {
       $(id).addEventListener("change", () => {
-        stage.shown[what] = $(id).checked;
-        stage.changed();
+        screen.shown[what] = $(id).checked;
+        screen.changed();
       });
     }
     for (const tab of ["watch", "check"]) {

@@ -1,12 +1,12 @@
 "use strict";
-// What the panels beside the picture tell: of the file, the frame, a splat, and the drawing.
+// The panels beside the picture: facts about the file, the frame, a splat, and the drawing.
 globalThis.GSVC ??= {};
 
 {
   const { number, bytes, parameter, element } = GSVC.words;
   const CHROMA = ["R′G′B′", "4:2:0", "4:2:2", "4:4:4"];
   const TYPES = { I: "I, a whole picture", P: "P, predicted from the one before", R: "R, the one before again" };
-  const PARTS = { // of a frame, in the order in which they are stacked
+  const PARTS = { // parts of a frame, in the order in which they are stacked
     positions: "positions", cholesky: "shapes", colors: "colours", codebooks: "codebooks", survivors: "survivors",
     other: "other",
   };
@@ -20,7 +20,7 @@ globalThis.GSVC ??= {};
     return ["samples", `${wide}:${high}, shown square`];
   }
 
-  /** What a file with at least one frame holds. */
+  /** Facts about a file with at least one frame. */
   function fileFacts({ name, size, header, frames, fault }) {
     const rate = header.frame_rate_numerator / header.frame_rate_denominator;
     const seconds = frames.length / rate;
@@ -95,7 +95,7 @@ globalThis.GSVC ??= {};
     ];
   }
 
-  /** What is at a place (x, y) of the frame, whose pixel it lies in. */
+  /** Facts about a place (x, y) of the frame: its pixel, and the splats there. */
   function placeFacts(found, { x, y }) {
     return [
       ["pixel", `${Math.floor(x)}, ${Math.floor(y)}`],

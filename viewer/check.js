@@ -4,8 +4,8 @@ globalThis.GSVC ??= {};
 
 {
   const { element, number } = GSVC.words;
-  const FOLDER = "../../../vectors/"; // beside the page, in a checkout
-  const CHECKS = { // of spec.md 13.2: what is accepted
+  const FOLDER = "../vectors/"; // in a checkout
+  const CHECKS = { // the answers that spec.md 13.2 accepts
     exact: "the same bits",
     decision: "the same number, or the recorded alternative",
     bounded: "within the bound of each element",
@@ -21,7 +21,7 @@ globalThis.GSVC ??= {};
       : row.passed > 0 ? "incomplete" : "not claimed";
     const told = row.wrong > 0 ? `${number(row.wrong)} wrong` : WORDS[verdict];
     return element("tr", { class: verdict.replace(" ", "-") },
-      element("th", { scope: "row" }, row.stage),
+      element("th", { scope: "row" }, row.operation),
       cell(told, { class: "verdict" }),
       cell(`${number(row.passed)} of ${number(row.vectors)}`, { class: "count" }),
       cell(row.checks.join(", "), { title: row.checks.map((check) => CHECKS[check]).join(", ") }),

@@ -3,15 +3,15 @@
 globalThis.GSVC ??= {};
 
 {
-  const MAX_PIXELS = 2 ** 23; // of a canvas
+  const MAX_PIXELS = 2 ** 23; // pixels of a canvas
   const LONGEST_SIDE = 8192;
   const LARGEST_SCALE = 512;
-  const STEP = 1.25; // of the zoom, for a key or a notch of the wheel
+  const STEP = 1.25; // factor of the zoom for a key or a notch of the wheel
   const CLICK = 4; // pixels that a pointer may move in a click
 
   const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
-  GSVC.Stage = class {
+  GSVC.Screen = class {
     /**
      * @param {HTMLElement} element
      * @param {HTMLCanvasElement} marks what lies over the picture

@@ -15,25 +15,6 @@ import web_pages
 
 from gsvc_ref import cli
 
-
-@pytest.fixture(scope="module")
-def server():
-    with web_pages.serving(web_pages.ROOT) as url:
-        yield url
-
-
-@pytest.fixture
-def new_page():
-    with web_pages.pages() as opened:
-        yield opened
-
-
-@pytest.fixture
-def viewer(new_page):
-    """viewer(**settings): the viewer with its example, drawn."""
-    return lambda **settings: web_pages.viewer(new_page(**settings))
-
-
 EXAMPLE = web_pages.INDEX.with_name("example.gsvc.js").read_text(encoding="utf-8")
 
 
@@ -56,10 +37,10 @@ def test_a_file_is_dropped(viewer):
       const dataTransfer = new DataTransfer();
       const bytes = Uint8Array.from(atob(data), (character) => character.charCodeAt(0));
       dataTransfer.items.add(new File([bytes], "dropped.gsvc"));
-      const stage = document.querySelector("#stage");
-      stage.dispatchEvent(new DragEvent("dragenter", { bubbles: true, dataTransfer }));
+      const screen = document.querySelector("#screen");
+      screen.dispatchEvent(new DragEvent("dragenter", { bubbles: true, dataTransfer }));
       const invited = !document.querySelector("#drop").hidden;
-      stage.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
+      screen.dispatchEvent(new DragEvent("drop", { bubbles: true, cancelable: true, dataTransfer }));
       return invited && document.querySelector("#drop").hidden;
     }
     """
@@ -208,6 +189,6 @@ def test_the_panels_tell_what_gsvc_info_tells(files_viewer, tmp_path, capsys, cu
 def test_a_file_is_named_by_the_address(new_page, server):
     page = new_page()
     path = next((web_pages.STREAMS / "moving_frames").glob("*.gsvc"))
-    page.goto(f"{server}{web_pages.WEB}/index.html?renderer=webgl2&file=/{path.relative_to(web_pages.ROOT).as_posix()}")
+    page.goto(f"{server}viewer/index.html?renderer=webgl2&file=/{path.relative_to(web_pages.ROOT).as_posix()}")
     page.drawn()
     assert page.evaluate("document.title").startswith(path.name)

@@ -1,5 +1,6 @@
 """The viewer does what its user asks, from a disk and from a server."""
 
+import re
 import shutil
 
 import numpy as np
@@ -12,30 +13,14 @@ import web_pages
 from conformance.adapters.web import browser
 from conformance.vectors import VECTORS
 
-
-@pytest.fixture(scope="module")
-def server():
-    with web_pages.serving(web_pages.ROOT) as url:
-        yield url
-
-
-@pytest.fixture
-def new_page():
-    with web_pages.pages() as opened:
-        yield opened
-
-
-@pytest.fixture
-def viewer(new_page):
-    """viewer(**settings): the viewer with its example, drawn."""
-    return lambda **settings: web_pages.viewer(new_page(**settings))
+DECODER = "conformance/adapters/web"
 
 
 @pytest.mark.parametrize(("place", "kind"), [("disk", "webgl2"), ("server", "webgl2"), ("disk", "webgpu")])
 def test_the_example_is_shown_at_once_and_nothing_else_is_loaded(new_page, server, kind, place):
     page = new_page(width=420, height=420)
-    base = web_pages.INDEX.parent.as_uri() + "/" if place == "disk" else f"{server}{web_pages.WEB}/"
-    page.goto(f"{base}index.html?renderer={kind}")
+    base = web_pages.ROOT.as_uri() + "/" if place == "disk" else server
+    page.goto(f"{base}viewer/index.html?renderer={kind}")
     page.wait_for_function("document.querySelector('canvas.picture') || !document.querySelector('#notice').hidden")
     if page.is_visible("#notice"):
         pytest.skip(page.text("#notice"))
@@ -47,7 +32,16 @@ def test_the_example_is_shown_at_once_and_nothing_else_is_loaded(new_page, serve
     assert cat.std() > 20  # neither black nor flat
     assert cat[..., 0].mean() > cat[..., 2].mean() + 20  # its fur is warm
     assert page.is_hidden("#notice")
-    assert all(url.startswith((base, "data:")) for url in page.requests)
+    assert all(url.startswith((f"{base}viewer/", f"{base}{DECODER}/", "data:")) for url in page.requests)
+
+
+def test_it_has_the_scripts_that_are_judged():
+    judged, seen = (re.findall(r'src="(.*?)"', page.read_text()) for page in (browser.PAGE, web_pages.INDEX))
+    assert judged[-1] == "bridge.js"
+    assert seen[: len(judged) - 1] == [f"../{DECODER}/{name}" for name in judged[:-1]]
+    assert all((web_pages.INDEX.parent / name).is_file() for name in seen)
+    rest = {path.name for path in web_pages.INDEX.parent.glob("*.js")}
+    assert rest == set(seen[len(judged) - 1 :])
 
 
 def test_playing_and_seeking(viewer):
@@ -154,7 +148,7 @@ def test_zoom_and_overlay_change_the_picture(viewer):
 
 def test_the_picture_is_dragged(viewer):
     page = viewer()
-    box = browser.wait(page.page.locator("#stage").bounding_box())
+    box = browser.wait(page.page.locator("#screen").bounding_box())
     fitted = page.picture()
     page.press("+", "+", "+", "+", "+")
     page.picture_when(lambda picture: abs(picture - fitted).mean() > 3)
@@ -175,7 +169,7 @@ def test_the_picture_is_dragged(viewer):
 
 def test_a_splat_is_followed_to_its_end(viewer):
     page = viewer()
-    box = browser.wait(page.page.locator("#stage").bounding_box())
+    box = browser.wait(page.page.locator("#screen").bounding_box())
     page.press("ArrowRight")
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     browser.wait(page.page.mouse.move(x, y))
@@ -250,8 +244,8 @@ def test_every_control_has_a_name(new_page):
 
 def test_the_check_of_the_page(viewer, tmp_path):
     page = viewer()
-    for stage in ("from_half", "to_frame"):
-        shutil.copytree(VECTORS / "core" / stage, tmp_path / "vectors" / "core" / stage)
+    for operation in ("from_half", "to_frame"):
+        shutil.copytree(VECTORS / "core" / operation, tmp_path / "vectors" / "core" / operation)
     shutil.copy(VECTORS / "SHA256SUMS", tmp_path / "vectors")
     page.press("Space")
     page.click("#tab-check")
@@ -282,7 +276,7 @@ def test_the_check_of_the_page(viewer, tmp_path):
 
 def test_a_server_has_the_vectors(new_page, server):
     page = new_page()
-    page.goto(f"{server}{web_pages.WEB}/index.html?renderer=webgl2")
+    page.goto(f"{server}viewer/index.html?renderer=webgl2")
     page.drawn()
     page.click("#tab-check")
     page.click("#run-check")
