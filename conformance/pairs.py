@@ -1,4 +1,4 @@
-"""What gsvc_ref has for each operation of spec.md: the table that ``run --reference`` answers by.
+"""The functions that gsvc_ref has for the operations of spec.md: the table that ``run --reference`` answers by.
 
 An operation whose name and arguments gsvc_ref has too is a `Twin`, or `OfSplats`: its answer is that function's, as it
 stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
@@ -35,9 +35,9 @@ class Other:
     Attributes
     ----------
     name
-        What it has, and where: ``module:name``.
+        Its place: ``module:name``.
     reason
-        Why that has another name or other arguments.
+        The reason of another name or other arguments.
     """
 
     name: str

@@ -6,9 +6,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from gsvc_ref.arrays import F4 as F4
 from gsvc_ref.errors import UsageError
-
-F4 = NDArray[np.float32]
 
 PARAMETERS_PER_SPLAT = 8
 """Position (2), Cholesky factor (3), weighted colour (3); paper section 3.2."""

@@ -13,7 +13,7 @@ REFLECTED_POLYNOMIAL: Final = 0x82F63B78
 
 
 def _table() -> NDArray[np.uint32]:
-    """What one byte leaves in the register."""
+    """The register after one byte, for each byte: (256,) u4."""
     register = np.arange(256, dtype=np.uint32)
     for _ in range(8):
         register = (register >> 1 ^ (register & 1) * np.uint32(REFLECTED_POLYNOMIAL)).astype(np.uint32)

@@ -7,16 +7,13 @@ check the tables first (frequencies that add up to 2^R, states of at least 2ยนโ
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I8, U2, U4
 
 LOWEST_STATE: Final = 1 << 16
 """The state in which each lane of an encoder starts, and in which that of a decoder ends."""
-
-U2 = NDArray[np.uint16]
-U4 = NDArray[np.uint32]
-I8 = NDArray[np.int64]
 
 
 @kernel()

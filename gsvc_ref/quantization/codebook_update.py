@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.half import from_half, to_half
 from gsvc_ref.quantization.rvq import Indices, residuals
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Draw = Callable[[int], F8]
 """A function that gives the number of uniform numbers in [0, 1) that it is asked for."""
 

@@ -74,7 +74,7 @@ def from_half(bits: ArrayLike) -> NDArray[np.float32]:
 
 
 def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:
-    """Which 16-bit patterns are numbers, neither infinite nor NaN; same shape as `bits` (u2)."""
+    """Whether each 16-bit pattern is a number, neither infinite nor NaN; same shape as `bits` (u2)."""
     return np.asarray((_patterns(bits) & np.uint16(EXPONENT_MASK)) != EXPONENT_MASK)
 
 

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, I8
 from gsvc_ref.errors import UsageError
 
-F4 = NDArray[np.float32]
-I8 = NDArray[np.int64]
 Indices = NDArray[np.uint16]
 
 MAX_CODEWORDS: Final = 1 << 16

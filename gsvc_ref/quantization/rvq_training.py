@@ -1,4 +1,4 @@
-"""How RVQ codebooks are learned: k-means, then moving averages, with dead codewords replaced.
+"""The learning of RVQ codebooks: k-means, then moving averages, with dead codewords replaced.
 
 The paper asks for a commitment loss (`gsvc_ref.quantization.rvq.commitment`) and leaves the codebooks' own rule open.
 Ours, per stage and training step, for the vectors r that reach the stage and their codewords i::
@@ -13,17 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.codebook_update import totals, updated
 from gsvc_ref.quantization.half import from_half, to_half
 from gsvc_ref.quantization.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, rvq_assign
-
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

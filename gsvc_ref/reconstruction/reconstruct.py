@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, I8, U2
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.quantization import from_half, lsq, rvq
-from gsvc_ref.reconstruction.codes import F4, I8, U2, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import Splats
 
 Columns = tuple[F4, F4, F4]
@@ -44,7 +45,7 @@ class Kept:
     codebooks: Codebooks | None = None
 
     def after(self, block: SplatBlock | None) -> "Kept":
-        """What is kept once a block has been read."""
+        """The quantiser and codebooks that are kept after a block."""
         if block is None:
             return self
         return Kept(
@@ -64,7 +65,7 @@ class State:
     splats
         The reconstructed splats of the frame before.
     intra, inter
-        What is kept for intra and for inter blocks.
+        The quantiser and codebooks that are kept for intra and for inter blocks.
     """
 
     width: int
@@ -83,7 +84,7 @@ class State:
         return State(self.width, self.height, Splats.empty())
 
     def kept(self, kind: BlockKind) -> Kept:
-        """What is kept for blocks of a kind (R-6.5-8)."""
+        """The quantiser and codebooks that are kept for blocks of a kind (R-6.5-8)."""
         return self.intra if kind == "intra" else self.inter
 
 
@@ -105,7 +106,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
         The codes do not fit the state or themselves, which those that a reader has read always do.
     """
     if codes.survivors is not None and len(codes.survivors) != len(state.splats):
-        raise UsageError(f"survivors tell of {len(codes.survivors)} splats; the frame before has {len(state.splats)}")
+        raise UsageError(f"survivors are {len(codes.survivors)} splats; the frame before has {len(state.splats)}")
     if codes.type == "R":  # R-6.4-4
         return state
     before = state.forget() if codes.type == "I" else state

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4
 from gsvc_ref.constants import REACH, SMALLEST_NORMAL
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 
 
 @kernel()
