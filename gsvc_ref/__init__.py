@@ -14,42 +14,115 @@
 spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `reconstruction`, `rendering` and
 `quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
 `testing` has Hypothesis strategies for those who test an implementation of their own.
+
+The operations of spec.md are here by their names, as fast functions with the arguments of section 13.9; `spec` has
+their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array of its parameters:
+
+    frames = gsvc_ref.decode_stream(data)                       # (T, H, W, 3) u1, all at once
+    codes = gsvc_ref.read_stream(data)                          # what the bytes say, as flat arrays
+    gsvc_ref.lsq_quantize(x, scale, offset, bits=6)             # the codes of spec.lsq_quantize(...)["codes"]
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
+    from gsvc_ref.bitstream.planes import decode_plane as decode_plane
+    from gsvc_ref.bitstream.rans import encode_plane as encode_plane
     from gsvc_ref.encoder import IncompleteEncodeError as IncompleteEncodeError
     from gsvc_ref.encoder import Settings as Settings
     from gsvc_ref.encoder import encode as encode
+    from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
+    from gsvc_ref.quantization import commitment as commitment
+    from gsvc_ref.quantization import from_half as from_half
+    from gsvc_ref.quantization import lsq_dequantize as lsq_dequantize
+    from gsvc_ref.quantization import lsq_gradients as lsq_gradients
+    from gsvc_ref.quantization import lsq_quantize as lsq_quantize
+    from gsvc_ref.quantization import rvq_assign as rvq_assign
+    from gsvc_ref.quantization import rvq_update as rvq_update
+    from gsvc_ref.quantization import to_half as to_half
+    from gsvc_ref.reconstruction import reconstruct_inter as reconstruct_inter
+    from gsvc_ref.reconstruction import reconstruct_intra as reconstruct_intra
+    from gsvc_ref.rendering import loss as loss
     from gsvc_ref.rendering import render as render
     from gsvc_ref.rendering import render_exact_with_bound as render_exact_with_bound
+    from gsvc_ref.rendering import render_frame as render_frame
     from gsvc_ref.rendering import render_gradients as render_gradients
+    from gsvc_ref.rendering import render_sum as render_sum
+    from gsvc_ref.rendering import rendering_work as rendering_work
+    from gsvc_ref.rendering import to_frame as to_frame
+    from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
     from gsvc_ref.splats import Splats as Splats
+    from gsvc_ref.splats import scale_parameters as scale_parameters
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
     from gsvc_ref.stream import decode as decode
+    from gsvc_ref.stream import decode_stream as decode_stream
+    from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
+    from gsvc_ref.stream import read_stream as read_stream
+    from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
+    from gsvc_ref.training.augmentation import augment as augment
+    from gsvc_ref.training.pruning import compact as compact
+    from gsvc_ref.training.pruning import prune as prune
+    from gsvc_ref.training.pruning import pruning_plan as pruning_plan
+    from gsvc_ref.training.weighting import weighted_gradients as weighted_gradients
+    from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
+    from gsvc_ref.video.color import frame_to_planes as frame_to_planes
+    from gsvc_ref.video.color import planes_to_frame as planes_to_frame
 
 __version__ = "0.1.0"
 
 _HOMES: Final = {
-    "Gap": ("gsvc_ref.stream", "Gap"),
-    "GsvcError": ("gsvc_ref.errors", "GsvcError"),
-    "IncompleteEncodeError": ("gsvc_ref.encoder", "IncompleteEncodeError"),
-    "Settings": ("gsvc_ref.encoder", "Settings"),
-    "Splats": ("gsvc_ref.splats", "Splats"),
-    "UsageError": ("gsvc_ref.errors", "UsageError"),
-    "decode": ("gsvc_ref.stream", "decode"),
-    "encode": ("gsvc_ref.encoder", "encode"),
-    "open": ("gsvc_ref.stream", "Stream"),
-    "render": ("gsvc_ref.rendering", "render"),
-    "render_exact_with_bound": ("gsvc_ref.rendering", "render_exact_with_bound"),
-    "render_gradients": ("gsvc_ref.rendering", "render_gradients"),
+    "Gap": "gsvc_ref.stream",
+    "GsvcError": "gsvc_ref.errors",
+    "IncompleteEncodeError": "gsvc_ref.encoder",
+    "Settings": "gsvc_ref.encoder",
+    "Splats": "gsvc_ref.splats",
+    "UsageError": "gsvc_ref.errors",
+    "augment": "gsvc_ref.training.augmentation",
+    "commitment": "gsvc_ref.quantization",
+    "compact": "gsvc_ref.training.pruning",
+    "decode": "gsvc_ref.stream",
+    "decode_plane": "gsvc_ref.bitstream.planes",
+    "decode_stream": "gsvc_ref.stream",
+    "decode_stream_deterministic": "gsvc_ref.stream",
+    "encode": "gsvc_ref.encoder",
+    "encode_plane": "gsvc_ref.bitstream.rans",
+    "frame_to_planes": "gsvc_ref.video.color",
+    "from_half": "gsvc_ref.quantization",
+    "loss": "gsvc_ref.rendering",
+    "lsq_dequantize": "gsvc_ref.quantization",
+    "lsq_gradients": "gsvc_ref.quantization",
+    "lsq_quantize": "gsvc_ref.quantization",
+    "open": "gsvc_ref.stream",
+    "parameter_checksum": "gsvc_ref.bitstream.crc",
+    "planes_to_frame": "gsvc_ref.video.color",
+    "prune": "gsvc_ref.training.pruning",
+    "pruning_plan": "gsvc_ref.training.pruning",
+    "read_stream": "gsvc_ref.stream",
+    "reconstruct_inter": "gsvc_ref.reconstruction",
+    "reconstruct_intra": "gsvc_ref.reconstruction",
+    "reconstruct_stream": "gsvc_ref.stream",
+    "render": "gsvc_ref.rendering",
+    "render_exact_with_bound": "gsvc_ref.rendering",
+    "render_frame": "gsvc_ref.rendering",
+    "render_gradients": "gsvc_ref.rendering",
+    "render_sum": "gsvc_ref.rendering",
+    "rendering_work": "gsvc_ref.rendering",
+    "rvq_assign": "gsvc_ref.quantization",
+    "rvq_update": "gsvc_ref.quantization",
+    "scale_parameters": "gsvc_ref.splats",
+    "select_key_frames": "gsvc_ref.encoder.key_frames",
+    "to_frame": "gsvc_ref.rendering",
+    "to_frame_deterministic": "gsvc_ref.rendering",
+    "to_half": "gsvc_ref.quantization",
+    "weighted_gradients": "gsvc_ref.training.weighting",
+    "weighted_parameters": "gsvc_ref.training.weighting",
 }
-"""Where each public name lives. They are loaded on first use, so that `gsvc --help` does not wait for the compiler."""
+"""The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
 __all__ = [
     "Gap",
@@ -58,20 +131,52 @@ __all__ = [
     "Settings",
     "Splats",
     "UsageError",
+    "augment",
+    "commitment",
+    "compact",
     "decode",
+    "decode_plane",
+    "decode_stream",
+    "decode_stream_deterministic",
     "encode",
+    "encode_plane",
+    "frame_to_planes",
+    "from_half",
+    "loss",
+    "lsq_dequantize",
+    "lsq_gradients",
+    "lsq_quantize",
     "open",
+    "parameter_checksum",
+    "planes_to_frame",
+    "prune",
+    "pruning_plan",
+    "read_stream",
+    "reconstruct_inter",
+    "reconstruct_intra",
+    "reconstruct_stream",
     "render",
     "render_exact_with_bound",
+    "render_frame",
     "render_gradients",
+    "render_sum",
+    "rendering_work",
+    "rvq_assign",
+    "rvq_update",
+    "scale_parameters",
+    "select_key_frames",
+    "to_frame",
+    "to_frame_deterministic",
+    "to_half",
+    "weighted_gradients",
+    "weighted_parameters",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'gsvc_ref' has no attribute {name!r}")
-    module, attribute = _HOMES[name]
-    value = globals()[name] = getattr(import_module(module), attribute)
+    value = globals()[name] = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)
     return value
 
 

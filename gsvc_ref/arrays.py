@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+F2 = NDArray[np.float16]
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
 I2 = NDArray[np.int16]
@@ -12,6 +13,7 @@ I4 = NDArray[np.int32]
 I8 = NDArray[np.int64]
 U1 = NDArray[np.uint8]
 U2 = NDArray[np.uint16]
+U4 = NDArray[np.uint32]
 
 Frame = NDArray[np.unsignedinteger[Any]]
 """(H, W, 3) full-range R'G'B', u1 for 8 bits, else u2."""

@@ -1,8 +1,8 @@
 """Random numbers that are the same on every machine and with every version of NumPy.
 
 NumPy may change what its `Generator` draws from one version to the next, and its normal numbers ask the machine's
-mathematical library for their tails. What travels by its seed (scenes, the conformance kit's cases, the random streams
-of `gsvc_ref.testing`) draws from `Draws`: SplitMix64, an integer generator of four lines, and IEEE 754 binary64
+mathematical library for their tails. Data that travels by its seed (scenes, the conformance kit's cases, the random
+streams of `gsvc_ref.testing`) draws from `Draws`: SplitMix64, an integer generator of four lines, and IEEE 754 binary64
 operations, one at a time.
 """
 
@@ -139,5 +139,5 @@ def _mix(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def _count(size: Size) -> int:
-    """How many numbers an array of a shape has."""
+    """The number of elements of an array of a shape."""
     return size if isinstance(size, int) else math.prod(size)

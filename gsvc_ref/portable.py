@@ -1,8 +1,9 @@
 """exp, log, sin and their like with the same results on every machine, of arrays or numbers, in binary64.
 
 A machine's mathematical library and NumPy's vector functions round the last bit each in a way of their own. Here stand
-additions, multiplications, divisions and square roots of IEEE 754, rounded one by one in a stated order. What must come
-out the same everywhere uses them: scenes, and random draws. An array gives an array, a number a float, NaN gives NaN.
+additions, multiplications, divisions and square roots of IEEE 754, rounded one by one in a stated order. Results that
+must be the same everywhere, such as scenes and random draws, come from them. An array gives an array, a number a
+float, NaN gives NaN.
 """
 
 import math
@@ -114,7 +115,7 @@ def total(values: ArrayLike) -> float:
 
 
 def _turned(x: ArrayLike, quarters: int) -> Any:
-    """The sine of x and so many quarter turns."""
+    """The sine of x plus a number of quarter turns."""
     values = np.asarray(x, np.float64)
     whole = np.rint(values * (2 / math.pi))
     rest = ((values - whole * _HALF_PI[0]) - whole * _HALF_PI[1]) - whole * _HALF_PI[2]

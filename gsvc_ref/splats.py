@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from gsvc_ref.arrays import F4 as F4
 from gsvc_ref.errors import UsageError
-
-F4 = NDArray[np.float32]
 
 PARAMETERS_PER_SPLAT = 8
 """Position (2), Cholesky factor (3), weighted colour (3); paper section 3.2."""
@@ -29,6 +28,8 @@ class Splats:
         (N, 3) f4, the weighted colour c' as (R, G, B); 1 is full scale, any sign.
 
     A position or factor that a scale has taken beyond binary32 is infinite, and the splat covers nothing.
+
+    To NumPy they are an array of their parameters, (N, 8) f4: what spec.md calls `parameters`.
 
     Raises
     ------
@@ -69,6 +70,11 @@ class Splats:
         return cls(np.empty((0, 2), np.float32), np.empty((0, 3), np.float32), np.empty((0, 3), np.float32))
 
     @classmethod
+    def of(cls, parameters: "Splats | ArrayLike") -> "Splats":
+        """Splats as they are, or those of an (N, 8) array: what an operation of spec.md is given as `parameters`."""
+        return parameters if isinstance(parameters, Splats) else cls.from_array(parameters)
+
+    @classmethod
     def from_array(cls, array: ArrayLike) -> Self:
         """Split an (N, 8) array with columns x, y, l11, l21, l22, R, G, B."""
         packed = np.asarray(array, dtype=np.float32)
@@ -79,6 +85,11 @@ class Splats:
     def to_array(self) -> F4:
         """All parameters as (N, 8) f4 with columns x, y, l11, l21, l22, R, G, B."""
         return np.concatenate([self.positions, self.cholesky, self.colors], axis=1)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("the parameters of splats are in three arrays, so that an array of all is a copy")
+        return self.to_array().astype(dtype or np.float32, copy=False)
 
     def tobytes(self) -> bytes:
         """Positions, Cholesky factors and colours, each little-endian binary32 in C order: what a checksum covers."""
@@ -99,12 +110,36 @@ class Splats:
             np.concatenate([self.colors, other.colors]),
         )
 
-    def scaled(self, scale_x: float, scale_y: float) -> "Splats":
-        """The same picture on a frame scale_x times as wide and scale_y times as high: mu and the rows of L scale.
 
-        This is (9-8). Each product is rounded once (R-9.4-1); one beyond binary32 is infinite.
-        """
-        with np.errstate(over="ignore", under="ignore"):
-            positions = self.positions * np.array([scale_x, scale_y], np.float32)
-            cholesky = self.cholesky * np.array([scale_x, scale_y, scale_y], np.float32)
-        return Splats(positions, cholesky, self.colors)
+def scale_parameters(
+    parameters: Splats | ArrayLike, width: int, height: int, new_width: int, new_height: int
+) -> Splats:
+    """The splats of a frame for a frame of another size, which then shows the same picture (9-8).
+
+    Every factor and every product is rounded to binary32 (R-9.4-1); a product beyond it is infinite.
+
+    Parameters
+    ----------
+    parameters
+        The splats, or their parameters (N, 8) f4.
+    width, height
+        Size of their frame in pixels.
+    new_width, new_height
+        Size of the other frame in pixels.
+
+    Returns
+    -------
+    Splats
+        Positions and the rows of L are scaled; the colours are the same.
+
+    Raises
+    ------
+    UsageError
+        The parameters are no splats.
+    """
+    splats = Splats.of(parameters)
+    a, e = np.float32(new_width) / np.float32(width), np.float32(new_height) / np.float32(height)
+    with np.errstate(over="ignore", under="ignore"):
+        positions = splats.positions * np.array([a, e], np.float32)
+        cholesky = splats.cholesky * np.array([a, e, e], np.float32)
+    return Splats(positions, cholesky, splats.colors)

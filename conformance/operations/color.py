@@ -2,32 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Decision, Expectation
-from conformance.operation import Values, operation
+from conformance.operation import paired
 from conformance.operations.color_map import ColorMap
-from gsvc_ref.video import ColorDescription, VideoFormat
-from gsvc_ref.video import color as gsvc_color
-from gsvc_ref.video.format import ChromaFormat
 
 F8 = NDArray[np.float64]
 Samples = NDArray[np.unsignedinteger[Any]]
 Expected = Mapping[str, Expectation]
-
-CHROMA_FORMATS: Final[dict[int, ChromaFormat]] = {1: "420", 2: "422", 3: "444"}
-"""Names of chroma formats by chroma_format (spec.md section 6.3)."""
-
-
-def _video(
-    size: tuple[int, ...], chroma_format: int, matrix: int, full_range: int, location: int, bit_depth: int
-) -> VideoFormat:
-    height, width = size
-    color = ColorDescription(2, 2, matrix, bool(full_range), location)
-    return VideoFormat(width, height, Fraction(25), bit_depth, CHROMA_FORMATS[chroma_format], color)
 
 
 def planes_to_frame_oracle(
@@ -61,8 +47,10 @@ def _stacked(channels: Sequence[Decision]) -> Decision:
     )
 
 
-@operation(
+paired(
+    "planes_to_frame",
     "colour",
+    "Planes of a video file to a full-range frame.",
     inputs="y: u1|u2 (H, W); cb: u1|u2 (h, w); cr: u1|u2 (h, w); chroma_format: int; matrix_coefficients: int; "
     "video_full_range_flag: int; chroma_sample_loc_type: int; bit_depth: int",
     outputs="frame: u1|u2 (H, W, 3)",
@@ -70,21 +58,6 @@ def _stacked(channels: Sequence[Decision]) -> Decision:
     rules=("R-11.1-1",),
     oracle=planes_to_frame_oracle,
 )
-def planes_to_frame(
-    y: Samples,
-    cb: Samples,
-    cr: Samples,
-    chroma_format: int,
-    matrix_coefficients: int,
-    video_full_range_flag: int,
-    chroma_sample_loc_type: int,
-    bit_depth: int,
-) -> Values:
-    """Planes of a video file to a full-range frame."""
-    video = _video(
-        y.shape, chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
-    )
-    return {"frame": gsvc_color.planes_to_frame((y, cb, cr), video)}
 
 
 def frame_to_planes_oracle(
@@ -110,8 +83,10 @@ def frame_to_planes_oracle(
     return result
 
 
-@operation(
+paired(
+    "frame_to_planes",
     "colour",
+    "A full-range frame to the planes of a video file.",
     inputs="frame: u1|u2 (H, W, 3); chroma_format: int; matrix_coefficients: int; video_full_range_flag: int; "
     "chroma_sample_loc_type: int; bit_depth: int",
     outputs="y: u1|u2 (H, W); cb: u1|u2 (h, w); cr: u1|u2 (h, w)",
@@ -119,17 +94,3 @@ def frame_to_planes_oracle(
     rules=("R-11.1-1",),
     oracle=frame_to_planes_oracle,
 )
-def frame_to_planes(
-    frame: Samples,
-    chroma_format: int,
-    matrix_coefficients: int,
-    video_full_range_flag: int,
-    chroma_sample_loc_type: int,
-    bit_depth: int,
-) -> Values:
-    """A full-range frame to the planes of a video file."""
-    video = _video(
-        frame.shape[:2], chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
-    )
-    y, cb, cr = gsvc_color.frame_to_planes(frame, video)
-    return {"y": y, "cb": cb, "cr": cr}

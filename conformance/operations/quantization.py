@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from conformance.distinct import distinct
 from conformance.expectations import Decision, Expectation
-from conformance.operation import Values, operation, paired
+from conformance.operation import paired
 from conformance.operations.codebooks import books_of, residual, rvq_update_oracle
 from conformance.running_error import Computed, expected, given, rounded_once, stack
-from gsvc_ref.quantization import rvq
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -139,17 +138,16 @@ def rvq_assign_oracle(x: F4, codebook_sizes: I8, codebooks: F4) -> Expected:
     return {"indices": Decision(indices, None, *((margin, guard) if guard else (None, None)))}
 
 
-@operation(
+paired(
+    "rvq_assign",
     "quantization",
+    "The codeword of each vector in each stage.",
     inputs="x: f4 (N, 3); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="indices: u2 (N, M)",
     equations=("10-20", "13-17"),
     rules=("R-10.6-1",),
     oracle=rvq_assign_oracle,
 )
-def rvq_assign(x: F4, codebook_sizes: I8, codebooks: F4) -> Values:
-    """The codeword of each vector in each stage."""
-    return {"indices": rvq.assign(x, books_of(codebook_sizes, codebooks))}
 
 
 paired(
@@ -188,15 +186,13 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
     }
 
 
-@operation(
+paired(
+    "commitment",
     "quantization",
+    "The commitment loss of all stages and its gradient.",
     inputs="x: f4 (N, 3); indices: u2 (N, M); codebook_sizes: i8 (M,); codebooks: f4 (K, 3)",
     outputs="loss: f8 (); grad_x: f4 (N, 3)",
     equations=("10-21", "13-17"),
     rules=("R-10.6-2",),
     oracle=commitment_oracle,
 )
-def commitment(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> Values:
-    """The commitment loss of all stages and its gradient."""
-    found = rvq.commitment(x, indices, books_of(codebook_sizes, codebooks))
-    return {"loss": np.array(found.loss), "grad_x": found.grad_x}

@@ -9,20 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.operation import Values, operation, paired
-from gsvc_ref.bitstream import crc
-from gsvc_ref.quantization import half
-from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, SplatBlock, State, reconstruct
-from gsvc_ref.rendering import work
-from gsvc_ref.splats import Splats
+from conformance.operation import exactly, paired
+from gsvc_ref import spec
 
 Array = NDArray[Any]
 Oracle = dict[str, Expectation]
-
-
-def _from_half_plain(bits: Array) -> Oracle:
-    """Sign, exponent and fraction of each pattern, in powers of two."""
-    return {"values": Exact(np.array([half.half_value(int(b)) for b in bits], np.float32))}
 
 
 paired(
@@ -32,13 +23,8 @@ paired(
     inputs="bits: u2 (N,)",
     outputs="values: f4 (N,)",
     equations=("8-5",),
-    oracle=_from_half_plain,
+    oracle=exactly(spec.from_half),
 )
-
-
-def _to_half_plain(values: Array) -> Oracle:
-    """Rounded one by one in integers, ties to even."""
-    return {"bits": Exact(np.array([half.half_bits(float(v)) for v in values], np.uint16))}
 
 
 paired(
@@ -48,7 +34,7 @@ paired(
     inputs="values: f4 (N,)",
     outputs="bits: u2 (N,)",
     equations=("8-6",),
-    oracle=_to_half_plain,
+    oracle=exactly(spec.to_half),
 )
 
 
@@ -93,12 +79,10 @@ def _inter_plain(
     return {"parameters": Exact(result)}
 
 
-def _books(codebook_sizes: Array, codewords: Array) -> tuple[Array, ...]:
-    return tuple(np.split(codewords.view(np.float16), np.cumsum(codebook_sizes)[:-1]))
-
-
-@operation(
+paired(
+    "reconstruct_intra",
     "reconstruction",
+    "The splats that the codes of an intra block stand for.",
     inputs="width: int; height: int; positions: u2 (N, 2); cholesky: u2 (N, 3); scale: f4 (3,); offset: f4 (3,); "
     "color_indices: u2 (N, M); codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
     outputs="parameters: f4 (N, 8)",
@@ -106,18 +90,12 @@ def _books(codebook_sizes: Array, codewords: Array) -> tuple[Array, ...]:
     rules=("R-3.3-1", "R-3.3-2"),
     oracle=_intra_plain,
 )
-def reconstruct_intra(
-    width: int, height: int, positions: Array, cholesky: Array, scale: Array, offset: Array, color_indices: Array,
-    codebook_sizes: Array, codewords: Array,
-) -> Values:  # fmt: skip
-    """The splats that the codes of an intra block stand for."""
-    block = SplatBlock(positions, cholesky, color_indices, Quantizer(scale, offset), _books(codebook_sizes, codewords))
-    state = reconstruct(FrameCodes.intra_frame(block), State.initial(width, height))
-    return {"parameters": state.splats.to_array()}
 
 
-@operation(
+paired(
+    "reconstruct_inter",
     "reconstruction",
+    "The survivors of a frame after the differences of an inter block; an attribute without rows is not present.",
     inputs="width: int; height: int; reference: f4 (N, 8); survivors: u1 (N,); positions: u2 (n or 0, 2); "
     "cholesky: u2 (n or 0, 3); scale: f4 (3,); offset: f4 (3,); color_indices: u2 (n or 0, M); "
     "codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
@@ -126,27 +104,6 @@ def reconstruct_intra(
     rules=("R-3.3-1", "R-3.3-2"),
     oracle=_inter_plain,
 )
-def reconstruct_inter(
-    width: int, height: int, reference: Array, survivors: Array, positions: Array, cholesky: Array, scale: Array,
-    offset: Array, color_indices: Array, codebook_sizes: Array, codewords: Array,
-) -> Values:  # fmt: skip
-    """The survivors of a frame after the differences of an inter block; an attribute without rows is not present."""
-    kept = Kept(Quantizer(scale, offset), _books(codebook_sizes, codewords) if len(codebook_sizes) else None)
-    block = SplatBlock(
-        positions if len(positions) else None,
-        cholesky if len(cholesky) else None,
-        color_indices if len(color_indices) else None,
-    )
-    codes = FrameCodes.predicted_frame(survivors.astype(np.bool_), block if survivors.any() else None)
-    state = reconstruct(codes, State(width, height, Splats.from_array(reference), inter=kept))
-    return {"parameters": state.splats.to_array()}
-
-
-def _checksum_plain(parameters: Array) -> Oracle:
-    """Bit by bit over positions, Cholesky factors and colours."""
-    parts = (parameters[:, 0:2], parameters[:, 2:5], parameters[:, 5:8])
-    data = b"".join(np.ascontiguousarray(part, "<f4").tobytes() for part in parts)
-    return {"checksum": Exact(np.array(crc.crc32c_plain(data), np.int64))}
 
 
 paired(
@@ -156,14 +113,8 @@ paired(
     inputs="parameters: f4 (N, 8)",
     outputs="checksum: i8 ()",
     rules=("R-6.4-3",),
-    oracle=_checksum_plain,
+    oracle=exactly(spec.parameter_checksum),
 )
-
-
-def _work_plain(parameters: Array, width: int, height: int) -> Oracle:
-    """Splat by splat."""
-    pairs = work.rendering_work_plain(Splats.from_array(parameters), width, height)
-    return {"work": Exact(np.array(pairs, np.int64))}
 
 
 paired(
@@ -174,5 +125,5 @@ paired(
     outputs="work: i8 ()",
     equations=("5-1",),
     rules=("R-5-4",),
-    oracle=_work_plain,
+    oracle=exactly(spec.rendering_work),
 )

@@ -182,16 +182,15 @@ paired(
 )
 
 
-@operation(
+paired(
+    "scale_parameters",
     "deterministic",
+    "The splats of a frame for a frame of another size, every factor and product rounded to binary32.",
     inputs="parameters: f4 (N, 8); width: int; height: int; new_width: int; new_height: int",
     outputs="parameters: f4 (N, 8)",
     equations=("9-8",),
     rules=("R-9.4-1",),
 )
-def scale_parameters(parameters: F4, width: int, height: int, new_width: int, new_height: int) -> Values:
-    """The splats of a frame for a frame of another size, every factor and product rounded to binary32."""
-    return {"parameters": Splats.from_array(parameters).scaled(new_width / width, new_height / height).to_array()}
 
 
 def edge_margins(parameters: F4, width: int, height: int) -> F8:

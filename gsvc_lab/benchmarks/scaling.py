@@ -8,7 +8,7 @@ from gsvc_lab.benchmarks.memory import peaks_of
 from gsvc_lab.benchmarks.rendering import FIT_ITERATIONS, ours
 from gsvc_lab.benchmarks.results import Goal, Section, Table
 from gsvc_lab.benchmarks.timing import Spread, interleaved, ratio
-from gsvc_ref.splats import Splats
+from gsvc_ref.splats import scale_parameters
 
 THREAD_GOAL: Final = (1.6, 1.9)
 """Must and aim of one thread's time over that of two."""
@@ -64,7 +64,7 @@ def _with_pixels(section: Section, threads: int) -> None:
     scaled = {}
     for denominator in (4, 2, 1):
         width, height = base.width // denominator, base.height // denominator
-        splats = Splats.from_array(base.splats.scaled(1 / denominator, 1 / denominator).to_array())
+        splats = scale_parameters(base.splats, denominator, denominator, 1, 1)
         target = base.target[::denominator, ::denominator][:height, :width].copy()
         scaled[f"{width}x{height}"] = Case("scaled", width, height, splats, target)
     calls = {name: ours(case, threads) for name, case in scaled.items()}

@@ -7,7 +7,8 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream.coder import I8, U2, U4, UV_LIMIT, Coder, Element, encode_uv
+from gsvc_ref.arrays import I8, U2, U4
+from gsvc_ref.bitstream.coder import UV_LIMIT, Coder, Element, encode_uv
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST, golomb_bits
 from gsvc_ref.errors import UsageError
 

@@ -5,7 +5,8 @@ from typing import Final, Literal, NoReturn, cast
 
 import numpy as np
 
-from gsvc_ref.bitstream.coder import I8, U4, Bytes, Coder, encode_uv
+from gsvc_ref.arrays import I8, U4
+from gsvc_ref.bitstream.coder import Bytes, Coder, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.errors import UsageError
 

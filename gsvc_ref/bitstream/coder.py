@@ -20,6 +20,8 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import I8, U2, U4
+
 CATEGORIES: Final = (
     "container",  # magic, version, chunk types, lengths and checksums
     "header",  # sequence header
@@ -35,13 +37,10 @@ CATEGORIES: Final = (
     "end",
     "ancillary",  # payloads of chunks that this version does not know
 )
-"""What bits are spent on; these categories add up to the size of a stream. Alignment counts to its element's."""
+"""Categories of bits, which add up to the size of a stream. Alignment counts to the category of its element."""
 
 UV_LIMIT: Final = 1 << 32
 
-U2 = NDArray[np.uint16]
-U4 = NDArray[np.uint32]
-I8 = NDArray[np.int64]
 Bytes = bytes | bytearray | memoryview
 
 
@@ -76,7 +75,7 @@ class Coder(ABC):
     Attributes
     ----------
     bits
-        How many bits went to each (category, element).
+        Number of bits of each (category, element).
     element_bit
         Offset in bits, from the start of the stream, of the element coded last.
     first_bit
@@ -112,7 +111,7 @@ class Coder(ABC):
             self._category, self._prefix = outside
 
     def bits_by_category(self) -> Counter[str]:
-        """How many bits went to each category."""
+        """The number of bits of each category."""
         counts: Counter[str] = Counter()
         for (category, _), bits in self.bits.items():
             counts[category] += bits

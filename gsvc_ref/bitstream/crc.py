@@ -3,7 +3,7 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.splats import Splats
@@ -12,18 +12,8 @@ REFLECTED_POLYNOMIAL: Final = 0x82F63B78
 """1EDC6F41, the Castagnoli polynomial, with its bits in reverse order."""
 
 
-def crc32c_plain(data: bytes, crc: int = 0) -> int:
-    """The definition, bit by bit: CRC-32C of `data`, continuing from the checksum `crc` of what stood before it."""
-    register = crc ^ 0xFFFFFFFF
-    for byte in data:
-        register ^= byte
-        for _ in range(8):
-            register = (register >> 1) ^ (REFLECTED_POLYNOMIAL if register & 1 else 0)
-    return register ^ 0xFFFFFFFF
-
-
 def _table() -> NDArray[np.uint32]:
-    """What one byte leaves in the register."""
+    """The register after one byte, for each byte: (256,) u4."""
     register = np.arange(256, dtype=np.uint32)
     for _ in range(8):
         register = (register >> 1 ^ (register & 1) * np.uint32(REFLECTED_POLYNOMIAL)).astype(np.uint32)
@@ -163,9 +153,25 @@ def crc32c_of_part(
     return after ^ _after_zeros(before, end - first, zero_tables) ^ 0xFFFFFFFF
 
 
-def parameter_checksum(splats: Splats) -> int:
-    """`parameter_checksum` of a frame with these splats (R-6.4-3)."""
-    checksum = 0
+def parameter_checksum(parameters: Splats | ArrayLike) -> int:
+    """`parameter_checksum` of a frame (R-6.4-3).
+
+    Parameters
+    ----------
+    parameters
+        Its splats, or their parameters (N, 8) f4.
+
+    Returns
+    -------
+    int
+        CRC-32C of all positions, then all Cholesky factors, then all colours, each little-endian binary32.
+
+    Raises
+    ------
+    UsageError
+        The parameters are no splats.
+    """
+    splats, checksum = Splats.of(parameters), 0
     for part in (splats.positions, splats.cholesky, splats.colors):
         checksum = crc32c(part.astype("<f4", copy=False).view(np.uint8).data, checksum)
     return checksum

@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.bitstream.coder import U2, Coder
+from gsvc_ref.arrays import U2
+from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.constants import SMALLEST_NORMAL
@@ -15,7 +16,7 @@ from gsvc_ref.reconstruction import BlockKind, Codebooks, FrameCodes, FrameType,
 NO_BLOCK: Final = SplatBlock()
 NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
 NO_FRAME: Final = FrameCodes.repeated_frame()
-"""What a Reader, which ignores values, is given."""
+"""The codes that a Reader, which ignores values, is given."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ def frame(
     state
         The state after the frame before.
     frame_type
-        What the chunk type says.
+        The frame type, which the chunk type tells.
     frame_number
         The number that the frame must have.
     given

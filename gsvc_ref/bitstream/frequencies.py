@@ -11,13 +11,10 @@ from heapq import heapify, heapreplace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.bitstream.coder import I8
+from gsvc_ref.arrays import F8, I8
 from gsvc_ref.errors import UsageError
-
-F8 = NDArray[np.float64]
 
 MAX_UNITS: Final = 1 << 16
 """Units of the largest table (`entropy_precision` is at most 16)."""

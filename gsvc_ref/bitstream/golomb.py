@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I8
 
 GOLOMB_ORDERS: Final = 16
 """Orders 0..15: `golomb_order` is a `u(4)`."""
@@ -19,8 +20,6 @@ GOLOMB_LONGEST: Final = 16
 
 UNDERFLOW: Final = -1
 TOO_LONG: Final = -2
-
-I8 = NDArray[np.int64]
 
 
 def golomb_sizes(values: I8, order: ArrayLike) -> I8:

@@ -11,7 +11,7 @@ from gsvc_ref.errors import UsageError
 
 @dataclass(frozen=True)
 class Level:
-    """What a level limits, for each frame; the payload is in bytes."""
+    """The limits of a level for each frame; the payload is in bytes."""
 
     pixels: int
     splats: int
@@ -28,7 +28,7 @@ LEVELS: Final[dict[int, Level]] = {
 }
 
 LONGEST_HEADER: Final = 1024
-"""Most bytes of a sequence header's payload (R-5-3)."""
+"""Maximum number of bytes of a sequence header's payload (R-5-3)."""
 
 
 def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payload: int = 0) -> int:
@@ -101,7 +101,7 @@ class SequenceHeader:
 
     @property
     def limits(self) -> Level:
-        """What the level allows."""
+        """The limits of the level."""
         return LEVELS[self.level]
 
 

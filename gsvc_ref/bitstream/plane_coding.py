@@ -1,4 +1,4 @@
-"""How the writer spends few bits on a plane: mode, frequencies and their order. A decoder needs none of this."""
+"""The writer's choices of mode, frequencies and their order that make a plane small. A decoder needs none of this."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream.coder import I8, U2, U4, encode_uv
+from gsvc_ref.arrays import I8, U2, U4
+from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.frequencies import all_frequencies, log2_table
 from gsvc_ref.bitstream.golomb import golomb_sizes, golomb_totals
 from gsvc_ref.bitstream.header import SequenceHeader

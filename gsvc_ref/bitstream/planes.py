@@ -3,15 +3,17 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.bitstream.coder import I8, U2, Coder
+from gsvc_ref.arrays import I8, U2
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.plane_coding import CODED, CONSTANT, RAW, PlaneCode, choose_plane_code
 from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel
 
 NO_CODE: Final = PlaneCode()
-"""What a Reader, which ignores values, is given."""
+"""The elements that a Reader, which ignores values, is given."""
 
 
 def plane(
@@ -46,6 +48,32 @@ def plane(
             s.fail("R-6.6-1", "`plane_mode` is 3, which is reserved")
         s.align()
     return read
+
+
+def decode_plane(data: ArrayLike, count: int, alphabet: int, entropy_precision: int, lane_count: int) -> U2:
+    """The symbols of one plane, by (7-1).
+
+    Parameters
+    ----------
+    data
+        (n,) u1, the bytes of a plane(); bytes that follow it are ignored.
+    count, alphabet
+        Number of symbols, and the number above all of them.
+    entropy_precision, lane_count
+        As in the sequence header.
+
+    Returns
+    -------
+    U2
+        (count,) u2, each below `alphabet`.
+
+    Raises
+    ------
+    GsvcError
+        The bytes break a rule of sections 6.6 or 7.
+    """
+    header = SequenceHeader(level=1, width=1, height=1, entropy_precision=entropy_precision, lane_count=lane_count)
+    return plane(Reader(np.asarray(data, np.uint8).tobytes()), header, "colors", "plane", count, alphabet)
 
 
 def _check_symbol(s: Coder, symbol: int, alphabet: int, bit: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Which kind of error each rule of spec.md stands for (section 12)."""
+"""The kind of error that each rule of spec.md stands for (section 12)."""
 
 from typing import Final
 

@@ -1,6 +1,5 @@
 """Pre-training of frames, whose losses tell a cut (paper section 3.6)."""
 
-
 import numpy as np
 
 from gsvc_ref.encoder.reduction import reduced

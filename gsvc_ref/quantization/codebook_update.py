@@ -1,7 +1,7 @@
-"""One step of RVQ codebooks in training: moving averages of what uses them, and new codewords for dead ones.
+"""One step of RVQ codebooks in training: moving averages of the vectors that use them, and new codewords for dead ones.
 
-See `rvq_training`, which has the codebooks of a frame and where they start. Here they are flat: the codewords of all
-stages one after the other, K of them in all.
+`rvq_training` has the codebooks of a frame, and where they start. Here the codewords of all stages are one array
+(K, 3), stage after stage.
 """
 
 from collections.abc import Callable
@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.rvq import Indices, residuals, round_codebooks
+from gsvc_ref.quantization.half import from_half, to_half
+from gsvc_ref.quantization.rvq import Indices, residuals
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Draw = Callable[[int], F8]
-"""Gives so many uniform numbers in [0, 1)."""
+"""A function that gives the number of uniform numbers in [0, 1) that it is asked for."""
 
 REVIVED_COUNT: Final = 1.0
-"""Moving count given to a codeword that replaces a dead one: as if one splat had always used it."""
+"""Moving count of a codeword that replaces a dead one: as if one splat had always used it."""
 
 
 class RvqUpdate(NamedTuple):
@@ -47,16 +47,16 @@ def rvq_update(
     smoothing: float,
     dead_count: float,
 ) -> RvqUpdate:
-    """What `update` does with vectors that all count alike, by given uniform numbers: (10-22) to (10-24), R-10.6-3.
+    """One step of the moving averages, and new codewords for dead ones: (10-22) to (10-24), R-10.6-3.
 
     Parameters
     ----------
     x
         (N, 3) f4.
     indices
-        (N, M) u2, `assign`'s choice among the codebooks.
+        (N, M) u2, `rvq_assign`'s choice among the codebooks.
     codebook_sizes
-        (M,), the number of codewords of each stage.
+        (M,) i8, the number of codewords of each stage.
     codebooks, counts, sums
         (K, 3) f4, (K,) f8 and (K, 3) f8, stage after stage; not changed.
     uniforms
@@ -67,20 +67,20 @@ def rvq_update(
     Returns
     -------
     RvqUpdate
-        What was given, where there are no vectors.
+        The given arrays themselves where there are no vectors.
 
     Raises
     ------
     UsageError
         A vector is not finite, indices do not fit, or there are too few uniform numbers.
     """
-    vectors, ends = np.ascontiguousarray(x, np.float32), np.cumsum(np.asarray(codebook_sizes, np.int64))
-    residuals(vectors, indices, np.split(codebooks, ends[:-1]))  # refuses what does not fit
+    vectors, sizes = np.ascontiguousarray(x, np.float32), np.asarray(codebook_sizes, np.int64)
+    residuals(vectors, indices, sizes, codebooks)  # refuses what does not fit
     if len(vectors) == 0:
         return RvqUpdate(counts, sums, codebooks)
     w = np.ones(len(vectors))
     return updated(
-        vectors, indices, ends, codebooks, counts, sums, _in_turn(uniforms), decay, smoothing, dead_count, w, False
+        vectors, indices, sizes, codebooks, counts, sums, _in_turn(uniforms), decay, smoothing, dead_count, w, False
     )
 
 
@@ -100,7 +100,7 @@ def _in_turn(uniforms: F8) -> Draw:
 def updated(
     x: F4,
     indices: Indices,
-    ends: NDArray[np.int64],
+    sizes: NDArray[np.int64],
     codebooks: F4,
     counts: F8,
     sums: F8,
@@ -111,8 +111,9 @@ def updated(
     w: F8,
     zero_codeword: bool,
 ) -> RvqUpdate:
-    """(10-22) to (10-24) with weights; `ends` (M,) says where each stage ends, `draw` gives uniform numbers."""
-    starts, sizes = np.append(0, ends[:-1]), np.diff(ends, prepend=0)
+    """(10-22) to (10-24) with weights; `sizes` (M,) are those of the stages, `draw` gives uniform numbers."""
+    ends = np.cumsum(sizes)
+    starts = ends - sizes
     batch_counts, batch_sums = totals(x, w, indices, codebooks, ends)
     counts = decay * counts + (1 - decay) * batch_counts  # (K,) f8
     sums = decay * sums + (1 - decay) * batch_sums  # (10-22), (K, 3) f8
@@ -125,14 +126,14 @@ def updated(
     if zero_codeword:
         dead[starts] = False
     if dead.any():
-        r = residuals(x, indices, np.split(codebooks, ends[:-1]))  # (M + 1, N, 3) f4
+        r = residuals(x, indices, sizes, codebooks)  # (M + 1, N, 3) f4
         for k, stage in enumerate(slice(first, end) for first, end in zip(starts.tolist(), ends.tolist(), strict=True)):
             if dead[stage].any():
                 errors = w * np.square(r[k + 1], dtype=np.float64).sum(axis=1)
                 _revive(dead[stage], codebook[stage], counts[stage], sums[stage], r[k], errors, draw)
     if zero_codeword:
         codebook[starts] = sums[starts] = 0
-    return RvqUpdate(counts, sums, round_codebooks([codebook])[0])
+    return RvqUpdate(counts, sums, from_half(to_half(codebook)))
 
 
 def _revive(dead: NDArray[np.bool_], codebook: F8, counts: F8, sums: F8, residual: F4, errors: F8, draw: Draw) -> None:
@@ -149,7 +150,7 @@ def _revive(dead: NDArray[np.bool_], codebook: F8, counts: F8, sums: F8, residua
 
 @kernel()
 def totals(x: F4, w: F8, indices: Indices, books: F4, ends: NDArray[np.int64]) -> tuple[F8, F8]:
-    """Weighted counts (sum of B,) and sums (sum of B, 3) of what reaches each codeword of each stage, in binary64."""
+    """Weighted counts (K,) and sums (K, 3), in binary64, of the vectors that reach each codeword of each stage."""
     counts, sums = np.zeros(books.shape[0]), np.zeros((books.shape[0], 3))
     r = np.empty(3, np.float32)
     for n in range(x.shape[0]):

@@ -1,8 +1,4 @@
-"""binary16: the positions and codebook entries of profile `paper` (paper section 3.8, Q_mu).
-
-`half_value` and `half_bits` define the conversion in integers and powers of two, one number at a time; `to_half`
-and `from_half` are the same functions on arrays.
-"""
+"""binary16: the positions and codebook entries of profile `paper` (paper section 3.8, Q_mu)."""
 
 import math
 from typing import Final
@@ -17,58 +13,24 @@ LARGEST_HALF: Final = 65504.0
 """(2 - 2^-10) * 2^15, the largest finite binary16."""
 
 MIN_EXPONENT: Final = -14
-"""Exponent of the smallest normal binary16; subnormals share its spacing."""
+"""Exponent of the smallest normal binary16, whose spacing subnormals have too."""
 
 FRACTION_BITS: Final = 10
 
 FINEST_HALF: Final = MIN_EXPONENT - FRACTION_BITS
-"""Binary logarithm of the spacing of subnormals, which all binary16 are multiples of."""
+"""Binary logarithm of the spacing of subnormals; every binary16 is a multiple of it."""
 
 EXPONENT_MASK: Final = 0x7C00
 """All exponent bits of a binary16: set in infinities and NaNs."""
 
 
-def half_value(bits: int) -> float:
-    """Value of one 16-bit pattern: (-1)^s * 2^(e-15) * (1 + f/1024), or (-1)^s * 2^-14 * f/1024 where e = 0.
-
-    Parameters
-    ----------
-    bits
-        Sign (1 bit), exponent e (5 bits), fraction f (10 bits), most significant first.
-    """
-    sign = -1.0 if bits >> 15 else 1.0
-    exponent, fraction = (bits & EXPONENT_MASK) >> FRACTION_BITS, bits & 0x3FF
-    if exponent == 31:
-        return sign * (math.nan if fraction else math.inf)
-    significand = fraction if exponent == 0 else fraction + 1024
-    return sign * math.ldexp(significand, max(exponent, 1) - 25)  # (8-5)
-
-
-def half_bits(value: float) -> int:
-    """Pattern of the binary16 nearest to one number, a tie going to the even fraction.
-
-    Raises
-    ------
-    UsageError
-        The value is NaN, or rounds to a number above 65504.
-    """
-    sign = 0x8000 if math.copysign(1.0, value) < 0 else 0
-    magnitude = abs(value)
-    if not magnitude < LARGEST_HALF + 16:  # half a step above the largest: the tie goes to the even side, infinity
-        raise UsageError(f"{value} is not a finite binary16; the largest magnitude is {LARGEST_HALF:.0f}")
-    exponent = max(math.frexp(magnitude)[1] - 1, MIN_EXPONENT) if magnitude else MIN_EXPONENT
-    steps = round(math.ldexp(magnitude, FRACTION_BITS - exponent))  # 0..2048; round() takes a tie to even
-    # A normal number has 1024 <= steps, which is what moves the exponent field from 0 to 1 and, at 2048, to the next.
-    return sign | (((exponent - MIN_EXPONENT) << FRACTION_BITS) + steps)  # (8-6)
-
-
 def to_half(values: ArrayLike) -> NDArray[np.uint16]:
-    """Patterns of the binary16 nearest to each value, ties to even.
+    """Patterns of the binary16 nearest to each value, ties to even (8-6).
 
     Parameters
     ----------
     values
-        Any shape, f4 or f8; rounded once.
+        Any shape, f4 or f8; each is rounded once.
 
     Returns
     -------
@@ -88,7 +50,7 @@ def to_half(values: ArrayLike) -> NDArray[np.uint16]:
 
 
 def from_half(bits: ArrayLike) -> NDArray[np.float32]:
-    """Values of 16-bit patterns, exactly.
+    """Values of 16-bit patterns, exactly (8-5).
 
     The patterns of infinities and NaN give just these: test `half_is_finite` first where they are not allowed.
 
@@ -112,7 +74,7 @@ def from_half(bits: ArrayLike) -> NDArray[np.float32]:
 
 
 def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:
-    """Which 16-bit patterns are numbers, neither infinite nor NaN; same shape as `bits` (u2)."""
+    """Whether each 16-bit pattern is a number, neither infinite nor NaN; same shape as `bits` (u2)."""
     return np.asarray((_patterns(bits) & np.uint16(EXPONENT_MASK)) != EXPONENT_MASK)
 
 
@@ -140,17 +102,23 @@ def coarsen_half(values: ArrayLike, step_exponent: int) -> NDArray[np.float32]:
         A value is NaN, or rounds to a number above 65504.
     """
     wide = np.asarray(values, dtype=np.float64)
-    finite = np.where(np.isfinite(wide), wide, 0.0)
-    exponent = np.maximum(np.frexp(finite)[1] - 1, MIN_EXPONENT)
-    step = np.ldexp(1.0, np.maximum(exponent - FRACTION_BITS, step_exponent))
-    rounded = np.rint(finite / step) * step
+    flat = np.where(np.isfinite(wide), wide, 0.0).ravel()
+    _coarsen(flat, step_exponent)
+    rounded = flat.reshape(wide.shape)
     _refuse_first(~np.isfinite(wide) | (np.abs(rounded) > LARGEST_HALF), wide)
     return np.asarray(rounded.astype(np.float32))
 
 
+@kernel()
+def _coarsen(values: NDArray[np.float64], step_exponent: int) -> None:
+    """Replace each of the values (n,) by its `nearest_half`."""
+    for n in range(len(values)):
+        values[n] = nearest_half(values[n], step_exponent)
+
+
 @kernel(inline=True)
 def nearest_half(value: float, step_exponent: int) -> float:
-    """Twin of `coarsen_half` for one number of at most LARGEST_HALF in magnitude; nothing is checked."""
+    """`coarsen_half` of one finite number; nothing is checked."""
     exponent = max(math.frexp(value)[1] - 1, MIN_EXPONENT)
     step = math.ldexp(1.0, max(exponent - FRACTION_BITS, step_exponent))
     return float(np.rint(value / step) * step)

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4 as F4
+from gsvc_ref.arrays import F8 as F8
 from gsvc_ref.errors import UsageError
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Codes = NDArray[np.uint16]
 
 DEFAULT_BITS: Final = 6

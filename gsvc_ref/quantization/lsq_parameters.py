@@ -6,11 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.lsq import LsqGradients, largest_code, lsq_quantize
-
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
+from gsvc_ref.quantization.lsq import largest_code, lsq_quantize
 
 SCALE_FLOOR: Final = np.float32(2.0**-24)
 """Smallest scale that training may reach: a finer step is lost in the binary32 rounding of a value near 1 px."""
@@ -24,7 +22,7 @@ REFINEMENTS: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class LsqParameters:
-    """What a decoder needs to dequantize C channels.
+    """Scale and offset of C channels, with which a decoder dequantizes them.
 
     Attributes
     ----------
@@ -74,11 +72,6 @@ def with_exact_zero(parameters: LsqParameters, bits: int) -> LsqParameters:
     """
     k = zero_codes(parameters, bits).astype(np.float32)
     return LsqParameters(parameters.scale, np.float32(0) - k * parameters.scale)
-
-
-def exact_zero_scale_gradient(grad: LsqGradients, codes: ArrayLike) -> F4:
-    """dL/ds where the offset is tied to the scale by beta = -k s: dL/ds - k dL/dbeta, (C,) f4; codes are the k."""
-    return np.asarray(grad.grad_scale - np.asarray(codes, np.float32) * grad.grad_offset, dtype=np.float32)
 
 
 def from_range(x: ArrayLike, bits: int) -> LsqParameters:

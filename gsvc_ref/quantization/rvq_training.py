@@ -1,4 +1,4 @@
-"""How RVQ codebooks are learned: k-means, then moving averages, with dead codewords replaced.
+"""The learning of RVQ codebooks: k-means, then moving averages, with dead codewords replaced.
 
 The paper asks for a commitment loss (`gsvc_ref.quantization.rvq.commitment`) and leaves the codebooks' own rule open.
 Ours, per stage and training step, for the vectors r that reach the stage and their codewords i::
@@ -13,33 +13,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.codebook_update import totals, updated
-from gsvc_ref.quantization.rvq import (
-    MAX_CODEWORDS,
-    Indices,
-    assign,
-    joined,
-    residuals,
-    round_codebooks,
-)
-
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
+from gsvc_ref.quantization.half import from_half, to_half
+from gsvc_ref.quantization.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, rvq_assign
 
 
 @dataclass(frozen=True)
 class RvqSettings:
-    """How many codewords, and how they are learned.
+    """Numbers of codewords, and how they are learned.
 
     Attributes
     ----------
     codewords
-        Number of codewords B_k of each stage; their number is M. The default, two stages of 8, is the authors'.
+        Number of codewords B_k of each of the M stages. The default, two stages of 8, is the authors'.
     decay
         a above, in [0, 1).
     smoothing
@@ -82,7 +74,7 @@ class RvqState:
     Attributes
     ----------
     codebooks
-        (B, 3) f4, always values of binary16: what the stream would carry now.
+        (B, 3) f4, always values of binary16, as in a stream.
     counts
         (B,) f8, the moving counts n_b in splats.
     sums
@@ -123,9 +115,9 @@ def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: Arr
     stages = []
     for codewords in settings.codewords:
         codebook = _kmeans(residual, w, codewords, settings, rng)
-        indices = assign(residual, [codebook])
+        indices = rvq_assign(residual, [codewords], codebook)
         counts, sums = totals(residual, w, indices, *joined([codebook]))
-        residual = residuals(residual, indices, [codebook])[1]
+        residual = residuals(residual, indices, [codewords], codebook)[1]
         stages.append((codebook, counts, sums))
     return RvqState(*(tuple(part) for part in zip(*stages, strict=True)))
 
@@ -147,7 +139,7 @@ def update(
     x
         (N, 3) f4.
     indices
-        (N, M) u2, `assign`'s choice among state.codebooks.
+        (N, M) u2, `rvq_assign`'s choice among state.codebooks.
     settings, weights
         As for `initialize`.
     rng
@@ -163,8 +155,8 @@ def update(
     UsageError
         As for `initialize`; or indices do not fit.
     """
-    vectors, books = np.ascontiguousarray(x, np.float32), state.codebooks
-    residuals(vectors, indices, books)  # refuses what does not fit
+    vectors = np.ascontiguousarray(x, np.float32)
+    residuals(vectors, indices, *flat(state.codebooks))  # refuses what does not fit
     if len(vectors) == 0:
         return state
     return moved(state, vectors, indices, settings, rng, _unit_mean(weights, len(vectors)))
@@ -172,11 +164,12 @@ def update(
 
 def moved(state: RvqState, x: F4, indices: Indices, settings: RvqSettings, rng: Generator, w: F8) -> RvqState:
     """`update` without checks; w is (N,) f8, 0 for vectors that are to be left out and of mean 1 over the others."""
-    flat, ends = joined(state.codebooks)
+    sizes, books = flat(state.codebooks)
     new = updated(
-        x, indices, ends, flat, np.concatenate(state.counts), np.concatenate(state.sums), rng.random, settings.decay,
+        x, indices, sizes, books, np.concatenate(state.counts), np.concatenate(state.sums), rng.random, settings.decay,
         settings.smoothing, settings.dead_count, w, settings.zero_codeword,
     )  # fmt: skip
+    ends = np.cumsum(sizes)
     return RvqState(
         codebooks=tuple(np.split(new.codebooks, ends[:-1])),
         counts=tuple(np.split(new.counts, ends[:-1])),
@@ -190,11 +183,11 @@ def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator)
         return centers
     _seed(x, w, rng.random(codewords), settings.zero_codeword, centers)
     for _ in range(settings.kmeans_iterations):
-        counts, sums = totals(x, w, assign(x, [centers]), *joined([centers]))
+        counts, sums = totals(x, w, rvq_assign(x, [codewords], centers), *joined([centers]))
         moved = counts > 0
         moved[0] &= not settings.zero_codeword
         centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
-    return round_codebooks([centers])[0]
+    return from_half(to_half(centers))
 
 
 @kernel()

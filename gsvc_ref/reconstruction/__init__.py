@@ -5,7 +5,7 @@ drift from its decoders.
 """
 
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, FrameType, Quantizer, SplatBlock
-from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct
+from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct, reconstruct_inter, reconstruct_intra
 
 __all__ = [
     "BlockKind",
@@ -17,4 +17,6 @@ __all__ = [
     "SplatBlock",
     "State",
     "reconstruct",
+    "reconstruct_inter",
+    "reconstruct_intra",
 ]

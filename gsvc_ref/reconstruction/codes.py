@@ -1,4 +1,4 @@
-"""What a frame's bytes say before arithmetic: codes, quantisers and codebooks (spec.md sections 6.4 and 6.5)."""
+"""The codes, quantisers and codebooks of a frame, before arithmetic (spec.md sections 6.4 and 6.5)."""
 
 from dataclasses import dataclass
 from typing import Any, Final, Literal, Self
@@ -6,11 +6,9 @@ from typing import Any, Final, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F2, F4, U2
 from gsvc_ref.errors import UsageError
 
-U2 = NDArray[np.uint16]
-F2 = NDArray[np.float16]
-F4 = NDArray[np.float32]
 FrameType = Literal["I", "P", "R"]
 BlockKind = Literal["intra", "inter"]
 Codebooks = tuple[F2, ...]

@@ -1,30 +1,17 @@
 """The work that a frame asks of a renderer, which a level limits (spec.md section 5)."""
 
-from math import ceil, floor
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4
 from gsvc_ref.constants import REACH, SMALLEST_NORMAL
-from gsvc_ref.splats import F4, Splats
-
-
-def rendering_work_plain(splats: Splats, width: int, height: int) -> int:
-    """The definition of `rendering_work`, splat by splat."""
-    work = 0
-    for (x, y), (l11, l21, l22) in zip(splats.positions.tolist(), splats.cholesky.tolist(), strict=True):
-        if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not np.isfinite([x, y, l11, l21, l22]).all():
-            continue
-        e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
-        columns = max(0, min(width, ceil(x + e_x)) - max(0, floor(x - e_x)))
-        rows = max(0, min(height, ceil(y + e_y)) - max(0, floor(y - e_y)))
-        work += columns * rows  # (5-1)
-    return work
+from gsvc_ref.splats import Splats
 
 
 @kernel()
 def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> float:
-    """Twin of `rendering_work_plain` in binary64, exact since all counts are below 2⁵³."""
+    """The work in binary64, exact since all counts are below 2⁵³."""
     work = 0.0
     for n in range(len(positions)):
         l11, l21, l22 = np.float64(cholesky[n, 0]), np.float64(cholesky[n, 1]), np.float64(cholesky[n, 2])
@@ -39,11 +26,29 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
     return work
 
 
-def rendering_work(splats: Splats, width: int, height: int) -> int:
-    """The number of (splat, pixel) pairs in the splats' boxes on a frame of `width` by `height` pixels.
+def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> int:
+    """The number of (splat, pixel) pairs in the splats' boxes on a frame, (5-1): the work that a level limits (R-5-4).
 
-    It is the work that spec.md section 5 defines; no renderer finds a pixel covered outside of these boxes, so that it
-    bounds the time that a frame takes. A splat with an infinite position or factor has no box.
+    No renderer finds a pixel covered outside of these boxes, so that the work bounds the time that a frame takes. A
+    splat with an infinite position or factor has no box.
+
+    Parameters
+    ----------
+    parameters
+        The splats, or their parameters (N, 8) f4.
+    width, height
+        Size of the frame in pixels.
+
+    Returns
+    -------
+    int
+        The work.
+
+    Raises
+    ------
+    UsageError
+        The parameters are no splats.
     """
+    splats = Splats.of(parameters)
     with np.errstate(invalid="ignore"):  # infinity minus infinity, of which a kernel that is not compiled would warn
         return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))

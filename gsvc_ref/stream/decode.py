@@ -14,6 +14,7 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer
+from gsvc_ref.splats import scale_parameters
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
@@ -165,7 +166,7 @@ def _rendered(
     for decoded in frames:
         if last is None or decoded.type != "R":
             origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
-            splats = decoded.splats.scaled(width / header.width, height / header.height)
+            splats = scale_parameters(decoded.splats, header.width, header.height, width, height)
             last = renderer.next_frame(splats, header.bit_depth, origins)
         yield last.copy()  # the renderer changes it, and an R-frame shows it again
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gsvc_ref.arrays import I8
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
-from gsvc_ref.bitstream.coder import I8
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, Place
 from gsvc_ref.stream.source import SourceReader

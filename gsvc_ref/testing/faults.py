@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import I8, U2, U4
 from gsvc_ref.bitstream import SequenceHeader, crc32c
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.bitstream.coder import I8, U2, U4, encode_uv
+from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.errors import UsageError
 from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.stream import StreamWriter

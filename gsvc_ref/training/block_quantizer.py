@@ -140,7 +140,7 @@ class BlockQuantizer:
     def codes(self, values: F4) -> SplatBlock:
         """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
         difference = self._difference(values)
-        indices = rvq.assign(difference[:, 5:8], self.codebooks)
+        indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks))
         position, cholesky, color = self.present
         own_quantizer = cholesky and self.kept.quantizer is None
         own_codebooks = color and self.rvq is not None
@@ -203,7 +203,8 @@ class BlockQuantizer:
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""
         colors = self._difference(values)[:, 5:8]
-        error = rvq.dequantize(rvq.assign(colors, self.codebooks), self.codebooks) - colors
+        books = rvq.flat(self.codebooks)
+        error = rvq.dequantize(rvq.rvq_assign(colors, *books), *books) - colors
         return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())
 
     def learn(self, result: ForwardResult, factor: float) -> None:

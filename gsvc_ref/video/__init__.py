@@ -8,7 +8,7 @@ from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import images, libav, libav_writer, y4m
-from gsvc_ref.video.color import frame_to_planes, planes_to_frame
+from gsvc_ref.video.color import to_planes, to_rgb
 from gsvc_ref.video.format import ChromaFormat, ColorDescription, VideoFormat
 from gsvc_ref.video.png import decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
@@ -24,10 +24,10 @@ __all__ = [
     "VideoWriter",
     "decode_png",
     "encode_png",
-    "frame_to_planes",
     "open_video",
     "open_writer",
-    "planes_to_frame",
+    "to_planes",
+    "to_rgb",
 ]
 
 STREAM_SUFFIX: Final = ".gsvc"

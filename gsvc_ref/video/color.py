@@ -11,7 +11,8 @@ away from zero). The computation is binary64 in the order of spec.md's code, sec
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from fractions import Fraction
+from typing import Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -20,7 +21,15 @@ from gsvc_ref.arrays import F8, I8, Frame
 from gsvc_ref.arrays import Plane as Plane
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video.chroma import down_taps, phases, up_taps
-from gsvc_ref.video.format import MATRIX_NAMES, VideoFormat, assumed_matrix, check_frame
+from gsvc_ref.video.format import (
+    MATRIX_NAMES,
+    UNSPECIFIED,
+    ChromaFormat,
+    ColorDescription,
+    VideoFormat,
+    assumed_matrix,
+    check_frame,
+)
 
 Planes = tuple[Plane, Plane, Plane]
 
@@ -112,7 +121,7 @@ def _sample(value: float, peak: float) -> float:
 
 
 @kernel()
-def _planes_to_frame(
+def _to_rgb(
     y_plane: Plane,
     cb_plane: Plane,
     cr_plane: Plane,
@@ -146,7 +155,7 @@ def _planes_to_frame(
 
 
 @kernel()
-def _frame_to_planes(
+def _to_planes(
     frame: Frame,
     row_indices: I8,
     row_weights: I8,
@@ -185,7 +194,7 @@ def _frame_to_planes(
             cr_plane[k, j] = _sample(cr, peak)
 
 
-def planes_to_frame(planes: Sequence[Plane], video: VideoFormat) -> Frame:
+def to_rgb(planes: Sequence[Plane], video: VideoFormat) -> Frame:
     """Convert Y'CbCr planes to a full-range R'G'B' frame of the same bit depth.
 
     Parameters
@@ -211,7 +220,7 @@ def planes_to_frame(planes: Sequence[Plane], video: VideoFormat) -> Frame:
     vertical, horizontal = phases(video)
     rows, columns = up_taps(video.height, vertical), up_taps(video.width, horizontal)
     frame = np.empty((video.height, video.width, 3), video.dtype)
-    _planes_to_frame(
+    _to_rgb(
         y,
         cb,
         cr,
@@ -227,7 +236,7 @@ def planes_to_frame(planes: Sequence[Plane], video: VideoFormat) -> Frame:
     return frame
 
 
-def frame_to_planes(frame: Frame, video: VideoFormat) -> Planes:
+def to_planes(frame: Frame, video: VideoFormat) -> Planes:
     """Convert a full-range R'G'B' frame to Y'CbCr planes of the same bit depth.
 
     Parameters
@@ -249,7 +258,7 @@ def frame_to_planes(frame: Frame, video: VideoFormat) -> Planes:
     vertical, horizontal = phases(video)
     rows, columns = down_taps(video.height, vertical), down_taps(video.width, horizontal)
     y, cb, cr = (np.empty(shape, video.dtype) for shape in video.plane_shapes)
-    _frame_to_planes(
+    _to_planes(
         np.ascontiguousarray(frame),
         rows.indices,
         rows.weights,
@@ -263,3 +272,82 @@ def frame_to_planes(frame: Frame, video: VideoFormat) -> Planes:
         cr,
     )
     return y, cb, cr
+
+
+class FramePlanes(NamedTuple):
+    """The planes of a frame."""
+
+    y: Plane
+    cb: Plane
+    cr: Plane
+
+
+def planes_to_frame(
+    y: Plane,
+    cb: Plane,
+    cr: Plane,
+    chroma_format: int,
+    matrix_coefficients: int,
+    video_full_range_flag: int,
+    chroma_sample_loc_type: int,
+    bit_depth: int,
+) -> Frame:
+    """`to_rgb` by the elements of a sequence header in place of a `VideoFormat`: (11-2) to (11-4), R-11.1-1.
+
+    Parameters
+    ----------
+    y, cb, cr
+        (H, W), (h, w) and (h, w), u1 for 8 bits, else u2.
+    chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+        As in section 6.3; `chroma_format` is 1 to 3.
+
+    Returns
+    -------
+    (H, W, 3) u1 or u2.
+
+    Raises
+    ------
+    UsageError
+        Shapes or dtypes do not fit, or the matrix cannot be converted.
+    """
+    color = (matrix_coefficients, video_full_range_flag, chroma_sample_loc_type)
+    return to_rgb((y, cb, cr), _described(y.shape, chroma_format, *color, bit_depth))
+
+
+def frame_to_planes(
+    frame: Frame,
+    chroma_format: int,
+    matrix_coefficients: int,
+    video_full_range_flag: int,
+    chroma_sample_loc_type: int,
+    bit_depth: int,
+) -> FramePlanes:
+    """`to_planes` by the elements of a sequence header in place of a `VideoFormat`: (11-1), (11-3), (11-4), R-11.1-1.
+
+    Parameters
+    ----------
+    frame
+        (H, W, 3), u1 for 8 bits, else u2.
+    chroma_format, matrix_coefficients, video_full_range_flag, chroma_sample_loc_type, bit_depth
+        As for `planes_to_frame`.
+
+    Returns
+    -------
+    FramePlanes
+        `y` (H, W), `cb` and `cr` (h, w) of the frame's dtype.
+
+    Raises
+    ------
+    UsageError
+        The frame does not fit the bit depth, or the matrix cannot be converted.
+    """
+    color = (matrix_coefficients, video_full_range_flag, chroma_sample_loc_type)
+    return FramePlanes(*to_planes(frame, _described(frame.shape[:2], chroma_format, *color, bit_depth)))
+
+
+def _described(
+    size: tuple[int, ...], chroma_format: int, matrix: int, full_range: int, location: int, bit_depth: int
+) -> VideoFormat:
+    height, width = size
+    color = ColorDescription(UNSPECIFIED, UNSPECIFIED, matrix, bool(full_range), location)
+    return VideoFormat(width, height, Fraction(25), bit_depth, get_args(ChromaFormat)[chroma_format], color)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.video.color import planes_to_frame
+from gsvc_ref.video.color import to_rgb
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,
     UNSPECIFIED,
@@ -261,7 +261,7 @@ class LibavReader(VideoReader):
             planes = [planes[1], planes[2], planes[0]]  # matrix 0 carries G', B', R'
         elif len(planes) == 1:
             planes += [np.full(shape, 1 << (video.bit_depth - 1), video.dtype) for shape in shapes[1:]]
-        return planes_to_frame(planes, video)
+        return to_rgb(planes, video)
 
     def _check(self, picture: av.VideoFrame, number: int) -> None:
         if picture.is_corrupt:

@@ -13,7 +13,7 @@ import numpy as np
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError, naming
 from gsvc_ref.files import PartialFile
-from gsvc_ref.video.color import LUMA_WEIGHTS, frame_to_planes
+from gsvc_ref.video.color import LUMA_WEIGHTS, to_planes
 from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av
 from gsvc_ref.video.stream import VideoWriter
@@ -105,7 +105,7 @@ class LibavWriter(VideoWriter):
         picture = self._av.VideoFrame(video.width, video.height, self._stream.pix_fmt)
         picture.pts, picture.time_base = self.frames_written, 1 / video.frame_rate
         picture.colorspace, picture.color_range = video.color.matrix, 1
-        for plane, samples in zip(picture.planes, frame_to_planes(scaled, video), strict=True):
+        for plane, samples in zip(picture.planes, to_planes(scaled, video), strict=True):
             lines = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
             lines[: samples.shape[0], : samples.shape[1]] = samples
         with self._explained_errors():

@@ -11,7 +11,7 @@ import numpy as np
 from gsvc_ref.arrays import Frame, Plane
 from gsvc_ref.errors import GsvcError, UsageError, naming
 from gsvc_ref.files import PartialFile
-from gsvc_ref.video.color import conversion, frame_to_planes, planes_to_frame
+from gsvc_ref.video.color import conversion, to_planes, to_rgb
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE, format_header, malformed, parse_header, planar_format
@@ -101,7 +101,7 @@ class Y4mReader(VideoReader):
         if self._mono:
             grey = 1 << (video.bit_depth - 1)
             planes += [np.full(shape, grey, video.dtype) for shape in video.plane_shapes[1:]]
-        return planes_to_frame(planes, video)
+        return to_rgb(planes, video)
 
     def close(self) -> None:
         """Close the file if it was given by its path."""
@@ -194,7 +194,7 @@ class Y4mWriter(VideoWriter):
             raise
 
     def _write(self, frame: Frame) -> None:
-        planes = frame_to_planes(frame, self._planar)
+        planes = to_planes(frame, self._planar)
         little = self._planar.dtype.newbyteorder("<")
         self._write_all(b"FRAME\n")
         for plane in planes:  # without a copy of any of them

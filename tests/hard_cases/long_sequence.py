@@ -64,7 +64,7 @@ def first_frame() -> FrameCodes:
     places = to_half(source()[0, :, :2] / np.array([WIDTH / 2, HEIGHT / 2]) - 1)
     shapes = lsq_quantize(source()[0, :, 2:5], INTRA.scale, INTRA.offset, BITS)
     books = ((np.arange(24).reshape(8, 3) / 24).astype(np.float16),)
-    colors = rvq.assign(source()[0, :, 5:], [books[0].astype(np.float32)])
+    colors = rvq.rvq_assign(source()[0, :, 5:], *rvq.flat(books))
     return FrameCodes.intra_frame(SplatBlock(places, shapes, colors, INTRA, books))
 
 
@@ -88,7 +88,7 @@ def difference(wanted: F4, number: int) -> FrameCodes:
     elif attribute(number) == CHOLESKY:
         cholesky = lsq_quantize(wanted[:, 2:5], INTER.scale, INTER.offset, BITS)
     else:
-        colors = rvq.assign(wanted[:, 5:], [book.astype(np.float32) for book in BOOKS])
+        colors = rvq.rvq_assign(wanted[:, 5:], *rvq.flat(BOOKS))
     own_quantizer, own_books = number == 2 * CHOLESKY + 1, number == 2 * COLORS + 1
     block = SplatBlock(positions, cholesky, colors, INTER if own_quantizer else None, BOOKS if own_books else None)
     return FrameCodes.predicted_frame(np.ones(SPLATS, np.bool_), block)

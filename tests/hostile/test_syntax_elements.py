@@ -14,7 +14,7 @@ import pytest
 
 from conformance.cases.building import HEADER, intra_block, operated
 from conformance.elements import ELEMENTS
-from conformance.operations.bitstream import reconstruct_stream
+from conformance.reference import reconstruct_stream
 from conformance.spec import namespace
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
@@ -282,7 +282,7 @@ ROWS: Final = [*header_rows(), *container_rows(), *frame_rows(), *value_rows(), 
 def test_values(row: Row) -> None:
     for value in row.values:
         data = row.stream(value)
-        mine = reconstruct_stream(data)
+        mine = reconstruct_stream(stream=data)
         theirs = namespace()["reconstruct_stream"](stream=data)
         assert mine["error"] == theirs["error"], value
         assert mine["parameters"].tobytes() == theirs["parameters"].tobytes(), value

@@ -12,7 +12,6 @@ from gsvc_ref.quantization.lsq_parameters import (
     SCALE_FLOOR,
     LsqParameters,
     bounded_scale,
-    exact_zero_scale_gradient,
     from_mse,
     from_range,
     with_exact_zero,
@@ -82,11 +81,6 @@ def test_one_code_stands_for_exactly_zero(scale: float, offset: float, bits: int
     assert lsq_dequantize(zeros, exact.scale, exact.offset).tobytes() == np.float32(0).tobytes()
     if 0 <= -offset <= lsq.largest_code(bits) * scale:
         assert abs(float(exact.offset[0]) - offset) <= scale * (0.5 + 2.0**-7)
-
-
-def test_a_tied_offset_passes_its_gradient_to_the_scale() -> None:
-    grad = lsq.LsqGradients(np.empty((0, 2), np.float32), np.float32([1, 2]), np.float32([10, -1]))
-    assert exact_zero_scale_gradient(grad, np.array([3, 4], np.uint16)).tolist() == [1 - 30, 2 + 4]
 
 
 def test_scales_never_go_below_their_floor() -> None:

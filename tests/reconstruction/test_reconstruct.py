@@ -8,10 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock, State, reconstruct
-from gsvc_ref.reconstruction.reconstruct import VALUES_OF_HALVES, scaled_halves_kernel, scaled_halves_plain
+from gsvc_ref.reconstruction import (
+    FrameCodes,
+    Quantizer,
+    SplatBlock,
+    State,
+    reconstruct,
+    reconstruct_inter,
+    reconstruct_intra,
+)
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing import frames, headers
 
@@ -203,11 +211,15 @@ def test_survivors_that_do_not_fit() -> None:
         reconstruct(FrameCodes.predicted_frame(np.zeros(3, np.bool_), None), State.initial(8, 8))
 
 
-@pytest.mark.parametrize("addend", [-0.0, 1.0])
-def test_positions_equal_their_definition_for_every_finite_pattern(addend):
+def test_positions_are_those_of_the_spec_for_every_finite_pattern():
     patterns = np.arange(1 << 16, dtype=np.uint16).reshape(-1, 2)
     bits = patterns[(patterns & 0x7C00 != 0x7C00).all(axis=1)]
-    half_size = np.array([65535 / 2, 0.5], np.float32)
-    values = np.empty(bits.shape, np.float32)
-    scaled_halves_kernel(bits, VALUES_OF_HALVES, np.float32(addend), half_size, values)
-    assert values.tobytes() == scaled_halves_plain(bits, np.float32(addend), half_size).tobytes()
+    codes = {"cholesky": np.zeros((len(bits), 3), np.uint16), "scale": np.ones(3, np.float32),
+             "offset": np.zeros(3, np.float32), "color_indices": np.zeros((len(bits), 1), np.uint16),
+             "codebook_sizes": np.ones(1, np.int64), "codewords": np.zeros((1, 3), np.uint16)}  # fmt: skip
+    given = {"width": 65535, "height": 1, "positions": bits, **codes}
+    expected = spec.reconstruct_intra(**given)["parameters"]
+    assert reconstruct_intra(**given).to_array().tobytes() == expected.tobytes()
+    given["reference"], given["survivors"] = expected, np.ones(len(bits), np.uint8)
+    expected = spec.reconstruct_inter(**given)["parameters"]
+    assert reconstruct_inter(**given).to_array().tobytes() == expected.tobytes()

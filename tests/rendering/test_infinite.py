@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from gsvc_ref import spec
 from gsvc_ref.constants import SUPPORT_SQUARED
 from gsvc_ref.rendering import (
     SequenceRenderer,
@@ -15,7 +16,6 @@ from gsvc_ref.rendering import (
     rendering_work,
 )
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, whitened
-from gsvc_ref.rendering.work import rendering_work_plain
 from gsvc_ref.splats import Splats
 
 ORDINARY = [8.25, 4.5, 3, 0.5, 2, 1, -1, 0.5]
@@ -77,7 +77,7 @@ def test_they_are_no_work():
     splats = beside(*BEYOND)
     ordinary = rendering_work(splats.take(np.arange(1)), WIDTH, HEIGHT)
     assert rendering_work(splats, WIDTH, HEIGHT) == ordinary * (len(BEYOND) + 1)
-    assert rendering_work_plain(splats, WIDTH, HEIGHT) == ordinary * (len(BEYOND) + 1)
+    assert spec.rendering_work(splats.to_array(), WIDTH, HEIGHT)["work"] == ordinary * (len(BEYOND) + 1)
 
 
 def test_they_come_and_go_in_a_sequence():

@@ -14,6 +14,7 @@ from gsvc_ref.encoder import encode
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.rendering import render, to_frame
+from gsvc_ref.splats import scale_parameters
 from gsvc_ref.stream import Gap, Stream, decode, scaled_size
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
@@ -118,7 +119,7 @@ def test_other_sizes_show_the_same_picture(stream, scale):
     with Stream(stream) as opened:
         width, height = scaled_size(opened.header, scale)
         assert (width, height) == (max(1, round(32 * scale)), max(1, round(24 * scale)))
-        splats = [frame.splats.scaled(width / 32, height / 24) for frame in opened]
+        splats = [scale_parameters(frame.splats, 32, 24, width, height) for frame in opened]
     pictures = list(decode(stream, scale=scale))
     for picture, scaled in zip(pictures, splats, strict=True):
         assert np.array_equal(picture, to_frame(render(scaled, width, height), 8))

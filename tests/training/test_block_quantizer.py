@@ -69,7 +69,8 @@ def plain_gradients(quantizer: BlockQuantizer, values: np.ndarray, gradient: np.
     lsq, books = quantizer.lsq, quantizer.codebooks
     grad = lsq_gradients(difference[:, 2:5], lsq.scale, lsq.offset, quantizer.settings.cholesky_bits, gradient[:, 2:5])
     result[:, 2:5] = grad.grad_x
-    pull = rvq.commitment(difference[:, 5:8], rvq.assign(difference[:, 5:8], books), books).grad_x
+    flat = rvq.flat(books)
+    pull = rvq.commitment(difference[:, 5:8], rvq.rvq_assign(difference[:, 5:8], *flat), *flat).grad_x
     result[:, 5:8] += np.float32(quantizer.settings.commitment) * pull
     mask = np.repeat(quantizer.active, [2, 3, 3], axis=1)
     return np.where(mask, result, np.float32(0)).astype(np.float32), np.stack([grad.grad_scale, grad.grad_offset])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gsvc_ref import spec
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import ColorDescription, VideoFormat, frame_to_planes, planes_to_frame
+from gsvc_ref.video import ColorDescription, VideoFormat, to_planes, to_rgb
 from gsvc_ref.video.color import matrix_pair
 
 MATRICES = (0, 1, 4, 5, 6, 7, 8, 9)
@@ -84,7 +84,7 @@ def test_matrices_are_inverse_to_each_other(matrix):
 )
 def test_known_codes(matrix, bit_depth, full, rgb, codes):
     video = make_format(1, 1, bit_depth, "444", matrix, full)
-    planes = frame_to_planes(np.array([[rgb]], video.dtype), video)
+    planes = to_planes(np.array([[rgb]], video.dtype), video)
     assert tuple(int(plane[0, 0]) for plane in planes) == codes
 
 
@@ -104,7 +104,7 @@ def as_spec_says(video):
 @given(formats(matrices=(*MATRICES, 2)), st.integers(0, 2**32))
 def test_conversion_has_the_bits_of_spec_md(video, seed):
     frame = random_frame(video, seed)
-    planes = frame_to_planes(frame, video)
+    planes = to_planes(frame, video)
     plain = spec.frame_to_planes(frame, *as_spec_says(video)).values()
     for plane, expected, shape in zip(planes, plain, video.plane_shapes, strict=True):
         assert plane.shape == shape
@@ -112,7 +112,7 @@ def test_conversion_has_the_bits_of_spec_md(video, seed):
         np.testing.assert_array_equal(plane, expected)
     rng = np.random.default_rng(seed)
     wild = tuple(rng.integers(0, np.iinfo(p.dtype).max + 1, p.shape, dtype=p.dtype) for p in planes)
-    frame = planes_to_frame(wild, video)
+    frame = to_rgb(wild, video)
     assert frame.dtype == video.dtype
     assert frame.max() <= video.peak
     np.testing.assert_array_equal(frame, spec.planes_to_frame(*wild, *as_spec_says(video))["frame"])
@@ -122,11 +122,11 @@ def test_conversion_has_the_bits_of_spec_md(video, seed):
 @given(formats(matrices=[m for m in MATRICES if m]), st.integers(0, 2**32))
 def test_grey_stays_grey(video, seed):
     grey = np.repeat(random_frame(video, seed)[..., :1], 3, axis=-1)
-    planes = frame_to_planes(grey, video)
+    planes = to_planes(grey, video)
     middle = 1 << (video.bit_depth - 1)
     assert (planes[1] == middle).all()
     assert (planes[2] == middle).all()
-    back = planes_to_frame(planes, video)
+    back = to_rgb(planes, video)
     np.testing.assert_array_equal(back[..., 0], back[..., 1])
     np.testing.assert_array_equal(back[..., 0], back[..., 2])
     step = 1 if video.color.full_range else Fraction(video.peak, 219 << (video.bit_depth - 8))
@@ -138,7 +138,7 @@ def test_grey_stays_grey(video, seed):
 def test_rgb_through_full_range_444_is_off_by_one_step_at_most(matrix, bit_depth, seed):
     video = make_format(16, 16, bit_depth, "444", matrix, full=True)
     frame = random_frame(video, seed)
-    back = planes_to_frame(frame_to_planes(frame, video), video)
+    back = to_rgb(to_planes(frame, video), video)
     assert np.abs(back.astype(int) - frame).max() <= (0 if matrix == 0 else 1)
 
 
@@ -148,8 +148,8 @@ def test_limited_444_through_rgb_is_exact_inside_the_gamut(matrix, bit_depth, se
     """Rounding R'G'B' moves a limited-range code by at most 224/255 of half a step."""
     video = make_format(16, 16, bit_depth, "444", matrix)
     inner = random_frame(video, seed) // 2 + np.asarray(video.peak // 4, video.dtype)
-    planes = frame_to_planes(inner, video)
-    again = frame_to_planes(planes_to_frame(planes, video), video)
+    planes = to_planes(inner, video)
+    again = to_planes(to_rgb(planes, video), video)
     for plane, plane_again in zip(planes, again, strict=True):
         np.testing.assert_array_equal(plane, plane_again)
 
@@ -162,7 +162,7 @@ def test_a_colour_gradient_survives_subsampling(chroma, location, width, height)
     video = make_format(width, height, 10, chroma, 1, full=True, location=location)
     y, x = np.mgrid[:height, :width]
     frame = np.stack([200 + 8 * x + 3 * y, 500 + 2 * x - 4 * y, 700 - 7 * x + 6 * y], axis=-1).astype(np.uint16)
-    error = np.abs(planes_to_frame(frame_to_planes(frame, video), video).astype(int) - frame)
+    error = np.abs(to_rgb(to_planes(frame, video), video).astype(int) - frame)
     assert error[2:-2, 2:-2].max() <= 1
     assert error.max() <= 20
 
@@ -171,16 +171,16 @@ def test_a_wrong_siting_is_visible():
     video = make_format(40, 36, 10, "420", 1, full=True, location=0)
     x = np.broadcast_to(np.arange(40), (36, 40))
     frame = np.stack([200 + 16 * x, 500 + 0 * x, 900 - 16 * x], axis=-1).astype(np.uint16)
-    planes = frame_to_planes(frame, video)
+    planes = to_planes(frame, video)
     centred = replace(video, color=replace(video.color, chroma_location=1))
-    error = np.abs(planes_to_frame(planes, centred).astype(int) - frame)
+    error = np.abs(to_rgb(planes, centred).astype(int) - frame)
     assert error[2:-2, 2:-2].max() >= 6
 
 
 def test_a_steep_edge_is_clipped_not_wrapped():
     video = make_format(2, 1, 8, "444", 1)
     planes = [np.array([[255, 0]], np.uint8), np.array([[255, 0]], np.uint8), np.array([[255, 0]], np.uint8)]
-    np.testing.assert_array_equal(planes_to_frame(planes, video), [[[255, 184, 255], [0, 77, 0]]])
+    np.testing.assert_array_equal(to_rgb(planes, video), [[[255, 184, 255], [0, 77, 0]]])
 
 
 def test_unspecified_matrix_follows_the_height():
@@ -188,7 +188,7 @@ def test_unspecified_matrix_follows_the_height():
     for video, matrix in ((small, 6), (large, 1)):
         stated = replace(video, color=replace(video.color, matrix=matrix))
         frame = random_frame(video, 7)
-        for plane, expected in zip(frame_to_planes(frame, video), frame_to_planes(frame, stated), strict=True):
+        for plane, expected in zip(to_planes(frame, video), to_planes(frame, stated), strict=True):
             np.testing.assert_array_equal(plane, expected)
 
 
@@ -196,19 +196,19 @@ def test_unspecified_matrix_follows_the_height():
 def test_formats_without_a_conversion_are_refused(chroma, matrix):
     video = make_format(chroma=chroma, matrix=matrix)
     with pytest.raises(UsageError, match=r"supported are|ask for"):
-        frame_to_planes(random_frame(video, 0), video)
+        to_planes(random_frame(video, 0), video)
 
 
 def test_arrays_that_do_not_fit_are_refused():
     video = make_format(8, 6, 10, "420")
     frame = random_frame(video, 0)
-    planes = frame_to_planes(frame, video)
+    planes = to_planes(frame, video)
     with pytest.raises(UsageError, match="the frame is uint8"):
-        frame_to_planes(frame.astype(np.uint8), video)
+        to_planes(frame.astype(np.uint8), video)
     with pytest.raises(UsageError, match="10 bits end at 1023"):
-        frame_to_planes(frame + np.uint16(1024), video)
+        to_planes(frame + np.uint16(1024), video)
     with pytest.raises(UsageError, match="a plane is"):
-        planes_to_frame((planes[0], planes[1][:-1], planes[2]), video)
+        to_rgb((planes[0], planes[1][:-1], planes[2]), video)
 
 
 @pytest.mark.parametrize(("matrix", "name"), [(1, "ITU709"), (6, "ITU601"), (7, "SMPTE240M")])
@@ -217,11 +217,11 @@ def test_agrees_with_libswscale(matrix, name, full):
     """An independent converter with fixed-point arithmetic: the same matrix and range within two steps."""
     av = pytest.importorskip("av")
     video = make_format(64, 32, 8, "444", matrix, full)
-    planes = frame_to_planes(random_frame(video, 3), video)
+    planes = to_planes(random_frame(video, 3), video)
     picture = av.VideoFrame.from_ndarray(np.stack(planes), format="yuv444p")
     span = "JPEG" if full else "MPEG"
     copy = picture.reformat(
         format="rgb24", src_colorspace=name, src_color_range=span, dst_color_range="JPEG", interpolation="BICUBIC"
     )
-    error = np.abs(planes_to_frame(planes, video).astype(int) - copy.to_ndarray())
+    error = np.abs(to_rgb(planes, video).astype(int) - copy.to_ndarray())
     assert error.max() <= 2

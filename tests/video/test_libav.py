@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer, planes_to_frame
+from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer, to_rgb
 
 av = pytest.importorskip("av")
 
@@ -88,7 +88,7 @@ def test_lossless_yuv_is_converted_by_its_tags(tmp_path, chroma, bit_depth, full
         assert reader.notes == ([] if chroma == "444" else [SITING])
     assert len(frames) == 3
     for frame, samples in zip(frames, planes, strict=True):
-        np.testing.assert_array_equal(frame, planes_to_frame(samples, video))
+        np.testing.assert_array_equal(frame, to_rgb(samples, video))
 
 
 def test_unknown_colour_is_stated(tmp_path):

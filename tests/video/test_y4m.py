@@ -14,10 +14,10 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import (
     ColorDescription,
     VideoFormat,
-    frame_to_planes,
     open_video,
     open_writer,
-    planes_to_frame,
+    to_planes,
+    to_rgb,
 )
 from gsvc_ref.video.y4m_header import parse_header
 
@@ -93,7 +93,7 @@ def test_round_trip(video, count, seed):
     assert len(read) == count
     for frame, original in zip(read, frames, strict=True):
         assert frame.dtype == video.dtype
-        np.testing.assert_array_equal(frame, planes_to_frame(frame_to_planes(original, video), video))
+        np.testing.assert_array_equal(frame, to_rgb(to_planes(original, video), video))
 
 
 def test_a_file_knows_its_number_of_frames(tmp_path):

@@ -16,7 +16,7 @@ from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.arrays import Frame
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
-from gsvc_ref.video import frame_to_planes, planes_to_frame
+from gsvc_ref.video import to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 
 METRICS: Final = {
@@ -148,7 +148,7 @@ def gsvc_point(clip: PlanarClip, settings: gsvc_ref.Settings, folder: Path) -> t
         pass
     decoding = time.perf_counter() - start
     video = clip.format
-    decoded = ((frame, frame_to_planes(frame, video)[0]) for frame in gsvc_ref.decode(path, threads=settings.threads))
+    decoded = ((frame, to_planes(frame, video)[0]) for frame in gsvc_ref.decode(path, threads=settings.threads))
     found = scores(clip, decoded)
     setting = f"N {settings.splat_count(video.width, video.height)}"
     return point(clip, setting, report.file_bytes, found, encoding, cpu, decoding), found.notes
@@ -185,7 +185,7 @@ def codec_point(
     """
     coded = codecs.encode(clip, codec, variant, value, folder, threads)
     decoding = codecs.decoding_seconds(coded, codec)
-    decoded = ((planes_to_frame(planes, clip.format), planes[0]) for planes in codecs.decode(coded, codec, clip))
+    decoded = ((to_rgb(planes, clip.format), planes[0]) for planes in codecs.decode(coded, codec, clip))
     found = scores(clip, decoded)
     setting = f"{codec.quality[1]} {value}"
     return point(clip, setting, coded.bytes, found, coded.seconds, coded.cpu_seconds, decoding), coded

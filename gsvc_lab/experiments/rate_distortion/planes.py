@@ -13,7 +13,7 @@ from gsvc_lab.clips import as_frame, as_picture
 from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import VideoFormat, VideoReader, frame_to_planes, open_video, planes_to_frame
+from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 from gsvc_ref.video.format import MAX_DIMENSION
 from gsvc_ref.video.y4m_header import planar_format
@@ -85,7 +85,7 @@ class PlanarClip:
     def frames(self) -> Iterator[Frame]:
         """The frames as R'G'B', (H, W, 3) u1."""
         for planes in self.planes():
-            yield planes_to_frame(planes, self.format)
+            yield to_rgb(planes, self.format)
 
 
 def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
@@ -160,7 +160,7 @@ def from_frames(frames: Iterable[Frame], title: str, note: str, target: Path, vi
     """Frames, (H, W, 3) u1, as planes of a format."""
     with target.open("wb") as file:
         for frame in frames:
-            for plane in frame_to_planes(np.ascontiguousarray(frame), video):
+            for plane in to_planes(np.ascontiguousarray(frame), video):
                 file.write(plane.tobytes())
     return _counted(title, note, target, video)
 

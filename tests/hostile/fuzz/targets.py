@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
-from conformance.operations.bitstream import decode_stream_deterministic, read_stream, reconstruct_stream
+from conformance.reference import decode_stream_deterministic, read_stream, reconstruct_stream
 from conformance.spec import namespace
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import Precision, rendering_work
@@ -133,15 +133,15 @@ def differential(data: bytes) -> str:
     """gsvc_ref and spec.md's decoder: the same frames, kind, rule and bit; without a fault also codes and pictures."""
     if declared_splats(data) > MAX_SPLATS["differential"]:
         return SKIPPED
-    mine = reconstruct_stream(data)
+    mine = reconstruct_stream(stream=data)
     _assert_same(mine, namespace()["reconstruct_stream"](stream=data))
     if mine["error"]:
         return str(mine["error"]).split()[1] + (" behind frames" if len(mine["counts"]) else "")
-    _assert_same(read_stream(data), namespace()["read_stream"](stream=data))
+    _assert_same(read_stream(stream=data), namespace()["read_stream"](stream=data))
     reader = StreamReader(data)
     size = reader.header.width, reader.header.height
     if size[0] * size[1] <= MAX_PIXELS and sum(rendering_work(f.splats, *size) for f in reader) <= MAX_WORK_OF_SPEC:
-        _assert_same(decode_stream_deterministic(data), namespace()["decode_stream_deterministic"](stream=data))
+        _assert_same(decode_stream_deterministic(stream=data), namespace()["decode_stream_deterministic"](stream=data))
     return ACCEPTED
 
 

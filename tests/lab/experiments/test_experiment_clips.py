@@ -10,7 +10,7 @@ from tiny_clips import tiny_clip
 from gsvc_lab.clips import UVG_COLOR, as_frame, as_picture, file_clip, resized, scene_clip, uvg_clip, uvg_paths
 from gsvc_lab.experiments.material import given_clips, preferred, stills
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import VideoFormat, frame_to_planes, open_writer
+from gsvc_ref.video import VideoFormat, open_writer, to_planes
 
 SIZE = (32, 16)
 
@@ -23,7 +23,7 @@ def demo():
 def raw_file(path, frames, cut=0):
     """Write frames as raw 4:2:0 planes; the last `cut` bytes are left out."""
     video = uvg_format(path)
-    data = b"".join(plane.tobytes() for frame in frames for plane in frame_to_planes(frame, video))
+    data = b"".join(plane.tobytes() for frame in frames for plane in to_planes(frame, video))
     path.write_bytes(data[: len(data) - cut])
     return path
 

@@ -1,0 +1,156 @@
+"""Whole streams as arrays: what section 12.4 of spec.md asks of them."""
+
+from dataclasses import astuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.reconstruction import SplatBlock
+from gsvc_ref.stream.decode import decode
+from gsvc_ref.stream.reader import StreamReader
+
+Array = NDArray[Any]
+
+
+class StreamCodes(NamedTuple):
+    """The codes of a stream: T frames, K blocks, and the rows of those blocks that have them."""
+
+    header: Array
+    """(22,) i8, the elements of the sequence header in the order of section 6.3."""
+    frame_types: Array
+    """(T,) u1, I, P or R in ASCII."""
+    counts: Array
+    """(T,) i8, the number of splats."""
+    survivors: Array
+    """(S,) u1, the symbols of all survivor maps."""
+    blocks: Array
+    """(K, 8) i8: `frame_number`, 0 intra or 1 inter, count, and whether positions, Cholesky factors, a quantiser,
+    colours and codebooks are present."""
+    positions: Array
+    """(P, 2) u2, patterns of binary16."""
+    cholesky: Array
+    """(C, 3) u2."""
+    quantizers: Array
+    """(Q, 3, 2) f4, scale and offset of each channel."""
+    codebook_sizes: Array
+    """(M,) i8."""
+    codewords: Array
+    """(W, 3) u2, patterns of binary16."""
+    color_indices: Array
+    """(I,) u2, stage by stage, and within a stage splat by splat."""
+
+
+class StreamSplats(NamedTuple):
+    """The splats of all complete frames of a stream."""
+
+    counts: Array
+    """(T,) i8, the number of splats of each frame."""
+    parameters: Array
+    """(N, 8) f4, frame by frame, in the columns of `Splats.to_array`."""
+    error: str
+    """Kind, rule and offset in bits of the first fault; empty if there is none."""
+
+
+def read_stream(stream: bytes) -> StreamCodes:
+    """The codes that a stream consists of, frame by frame and block by block in the order of its bytes.
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+
+    Returns
+    -------
+    StreamCodes
+        Flat arrays, from which a decoder of its own needs no syntax.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
+    reader = StreamReader(stream)
+    frames = list(reader)
+    rows: list[tuple[int, ...]] = []
+    blocks: list[SplatBlock] = []
+    for frame in frames:
+        codes = frame.codes
+        # A P-frame's inter block stands before its intra block.
+        for kind, count, block in ((1, codes.survivor_count, codes.inter), (0, codes.intra_count, codes.intra)):
+            if block is not None:
+                parts = (block.positions, block.cholesky, block.quantizer, block.colors, block.codebooks)
+                rows.append((frame.number, kind, count, *(part is not None for part in parts)))
+                blocks.append(block)
+    quantizers = [block.quantizer for block in blocks if block.quantizer is not None]
+    books = [book for block in blocks for book in block.codebooks or ()]
+    return StreamCodes(
+        header=np.array(astuple(reader.header), np.int64),
+        frame_types=np.frombuffer("".join(frame.type for frame in frames).encode(), np.uint8),
+        counts=np.array([len(frame.splats) for frame in frames], np.int64),
+        survivors=_joined([frame.codes.survivors for frame in frames], np.zeros(0, np.uint8)),
+        blocks=np.array(rows, np.int64).reshape(-1, 8),
+        positions=_joined([block.positions for block in blocks], np.zeros((0, 2), np.uint16)),
+        cholesky=_joined([block.cholesky for block in blocks], np.zeros((0, 3), np.uint16)),
+        quantizers=np.array([np.stack([q.scale, q.offset], axis=1) for q in quantizers], np.float32).reshape(-1, 3, 2),
+        codebook_sizes=np.array([len(book) for book in books], np.int64),
+        codewords=_joined([book.view(np.uint16) for book in books], np.zeros((0, 3), np.uint16)),
+        color_indices=_joined(
+            [None if block.colors is None else block.colors.T.ravel() for block in blocks], np.zeros(0, np.uint16)
+        ),
+    )
+
+
+def _joined(parts: list[Any], empty: Array) -> Array:
+    """The arrays that are there, one after the other, in the type and shape of `empty`."""
+    return np.concatenate([empty, *(part.astype(empty.dtype) for part in parts if part is not None)])
+
+
+def reconstruct_stream(stream: bytes) -> StreamSplats:
+    """The splats of all complete frames of a stream, and its first fault, which is not raised.
+
+    Parameters
+    ----------
+    stream
+        Any bytes.
+
+    Returns
+    -------
+    StreamSplats
+        `counts`, `parameters` and `error`.
+    """
+    splats: list[Array] = []
+    error = ""
+    try:
+        splats.extend(frame.splats.to_array() for frame in StreamReader(stream))
+    except GsvcError as fault:
+        error = f"{fault.kind} {fault.rule} {fault.bit}"
+    counts = np.array([len(part) for part in splats], np.int64)
+    return StreamSplats(counts, np.concatenate([np.zeros((0, 8), np.float32), *splats]), error)
+
+
+def decode_stream(stream: bytes) -> Array:
+    """The frames of a stream, all at once; `decode` gives them one by one.
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+
+    Returns
+    -------
+    NDArray
+        (T, H, W, 3) u1 for 8 bits, else u2 (R-9.1-1).
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
+    return np.stack(list(decode(stream)))
+
+
+def decode_stream_deterministic(stream: bytes) -> Array:
+    """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1)."""
+    return np.stack(list(decode(stream, precision="deterministic")))
