@@ -73,7 +73,7 @@ def _base() -> Path | None:
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen and _can_be_written(Path(chosen)):
-        return Path(chosen)
+        return Path(chosen).absolute()
     base = next(filter(_is_private, _usual_bases()), None)
     if base is None:
         advice = "set NUMBA_CACHE_DIR to a folder that only you can write to"

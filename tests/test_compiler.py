@@ -1,4 +1,4 @@
-"""Variables of the environment that Numba cannot use are wrong use, told in a sentence."""
+"""Variables of the environment that Numba cannot use are wrong use, which a sentence explains."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.mark.parametrize("command", ["encode", "compare", "run"])
 def test_a_number_of_threads_that_is_none_is_wrong_use(tmp_path, command):
-    """It was told as a fault of gsvc_ref, to be reported."""
+    """It was reported as a fault of gsvc_ref."""
     video = tmp_path / "x.y4m"
     video.write_bytes(b"YUV4MPEG2 W16 H16 F25:1 Ip C444\nFRAME\n" + bytes(range(256)) * 3)
     arguments = {

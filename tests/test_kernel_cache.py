@@ -284,7 +284,7 @@ print(_kernel_cache.kernel_folder())
 
 
 @pytest.mark.parametrize("options", [(), ("-W", "error")])
-def test_without_a_place_it_is_told_and_the_program_works(folder, options):
+def test_without_a_place_a_warning_says_so_and_the_program_works(folder, options):
     """Where warnings are errors each command ended as by a fault."""
     found = run(folder, *options, code=CLOSED.format(package=str(folder / "file")))
     assert (found.returncode, found.stdout) == (0, "6 1\nNone\n"), found.stderr
@@ -292,7 +292,7 @@ def test_without_a_place_it_is_told_and_the_program_works(folder, options):
 
 
 @pytest.mark.parametrize("options", [(), ("-W", "error")])
-def test_a_folder_that_cannot_be_used_is_told_and_replaced(folder, options):
+def test_a_folder_that_cannot_be_used_is_replaced_with_a_warning(folder, options):
     """It cost half a minute at each start, without a word."""
     cache = folder / "user"
     code = CLOSED.format(package=str(folder / "file"))
@@ -300,12 +300,18 @@ def test_a_folder_that_cannot_be_used_is_told_and_replaced(folder, options):
         found = run(folder, *options, code=code, NUMBA_CACHE_DIR="/dev/null", XDG_CACHE_HOME=str(cache))
         assert found.returncode == 0, found.stderr
         assert found.stdout.startswith(f"6 {misses}\n{cache}{os.sep}gsvc_ref{os.sep}")
-        told = f"cannot be kept in /dev/null, where NUMBA_CACHE_DIR says: they are kept in {cache / 'gsvc_ref'}"
-        assert found.stderr.count(told) == 1
+        warning = f"cannot be kept in /dev/null, where NUMBA_CACHE_DIR says: they are kept in {cache / 'gsvc_ref'}"
+        assert found.stderr.count(warning) == 1
         assert len(found.stderr.splitlines()) <= 2
 
 
-def test_a_folder_that_is_only_read_is_told(places, monkeypatch):
+def test_a_chosen_folder_stays_the_same_wherever_the_program_goes(places, monkeypatch):
+    monkeypatch.chdir(places)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "chosen")
+    assert places / "chosen" in kernel_folder().parents
+
+
+def test_a_folder_that_is_only_read_is_not_used(places, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(places))
     with pytest.warns(UserWarning, match="compiled kernels cannot be kept.*set NUMBA_CACHE_DIR"):
