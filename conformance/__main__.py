@@ -11,8 +11,8 @@ from typing import Final
 
 from gsvc_ref.cli import Parser
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
-from gsvc_ref.cli.signals import termination_as_ctrl_c
 from gsvc_ref.errors import UsageError
+from gsvc_ref.interrupts import termination_as_ctrl_c
 
 PROGRAM: Final = "python -m conformance"
 COMMANDS: Final = {

@@ -26,7 +26,7 @@ CAPACITIES: Final = tuple(1 << bits for bits in range(5, 17))
 """32 to 65,536."""
 
 TILE: Final = 16
-"""Most columns and rows of a frame that is one tile."""
+"""Maximum number of columns and rows of a frame that is one tile."""
 
 PIXELS: Final = "pixels"
 OF_A_TILE: Final = "splats of a tile"
@@ -69,17 +69,17 @@ LOCAL: Final[Mapping[tuple[str, str], tuple[str, ...]]] = {
     ("encode_plane", "count"): ("words",),  # the state of a lane forgets symbols that are far
     ("rvq_update", "D"): ("sums", "codebooks"),  # the count of a codeword that is replaced is 1 whatever is drawn
 }
-"""Of dimensions on which not all outputs depend, those that do."""
+"""The outputs that depend on a dimension, where not all of them do."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What the vectors of an operation have of one dimension.
+    """One dimension of an operation in its vectors.
 
     Attributes
     ----------
     largest
-        Its largest size in any vector.
+        The largest size in any vector.
     demanded
         The capacities that must be caught.
     caught
@@ -97,7 +97,7 @@ class Row:
 
     @property
     def missed(self) -> tuple[int, ...]:
-        """What is demanded and not caught."""
+        """The capacities that are demanded and that no vector catches."""
         return tuple(k for k in self.demanded if k not in self.caught)
 
 
@@ -187,7 +187,7 @@ _ANSWERS: dict[tuple[str, str, int], Values] = {}
 
 
 def _answer(vector: Vector, dimension: str, k: int) -> Values:
-    """What gsvc_ref answers when inputs from k on are left out; nothing if it refuses them."""
+    """gsvc_ref's answer when inputs from k on are left out; None if it refuses them."""
     key = (vector.id, dimension, k)
     if key not in _ANSWERS:
         _ANSWERS.clear()  # only the outputs of one vector are asked for one after the other
@@ -310,4 +310,4 @@ NAMED: Final[Mapping[str, Named]] = {
     USERS: Named(lambda operation: operation.name == "rvq_update", _most_users, _without_users),
     WORDS: Named(lambda operation: operation.name == "decode_plane", _words, _without_words),
 }
-"""By name; pixels are those of a frame in the order of rows, of which one splat may cover all."""
+"""Dimensions without a symbol, by name; pixels are in the order of rows, and one splat may cover all."""

@@ -43,12 +43,12 @@ MODULES: Final = (
 """Where cases are, in conformance.cases."""
 
 Inputs = Generator[Values, Mapping[str, Any], None]
-"""What a case function returns: it yields the inputs and is sent the expectations, by name."""
+"""The generator that a case function returns: it yields the inputs and is sent the expectations, by name."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with a faulty stream: the lie, and what would be the truth."""
+    """The fault of a stream: the lie, and what would be the truth."""
 
     lie: str
     truth: str
@@ -65,13 +65,13 @@ class Case:
     title, reason
         A sentence, and why the case exists (may be empty).
     rules, equations, flags
-        What it exercises beyond its operation's.
+        Rules, equations and flags that it exercises beyond its operation's.
     fault
-        Of a faulty stream.
+        The fault of a faulty stream; None for others.
     generator
-        Where it is defined.
+        The place of its definition, ``file:function``.
     draw
-        Which of its possible random inputs it takes: another where 0 has not what the case asserts.
+        The number of the draw of its random inputs: another than 0 where that one lacks what the case asserts.
     """
 
     id: str

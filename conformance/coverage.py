@@ -1,4 +1,4 @@
-"""What the vectors cover: requirements, equations, syntax elements, mutants and flags; and whether the set is whole.
+"""Coverage of the vectors: requirements, equations, syntax elements, mutants and flags; and whether the set is whole.
 
 `coverage_page` writes vectors/COVERAGE.md, `verify` finds what is missing or does not fit.
 """
@@ -29,7 +29,7 @@ UNCOVERED: Final[dict[str, str]] = {
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 NAMED: Final = 3
-"""How many vectors a table names."""
+"""Maximum number of vectors that a table names."""
 
 
 def stated() -> tuple[list[str], list[str]]:
@@ -75,7 +75,7 @@ def coverage_page(folder: Path = VECTORS) -> str:
 
 
 def verify(folder: Path = VECTORS) -> list[str]:
-    """What is wrong with a set of vectors, a sentence each."""
+    """The problems of a set of vectors, a sentence each."""
     there = manifests(folder)
     if not there:
         return [f"{folder} has no vectors; write them with: python -m conformance generate"]

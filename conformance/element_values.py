@@ -16,10 +16,10 @@ from gsvc_ref.stream import StreamReader
 
 Number = int | float
 Values = dict[str, tuple[int, set[Number]]]
-"""By element, how often it occurs (a run counts once) and its values."""
+"""The number of occurrences (a run counts once) and the values of each element."""
 
 IGNORED: Final = ("align", "payload", "unknown")
-"""What a reader's trace has beside elements."""
+"""Entries of a reader's trace that are no elements."""
 
 
 def values(stream: bytes) -> Values:
@@ -36,7 +36,7 @@ def values(stream: bytes) -> Values:
 
 
 def used(stream: bytes) -> dict[str, tuple[Number, Number, int]]:
-    """Of every element of a stream the least value, the largest, and how often it occurs (a run counts once)."""
+    """The least value, the largest, and the number of occurrences (a run counts once) of every element of a stream."""
     return {name: (min(some), max(some), times) for name, (times, some) in values(stream).items() if some}
 
 

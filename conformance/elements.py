@@ -189,7 +189,7 @@ def _cell(
 
 
 def uncovered_elements(folder: Path = VECTORS) -> list[str]:
-    """What no vector has without a stated reason, and reasons for what some vector has; a sentence each."""
+    """A sentence for each aspect that no vector has without a stated reason, and for each needless reason."""
     found = coverage(*_of_vectors(folder))
     missing = [f"no vector has the {a} of {e}" for (e, a), ids in found.items() if not ids and (e, a) not in UNCOVERED]
     return missing + [f"the {a} of {e} has a vector and a reason to have none" for e, a in UNCOVERED if found[e, a]]

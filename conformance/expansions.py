@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 F8 = NDArray[np.float64]
 
 PRECISIONS: Final = (2, 4, 8)
-"""How many components are tried, one after the other, until a result is certain."""
+"""Numbers of components that are tried, one after the other, until a result is certain."""
 
 SPLITTER: Final = 2.0**27 + 1
 SAFELY: Final = 1 + 2.0**-40

@@ -1,4 +1,4 @@
-"""What an output must be, and the judgement of an actual one: the comparators of the conformance kit.
+"""Expectations of an output, and the judgement of an actual one: the comparators of the conformance kit.
 
 - `Exact`: the same numbers, type and shape; -0 and +0 are different where the output is of floating point.
 - `Decision`: the same numbers, or the recorded alternative where the decision lies within its own rounding error.
@@ -20,16 +20,16 @@ Array = NDArray[Any]
 CheckClass = Literal["exact", "decision", "bounded", "interval", "refusal"]
 
 RELATIVE_L2: Final = 1e-5
-"""Most relative L2 error of a group of gradients: single elements may lose more to cancellation, all together not."""
+"""Maximum relative L2 error of a group of gradients: single elements may lose more, all together not."""
 
 FEW_PLACES: Final = 64
-"""Errors of at most so many units in the last place are those of arithmetic, not of a wrong formula."""
+"""Maximum error, in units in the last place, that is one of arithmetic and not of a wrong formula."""
 
 NOTHING: Final = 1e-30
 """Bounds up to this are those of underflow: the result has to be exact."""
 
 RELATIVE_BIAS: Final = 1e-6
-"""Most signed sum of the errors of a group, as a fraction of the sum of magnitudes: finds a factor that is wrong."""
+"""Maximum signed sum of the errors of a group, as a fraction of the sum of magnitudes: finds a wrong factor."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Judgement:
     place
         Index of the worst element, or None.
     wrong
-        How many elements are wrong.
+        The number of wrong elements.
     """
 
     passed: bool
@@ -81,7 +81,7 @@ def _differing(expected: Array, actual: Array, wrong: Array) -> Judgement:
 
 
 def _last_places(expected: Array, actual: Array) -> str:
-    """By how many units in the last place floating-point numbers differ, if these are few."""
+    """The difference of floating-point numbers in units in the last place, in words, if it is small."""
     if expected.dtype.kind != "f" or not (np.isfinite(expected).all() and np.isfinite(actual).all()):
         return ""
     with np.errstate(over="ignore"):
@@ -103,7 +103,7 @@ def _bits(array: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """The same bits."""
+    """An output that is fixed to the bit."""
 
     value: Array
     check: ClassVar[CheckClass] = "exact"
@@ -129,7 +129,7 @@ class Decision:
     Attributes
     ----------
     value
-        What exact arithmetic decides.
+        The decisions of exact arithmetic.
     alternative
         The other legal result of each element, equal to `value` where the margin exceeds the guard; None: nowhere.
     margin, guard

@@ -24,7 +24,7 @@ from conformance.vectors import SUMS, VECTORS, files_of, from_files, manifest_by
 from gsvc_ref.errors import UsageError
 
 Files = Mapping[str, Mapping[str, bytes]]
-"""By id, the files of each vector."""
+"""The files of each vector, by its id."""
 
 OnCase = Callable[[int, int], object]
 """Called with the number of cases done and of all."""
@@ -50,9 +50,9 @@ def make(
     levels
         Which.
     on_case
-        Told of the progress.
+        A function that is called after each case.
     jobs
-        How many processes make them; 0: one for each processor that this one may use. The files do not depend on it.
+        Number of processes; 0: one for each processor that this one may use. The files do not depend on it.
     kills_in
         The folder whose manifests say what each vector kills, instead of running all mutants, which takes most of the
         time; None: they are run.
@@ -72,14 +72,14 @@ def make(
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """The number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _each(
     function: Callable[[str], tuple[str, dict[str, bytes]]], names: Sequence[str], jobs: int
 ) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """What a function gives for each name, in their order, from so many processes; from this one if it is one."""
+    """The results of a function for each name, in their order, from `jobs` processes; from this one if that is 1."""
     if jobs == 1:
         yield from map(function, names)
         return
@@ -114,7 +114,7 @@ def vector_files(name: str, kills_in: Path | None = None) -> tuple[str, dict[str
 
 
 def _known_kills(home: Path) -> list[str]:
-    """What the manifest in a folder says that its vector kills; nothing if there is none."""
+    """The mutants that the manifest in a folder says its vector kills; none without a manifest."""
     path = home / "manifest.json"
     kills: list[str] = json.loads(path.read_bytes())["kills"] if path.exists() else []
     return kills
@@ -138,14 +138,14 @@ def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int
 
 
 def differences(folder: Path = VECTORS, made: Files | None = None) -> list[str]:
-    """What would change if the vectors were generated again, and how to do that; nothing if every byte is the same.
+    """The files that would change if the vectors were generated again, and how to do that; none if no byte differs.
 
     Parameters
     ----------
     folder
-        Where the vectors are.
+        The folder of the vectors.
     made
-        What the cases make, if `make` was called already.
+        The result of `make`, if it was called already.
     """
     made = make() if made is None else made
     there = {

@@ -1,6 +1,6 @@
-"""What the suite can judge: functions of a Python module; a command is in `process`.
+"""Implementations that the kit can judge: functions of a Python module; a command is in `process`.
 
-A module may have a function ``environment() -> dict[str, str]`` that tells what it runs on; reports show it.
+A module may have a function ``environment() -> dict[str, str]`` that says what it runs on; reports show it.
 """
 
 import importlib
@@ -21,7 +21,7 @@ from gsvc_ref.errors import UsageError
 EXTRA_OF: Final = {"pyopencl": "adapters", "wgpu": "adapters", "playwright": "adapters", "torch": "peers"}
 """Which extra of pyproject.toml installs what an adapter imports."""
 MAX_NEAR: Final = 4
-"""So many names that are nearly those of operations are told."""
+"""Maximum number of names that are nearly those of operations in a message."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Implementation(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The name of the implementation."""
         ...
 
     @property
@@ -73,7 +73,7 @@ class Implementation(Protocol):
 
     @property
     def environment(self) -> Mapping[str, str]:
-        """What it runs on, as far as it tells: device, driver, versions."""
+        """The device, driver and versions that it runs on, as far as it says."""
         ...
 
     def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
@@ -89,9 +89,9 @@ class ModuleImplementation:
     Attributes
     ----------
     functions
-        By name of the operation; others are ignored.
+        The functions by the name of their operation; others are ignored.
     environment
-        What it runs on.
+        The environment that it runs on, by name.
     """
 
     name: str
@@ -143,7 +143,7 @@ def load_module(name: str) -> ModuleImplementation:
 
 
 def _import_advice(name: str, error: Exception) -> str:
-    """What to do about a module that cannot be imported; empty if nothing is known."""
+    """Advice about a module that cannot be imported; empty if there is none."""
     if not isinstance(error, ModuleNotFoundError):
         return ""
     if Path(name).is_file():
@@ -158,7 +158,7 @@ def _import_advice(name: str, error: Exception) -> str:
 
 
 def _environment_of(name: str, function: Callable[[], object] | None) -> dict[str, str]:
-    """What the function `environment` of a module tells, if it has one.
+    """The result of a module's function `environment`, if it has one.
 
     Raises
     ------
@@ -169,15 +169,15 @@ def _environment_of(name: str, function: Callable[[], object] | None) -> dict[st
         return {}
     try:
         with kept_streams():
-            told = function()
+            given = function()
     except (Exception, SystemExit) as error:
         raise UsageError(f"{name}.environment() fails: {_last_line(error)}") from None
-    if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
-        raise UsageError(f"{name}.environment() must return a dict of texts by name, not {told!r}")
-    return checked_environment(told, f"{name}.environment()")
+    if not isinstance(given, Mapping) or not all(isinstance(text, str) for pair in given.items() for text in pair):
+        raise UsageError(f"{name}.environment() must return a dict of texts by name, not {given!r}")
+    return checked_environment(given, f"{name}.environment()")
 
 
-def checked_environment(told: Mapping[str, str], source: str) -> dict[str, str]:
+def checked_environment(given: Mapping[str, str], source: str) -> dict[str, str]:
     """Names and values for a report, each on one line.
 
     Raises
@@ -185,7 +185,7 @@ def checked_environment(told: Mapping[str, str], source: str) -> dict[str, str]:
     UsageError
         A name or value is empty.
     """
-    lines = {" ".join(key.split()): " ".join(value.split()) for key, value in told.items()}
+    lines = {" ".join(key.split()): " ".join(value.split()) for key, value in given.items()}
     for key, value in lines.items():
         if not key or not value:
             raise UsageError(f"{source} has {key!r}: {value!r}; neither may be empty")
@@ -198,7 +198,7 @@ def _flushes() -> bool:
 
 
 def _misfit(function: Callable[..., Any], operation: Operation) -> str:
-    """What is wrong with the parameters of a function; empty if nothing is, or if it does not tell them."""
+    """The fault of a function's parameters; empty if there is none, or if it does not show them."""
     names = [port.name for port in operation.inputs]
     try:
         inspect.signature(function).bind(**dict.fromkeys(names))

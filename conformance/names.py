@@ -1,4 +1,4 @@
-"""What the elements of inputs and outputs are called: ``splat 2, l21`` in place of ``[2, 3]``."""
+"""Names of the elements of inputs and outputs: ``splat 2, l21`` in place of ``[2, 3]``."""
 
 import re
 from typing import Final
@@ -19,14 +19,14 @@ ITEMS: Final = {
     "N": "splat", "n": "splat", "M": "splat", "P": "splat", "n or 0": "splat", "H": "row", "T": "frame",
     "count": "symbol", "lanes": "lane",
 }  # fmt: skip
-"""What an axis of ports counts, by its letter."""
+"""The things that an axis of a port counts, by its letter."""
 
 ITEMS_OF_PORTS: Final = {
     "values": "element", "bits": "element", "words": "word", "blocks": "block", "quantizers": "quantiser",
     "codebook_sizes": "codebook", "codewords": "codeword", "codebooks": "codeword", "sums": "codeword",
     "survivors": "survivor", "rates": "iteration", "key_frames": "entry", "counts": "entry", "iterations": "entry",
 }  # fmt: skip
-"""The same of ports for which the letter would be misleading: the first axis."""
+"""The things that the first axis counts, of ports whose letter would be misleading."""
 
 
 def dimensions(operation: Operation, output: str) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ def dimensions(operation: Operation, output: str) -> tuple[str, ...]:
 
 
 def item(operation: Operation, output: str) -> str:
-    """What the first axis of an output counts: ``splat``, ``row``, ``frame``, ``codeword``, ..."""
+    """The thing that the first axis of an output counts: ``splat``, ``row``, ``frame``, ``codeword``, ..."""
     letters = dimensions(operation, output)
     if output == "header":
         return "element"
@@ -80,11 +80,11 @@ def element(operation: Operation, output: str, place: tuple[int, ...], shape: tu
     Parameters
     ----------
     operation, output
-        Of which it is one.
+        The operation and the name of the output.
     place
-        Its indices; none for a single number.
+        The indices of the element; none for a single number.
     shape
-        Of the output, if it is known.
+        The shape of the output, if it is known.
     """
     if not place:
         return output
@@ -105,7 +105,9 @@ def element(operation: Operation, output: str, place: tuple[int, ...], shape: tu
     return ", ".join(parts) or str(list(place))
 
 
-def told(operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]) -> str:
+def with_names(
+    operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]
+) -> str:
     """A judgement's sentence with names in place of indices."""
     if place:
         message = message.replace(f"at {list(place)}", f"at {element(operation, output, place, shape)}")

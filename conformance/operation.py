@@ -64,9 +64,9 @@ class Operation:
     name
         The name of its function everywhere.
     group
-        Its conformance class.
+        The conformance class.
     title
-        What it does, in a sentence.
+        A sentence that says what it does.
     inputs, outputs
         Their ports, in order.
     equations
@@ -76,7 +76,7 @@ class Operation:
     reference
         gsvc_ref's answer.
     oracle
-        What the outputs must be, from the inputs.
+        The function from the inputs to the expectations of the outputs.
     """
 
     name: str
@@ -107,13 +107,13 @@ def operation(
     Parameters
     ----------
     group
-        Its conformance class.
+        The conformance class.
     inputs, outputs
         Ports, separated by semicolons: ``parameters: f4 (N, 8); width: int``.
     equations, rules
-        What every case of the operation exercises.
+        The equations and rules that every case of the operation exercises.
     oracle
-        What the outputs must be; None: exactly what gsvc_ref answers, which the decoder inside spec.md checks.
+        The function from inputs to expectations; None: exactly gsvc_ref's answer, which the code inside spec.md checks.
     """
 
     def define(reference: Callable[..., Values]) -> Callable[..., Values]:

@@ -29,13 +29,13 @@ from gsvc_ref.errors import UsageError
 EXIT_UNSUPPORTED: Final = 77
 """Exit status of a command that does not know an operation, or does not support what the inputs ask for."""
 MAX_BYTES: Final = 1 << 28
-"""Of one output file; larger ones are not loaded."""
+"""Maximum size of one output file, in bytes; larger ones are not loaded."""
 MAX_TEXT: Final = 1 << 12
 """Bytes of an output text."""
 MAX_OUT: Final = 1 << 30
 """Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
 MIN_FILE: Final = 4096
-"""What a file takes at least."""
+"""Bytes on the disk that any file takes at least."""
 PERTURB: Final = "MALLOC_PERTURB_"
 """Variable by which the memory allocator of glibc fills what it gives; see mallopt(3)."""
 

@@ -1,4 +1,4 @@
-"""gsvc_ref behind the names and signatures of the operations: ``reference.render_sum(parameters=..., ...)``.
+"""gsvc_ref by the names and signatures of the operations: ``reference.render_sum(parameters=..., ...)``.
 
 `conformance.pairs` says which of its functions that is; where it has none of the name, `conformance.operations`
 translates.

@@ -1,4 +1,4 @@
-"""What a run of the suite found, as plain data: results, verdicts, the report."""
+"""The findings of a run as plain data: results, verdicts, the report."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ LEVELS: Final = ("core", "uncommon", "stress", "faulty", "full")
 """From the simple to the hard."""
 
 REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
-"""What of a refusal may be right."""
+"""Parts of a refusal that may be right."""
 
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
@@ -27,7 +27,7 @@ Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended 
 EXIT_CODES: Final[Mapping[Conclusion, int]] = {
     "passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2, "ended early": 2,
 }  # fmt: skip
-"""Of a run: incomplete is no fault, so that what has three operations can keep them right."""
+"""The conclusion of a run: incomplete is no fault, so that whoever has three operations can keep them right."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class OutputResult:
     passed, message, ratio, place, wrong
         As in `expectations.Judgement`.
     refused
-        What of a refusal is right where the rule and the bit are told: `REFUSED`; empty for everything else.
+        The right part of a refusal that names the rule and the bit, of `REFUSED`; empty for everything else.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Table:
     Attributes
     ----------
     title
-        What it shows.
+        The sentence of its manifest that says what it shows.
     columns
         Their names.
     rows
@@ -78,12 +78,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one vector.
+    """The outcome of one vector.
 
     Attributes
     ----------
     id, title
-        Of the vector; the id is ``level/operation/slug``.
+        Id, title and class of the vector; the id is ``level/operation/slug``.
     group
         The conformance class.
     outcome
@@ -93,13 +93,13 @@ class Result:
     outputs
         The judgement of each output; none where there was no answer.
     causes
-        What the wrong outputs look like, the most likely first.
+        Sentences about what the wrong outputs look like, the most likely first.
     log
         The beginning and the end of what a process printed.
     seconds
-        How long the implementation took.
+        The time that the implementation took, in seconds.
     table
-        Of a wrong table of splats the worst rows: what was given as a multiple of what is expected.
+        The worst rows of a wrong table of splats: what was given as a multiple of what is expected.
     size
         Bytes of the inputs; of what is wrong only.
     """
@@ -142,15 +142,15 @@ class Summary:
     Attributes
     ----------
     name
-        Of the operation or class.
+        The name of the operation or class.
     counts
         Vectors by outcome.
     ratio, place
         The worst error/bound ratio of the bounded outputs, and where: ``id output element``.
     verdict
-        Of a class; None for an operation.
+        The verdict on a class; None for an operation.
     reason
-        What the verdict rests on, a sentence.
+        A sentence that gives the reason of the verdict.
     """
 
     name: str
@@ -162,12 +162,12 @@ class Summary:
 
     @property
     def total(self) -> int:
-        """How many vectors."""
+        """The number of vectors."""
         return sum(self.counts.values())
 
     @property
     def faults(self) -> int:
-        """How many of them are wrong."""
+        """The number of wrong ones."""
         return sum(self.counts.get(outcome, 0) for outcome in FAULTS)
 
 
@@ -178,17 +178,17 @@ class Report:
     Attributes
     ----------
     environment
-        What was judged by what, where and when: name and value.
+        The kit, the document, the vectors, the machine and the time, by name.
     command
         The command that ran it; with ``--case ID`` behind it, it runs one vector again.
     selection
-        What was selected, in words; empty for all.
+        The selection in words; empty for all.
     notes
         Sentences that a reader must know.
     results
         In the order of the vectors.
     runs_on
-        What the implementation tells of its own environment, such as device and driver.
+        The implementation's own environment as it says, such as device and driver.
     ended
         Why vectors that were selected are missing, a sentence; empty if none is.
     """
@@ -206,11 +206,11 @@ class Report:
 
     @property
     def faults(self) -> list[Result]:
-        """What is wrong."""
+        """The wrong results."""
         return [result for result in self.results if result.outcome in FAULTS]
 
     def simplest_first(self) -> list[Result]:
-        """What is wrong, in the order in which to look at it: leaf operations first, core levels, small inputs."""
+        """The wrong results in the order in which to look at them: leaf operations first, core levels, small inputs."""
         levels = {level: place for place, level in enumerate(LEVELS)}
         return sorted(
             self.faults, key=lambda r: (complexity(r.operation), levels.get(r.level, len(levels)), r.size, r.id)
@@ -218,7 +218,7 @@ class Report:
 
     @property
     def conclusion(self) -> Conclusion:
-        """What the verdicts of the classes come to; a class that is waived has to be accompanied by a pass."""
+        """The conclusion of the verdicts of the classes; a class that is waived has to be accompanied by a pass."""
         if self.faults:
             return "failed"
         if self.ended:

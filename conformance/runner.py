@@ -11,7 +11,7 @@ import numpy as np
 
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
-from conformance.names import told
+from conformance.names import with_names
 from conformance.operation import Operation, Values, input_size
 from conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from conformance.side_by_side import comparison
@@ -56,13 +56,13 @@ def run_suite(
     vectors
         In the order in which they are run.
     waivers, skips
-        By id, why a vector that is wrong does not count, and why one is not run.
+        Reasons by id: why a wrong vector does not count, and why one is not run.
     on_result
         Is called after each vector, in their order.
     jobs
-        How many vectors are asked for at the same time; they are judged one after the other.
+        Number of vectors that are asked for at the same time; they are judged one after the other.
     repeat
-        How often each is asked for, one time after the other.
+        Number of times that each is asked for, one after the other.
     """
     skips = skips or {}
 
@@ -110,26 +110,26 @@ def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Gener
 
 
 def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
-    """What an implementation answers to one vector that it was asked for so many times before."""
+    """The answer of an implementation to one vector that it was asked for `turn` times before."""
     start = time.perf_counter()
     answer = implementation.run(vector.operation, _copies(vector.inputs), turn)
     return Answered(answer, time.perf_counter() - start)
 
 
 def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False) -> Judged:
-    """Judge all answers to one vector: the first that is wrong stands for them, and is told with how they differ."""
+    """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
     judged = [judge_answer(vector, answer, in_full) for answer in answers]
     wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
     worst = judged[wrong[0]] if wrong else judged[0]
     seconds = sum(one.result.seconds for one in judged)
     keys = [_key(answer.answer) for answer in answers]
-    told = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
-    message = "; ".join(part for part in (told, worst.result.message) if part)
+    difference = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
+    message = "; ".join(part for part in (difference, worst.result.message) if part)
     return replace(worst, result=replace(worst.result, message=message, seconds=seconds))
 
 
 def _difference(keys: Sequence[object], wrong: int, times: int) -> str:
-    """How the answers to one vector differ, and what does that."""
+    """The difference of the answers to one vector in words, and what may cause it."""
     what = f"gave {len(set(keys))} different answers in {times} runs"
     if not wrong:
         return f"{what}, each within what is allowed: an order of summation that changes from run to run does that"
@@ -172,7 +172,7 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
     in_full
         Whether rule and bit offset of refusals are judged, too.
     seconds
-        What they took.
+        The time that they took, in seconds.
     """
     if refusal := _legal_refusal(vector, outputs):
         return _result(vector, "unsupported", refusal, seconds=seconds)
@@ -191,7 +191,7 @@ def _judge(operation: Operation, name: str, expectation: Expectation, actual: ob
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
-    message = told(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
         _refused(expectation, actual),
@@ -199,7 +199,7 @@ def _judge(operation: Operation, name: str, expectation: Expectation, actual: ob
 
 
 def _refused(expectation: Expectation, actual: object) -> str:
-    """What of a refusal is right, of those who tell the rule and the bit."""
+    """The right part of a refusal that names the rule and the bit."""
     if not isinstance(expectation, Refusal) or not isinstance(actual, str) or len(actual.split()) < 3:
         return ""
     expected, given = expectation.value.split(), actual.split()[:3]
@@ -208,7 +208,7 @@ def _refused(expectation: Expectation, actual: object) -> str:
 
 
 def _legal_refusal(vector: Vector, outputs: Values) -> str:
-    """What is said of an uncommon stream that a decoder need not support; empty if it is not refused as unsupported."""
+    """The sentence about an uncommon stream that a decoder need not support; empty if it is not refused so."""
     for name, expected in vector.expected.items():
         if vector.level == "uncommon" and isinstance(expected, Refusal) and not expected.value:
             given = outputs[name]

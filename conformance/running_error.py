@@ -27,7 +27,7 @@ I8 = NDArray[np.int64]
 QUOTIENT = 3.5 * EPS
 ROOT = 2.5 * EPS
 COMPONENTS: Final = 4
-"""Of numbers: some 210 bits, of which cancellation may take all but 53."""
+"""Number of components of a number: some 210 bits, of which cancellation may take all but 53."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def stack(*parts: Computed) -> Computed:
 
 
 def expected(number: Computed, dtype: str = "<f4") -> Bounded:
-    """What an implementation may return, as numbers of `dtype`: the true ones, rounded once to binary64."""
+    """The expectation of an implementation's numbers of `dtype`: the true ones, rounded once to binary64."""
     return Bounded(certain(number.number), np.asarray(number.error), dtype)
 
 

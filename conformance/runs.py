@@ -23,19 +23,19 @@ LEAST: Final = 1 << 12
 """Arrays of fewer elements stay as they are."""
 
 SAVED: Final = 64
-"""A run has so many elements more than are stored for it, or they are kept as they are."""
+"""Minimum number of elements that a run saves; shorter ones are kept as they are."""
 
 LONGEST: Final = 1 << 12
 """The longest period that is looked for, in elements."""
 
 KEY: Final = 8
-"""A period begins where so many elements come again."""
+"""Number of elements that must come again where a period begins."""
 
 RECENT: Final = 4
-"""So many of the last periods may go on after an element that breaks them."""
+"""Number of the last periods that may go on after an element that breaks them."""
 
 MOST: Final = 1 << 28
-"""Most elements of an array."""
+"""Maximum number of elements of an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ class _Search:
         return [n, -1, length, 0] if n >= 2 * length and n >= length + SAVED else None
 
     def _matched(self, at: int, origin: int, length: int, phase: int) -> int:
-        """How many elements from `at` on repeat the block at `origin`, beginning with its element `phase`."""
+        """The number of elements from `at` on that repeat the block at `origin`, beginning with its element `phase`."""
         bits, total, size = self._bits, 0, KEY
         block = np.roll(bits[origin : origin + length], -phase)
         while at + total < len(bits):

@@ -12,7 +12,7 @@ from conformance.results import Table
 from conformance.vectors import Vector
 
 MAX_ROWS: Final = 6
-"""So many rows are shown."""
+"""Maximum number of rows that are shown."""
 
 RIGHT: Final = "ok"
 """Stands for an element that is right."""

@@ -22,14 +22,14 @@ def source() -> str:
 def namespace(
     patches: Iterable[Patch] = (), functions: Mapping[str, Callable[..., Any]] | None = None
 ) -> dict[str, Any]:
-    """What the code defines, by name.
+    """The names that the code defines, with their values.
 
     Parameters
     ----------
     patches
         Changes, made in order; without any it is the code as it stands, whose functions are those of `gsvc_ref.spec`.
     functions
-        What takes the place of functions of the code, which then calls these.
+        Functions that take the place of the code's own, which then calls these.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def namespace(
 
 @cache
 def complexity(function: str) -> int:
-    """How many functions of the code a function leads to, itself among them: few for a leaf; 0 if there is none."""
+    """The number of the code's functions that a function leads to, itself among them; 0 if it is none of them."""
     names = _original()
     found: set[str] = set()
     waiting = [function]

@@ -1,4 +1,4 @@
-"""What somebody may have meant who wrote a name that does not exist."""
+"""Guesses at a name that does not exist."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

@@ -18,10 +18,10 @@ from gsvc_ref.stream import decode_stream_deterministic, reconstruct_stream
 from gsvc_ref.testing.random_streams import Stream, random_stream
 
 MAX_PIXELS: Final = 4096
-"""Of a frame: any shape, from 4096x1 to 1x4096, so that sixty streams take a few megabytes."""
+"""Maximum number of pixels of a frame, of any shape from 4096x1 to 1x4096: sixty streams take a few megabytes."""
 
 PARTS: Final = ("counts", "parameters", "frames", "lowest", "highest")
-"""What is written of each stream, besides the stream."""
+"""Files of each stream, besides the stream."""
 
 
 def stream_of(seed: int, number: int) -> Stream:
@@ -40,7 +40,7 @@ def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int]
     Parameters
     ----------
     seed, count, folder
-        What to write where.
+        The streams and the folder that they are written to.
     on_stream
         Is called before each stream with its number.
     """

@@ -18,17 +18,17 @@ from pathlib import Path
 from typing import IO, Final
 
 LOG_BYTES: Final = 4096
-"""How much of a process's output is kept: the beginning and the end, each about a half."""
+"""Number of bytes of a process's output that are kept: the beginning and the end, each about a half."""
 CUT: Final = "\n[...]\n"
 """Stands between them."""
 INTERVAL_S: Final = 0.1
-"""How often what a program writes is measured."""
+"""Interval at which a program's output files are measured, in seconds."""
 PATIENCE_S: Final = 2.0
-"""How long to wait for processes that were killed: one that sleeps in a driver may take its time."""
+"""Time to wait for processes that were killed, in seconds: one that sleeps in a driver may take its time."""
 MARK: Final = "GSVC_CONFORMANCE_RUN"
-"""Variable of the environment by which the processes of a program are told from those of its neighbours."""
+"""Variable of the environment that marks the processes of a program."""
 PR_SET_CHILD_SUBREAPER: Final = 36
-"""Of Linux, see prctl(2)."""
+"""A constant of Linux, see prctl(2)."""
 
 _starting = threading.Lock()
 _programs: set[int] = set()
@@ -77,7 +77,7 @@ def run_program(
     log
         Takes what it prints.
     variables
-        Of its environment, besides the kit's own.
+        Variables of its environment, besides the kit's own.
     check
         Is called again and again while it runs; what it raises ends the program.
 

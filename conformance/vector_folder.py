@@ -25,13 +25,13 @@ ALL_LEVELS: Final = (*LEVELS, FULL)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
 MAX_NAMED: Final = 4
-"""So many selected names are listed, more are counted."""
+"""Maximum number of selected names that are listed; more are counted."""
 GENERATE: Final = "write them with: python -m conformance generate"
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What all kinds select together, each any of its values; an empty tuple selects everything.
+    """A selection of vectors: all kinds must hold, each by any of its values; an empty tuple selects everything.
 
     A pattern of a case is matched with the whole id and with its last part. Rules, equations and flags stand in
     manifests.
@@ -57,7 +57,7 @@ class Selection:
 
     @property
     def of_manifests(self) -> dict[str, tuple[str, ...]]:
-        """What has to be looked up in manifests, by the name of the field."""
+        """The values to look up in manifests, by the name of the field."""
         kinds = {"rules": self.rules, "equations": self.equations, "flags": self.flags}
         return {field: values for field, values in kinds.items() if values}
 

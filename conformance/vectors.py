@@ -111,7 +111,7 @@ def write(folder: Path, files: Mapping[str, Mapping[str, bytes]]) -> None:
 
 
 def sums_of(files: Mapping[str, Mapping[str, bytes]]) -> bytes:
-    """What stands in SHA256SUMS of these vectors."""
+    """The contents of SHA256SUMS of these vectors."""
     all_files = {f"{name}/{part}": data for name, parts in files.items() for part, data in parts.items()}
     return "".join(f"{hashlib.sha256(all_files[name]).hexdigest()}  {name}\n" for name in sorted(all_files)).encode()
 

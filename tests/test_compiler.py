@@ -26,7 +26,7 @@ def test_a_number_of_threads_that_is_none_is_wrong_use(tmp_path, command):
 
 LAYER = """
 from gsvc_ref.cli.errors import guarded
-from gsvc_ref.rendering.fast.workspace import parallel_region
+from gsvc_ref.rendering.fast.threads import parallel_region
 def work():
     with parallel_region(1):
         return 0

@@ -17,7 +17,6 @@ from numba.core.caching import IndexDataCacheFile
 
 from gsvc_ref import _jit, _kernel_cache
 
-pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="nothing is compiled")
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 
 KERNELS = """
@@ -32,7 +31,13 @@ ARGUMENTS = {"i": 3, "f": 1.5, "c": 2j, "a": np.arange(3)}
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
+def compiler() -> None:
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        pytest.skip("nothing is compiled")
+
+
+@pytest.fixture
+def folder(compiler, tmp_path, monkeypatch) -> Path:
     (tmp_path / f"{MODULE}.py").write_text(KERNELS)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(_jit, "kernel_folder", lambda package: tmp_path / "cache")
@@ -145,7 +150,7 @@ print(_kernel_cache.kernel_folder("package"))
 
 
 @pytest.fixture
-def package(tmp_path) -> Path:
+def package(compiler, tmp_path) -> Path:
     """Another package with a kernel that calls one of another file."""
     (tmp_path / "package").mkdir()
     (tmp_path / "package" / "__init__.py").touch()

@@ -30,9 +30,9 @@ UNNEEDED = {
 OTHERS = {
     "unit of the error model": EPS,
     "loss by underflow in the error model": ETA,
-    "most leading zeros of an `eg(k)`": GOLOMB_LONGEST,
-    "bytes of the end chunk": END_CHUNK_SIZE,
-    "most relative L2 error and bias of a group of gradients": None,  # only the kit judges groups
+    "maximum number of leading zeros of an `eg(k)`": GOLOMB_LONGEST,
+    "size of the end chunk in bytes": END_CHUNK_SIZE,
+    "maximum relative L2 error and bias of a group of gradients": None,  # only the kit judges groups
 }
 """What the rows mean whose constant has no name in the code of spec.md, and its value in gsvc_ref."""
 

@@ -15,10 +15,10 @@ LaneDecoder = Callable[[int, Sequence[int], int, Sequence[int], Sequence[int]], 
 """(count, frequencies, precision, states, words) to symbols u2 (count,), final states, and how many words it takes."""
 
 STREAM_OPERATIONS: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic")
-"""What of spec.md calls the back end."""
+"""The operations of spec.md that call the back end."""
 
 PLANE_OPERATIONS: Final = ("read_stream", "decode_plane")
-"""What else of spec.md decodes planes."""
+"""The further operations of spec.md that decode planes."""
 
 
 def stream_operations(

@@ -1,4 +1,4 @@
-"""What the cases of streams share: painted splat blocks, short ways to streams, and views of what is expected."""
+"""Tools of the cases of streams: painted splat blocks, short ways to streams, and views of what is expected."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -19,7 +19,7 @@ Chunks = list[tuple[bytes, bytes]]
 HEADER: Final = SequenceHeader(
     level=1, width=21, height=15, cholesky_bits=6, color_stages=3, color_codewords=8, entropy_precision=12
 )
-"""Of most streams: a size that is no multiple of anything."""
+"""The header of most streams: a size that is no multiple of anything."""
 
 
 def quantizer_of(scale: ArrayLike, offset: ArrayLike) -> Quantizer:
@@ -111,7 +111,7 @@ def operated(edit: Callable[[Chunks], Chunks], data: bytes | None = None) -> byt
 
 
 def result(expected: Mapping[str, Any], output: str) -> Any:
-    """What an output must be."""
+    """The value that an output must have."""
     return expected[output].value
 
 

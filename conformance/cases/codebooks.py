@@ -86,7 +86,7 @@ def dead_codewords(rng: Draws) -> Inputs:
 
 
 def with_dead(inputs: Values, dead: list[int]) -> Values:
-    """The same with counts near 0 for codewords that no vector is assigned to any more."""
+    """The inputs with counts near 0 for codewords that no vector is assigned to any more."""
     stages = np.repeat(np.arange(len(inputs["codebook_sizes"])), inputs["codebook_sizes"])
     firsts = np.cumsum(inputs["codebook_sizes"]) - inputs["codebook_sizes"]
     for place in dead:

@@ -16,7 +16,7 @@ PHASES = {0: (0.5, 0), 1: (0.5, 0.5), 2: (0, 0), 3: (0, 0.5), 4: (1, 0), 5: (1, 
 """Where a chroma sample lies among its rows and columns of luma, by chroma_sample_loc_type."""
 
 SITED = {f"type_{k}": f"chroma_sample_loc_type {k}" for k in PHASES}
-"""What titles say of them."""
+"""Words for them in titles."""
 
 PRIMARIES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]])
 

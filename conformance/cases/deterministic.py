@@ -270,7 +270,7 @@ WHAT_IS_SPECIAL = {
     "infinity_minus_infinity": "u2 is infinity minus infinity",
     "a_product_that_would_overflow": "l21 u1 would overflow",
 }
-"""What titles say of those that are not in WHAT_IS_EXTREME."""
+"""Words in titles for those that are not in WHAT_IS_EXTREME."""
 
 
 @case("stress", "render_sum_deterministic", flags=["subnormal", "overflow", "nan"], each=SPECIAL,

@@ -1,4 +1,4 @@
-"""What a faulty stream is, and short ways to make one."""
+"""Faulty streams, and short ways to make one."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -11,7 +11,7 @@ from conformance.cases.metrics import Frame
 from gsvc_ref.draws import Draws
 
 NEAR_ZERO = 34
-"""Of the seeds 0 to 39 the one whose MS-SSIM is closest to 0 without being 0."""
+"""The seed from 0 to 39 whose MS-SSIM is closest to 0 without being 0."""
 
 
 def flat(value: int, height: int = 12, width: int = 11) -> Frame:

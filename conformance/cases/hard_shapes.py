@@ -18,7 +18,7 @@ Shape = tuple[float, float, float, float, float]
 
 WIDTH: Final = 7
 HEIGHT: Final = 5
-"""Of all frames: vectors stay small."""
+"""Height of all frames: vectors stay small."""
 
 SUBNORMAL: Final = 1e-39
 

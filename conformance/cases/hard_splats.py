@@ -35,7 +35,7 @@ WHAT_THEY_ARE = {
     "a_million_pixels_away": "their centres a million pixels away, their edge or flank in the frame",
     "a_line_from_a_million_pixels_away": "narrow splats through the frame with centres a million pixels away",
 }
-"""What titles say of them."""
+"""Words for them in titles."""
 
 SIDES = {"on": 0, "inside": -1, "outside": 1}
 WHERE = {
@@ -43,7 +43,7 @@ WHERE = {
     "inside": "the nearest below ln 255 that is certain in binary32",
     "outside": "the nearest above ln 255 that is certain in binary32",
 }
-"""What titles say of the sides."""
+"""Words for the sides in titles."""
 
 
 TO_THE_BIT = (

@@ -10,7 +10,7 @@ from gsvc_ref.portable import power
 
 SLOW = {"beta1": 0.9999, "beta2": 0.999, "beta3": 0.99999, "epsilon": 1e-8}
 LARGEST_GRADIENT = 2.0**62
-"""Of gradients up to this size every number of a step is finite: (1 + 2 b2)^2 2^124 < 2^128."""
+"""Largest size of a gradient for which every number of a step is finite: (1 + 2 b2)^2 2^124 < 2^128."""
 
 # --- Adan ------------------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from gsvc_ref.draws import Draws
 
 SYMBOLS: Final = 90_001
 ALPHABET: Final = 4096
-"""Of 12-bit codes, the largest of any plane."""
+"""The alphabet of 12-bit codes, the largest of any plane."""
 LANES: Final = 3
 EQUAL: Final = np.full(ALPHABET, 16)
 """Frequencies of 2^16: twelve bits a symbol, so that 90,001 symbols take 67,500 words."""

@@ -68,7 +68,7 @@ def many_codes(rng: Draws, count: int, period: int = PERIOD) -> dict[str, Any]:
 
 
 SURVIVORS: Final = 239
-"""Of 251 splats, so many survive: a prime as well."""
+"""Number of survivors of 251 splats: a prime as well."""
 
 
 def survivors_of_many() -> Array:

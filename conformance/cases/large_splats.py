@@ -22,7 +22,7 @@ COLUMNS: Final = (31.5, 32.5, 255.5, 256.5, 1023.5, 4096.5, 16_384.5, 32_767.5, 
 TILE: Final = (13, 11)
 """Width and height of a frame that is less than one tile."""
 SMALL: Final = (5, 3)
-"""The same of a frame for the largest crowds, on which plain code takes seconds."""
+"""Width and height of a frame for the largest crowds, on which plain code takes seconds."""
 LARGEST: Final = 65_699
 CROWDS: Final = {"1109": 1109, "2111": 2111, "4133": 4133, "9001": 9001, "65699": LARGEST}
 LARGE_CROWDS: Final = {"9001": 9001, "65699": LARGEST}

@@ -87,7 +87,7 @@ def peaked(rng: Draws, count: int, alphabet: int) -> NDArray[np.uint16]:
 
 
 ALPHABETS: Final = {f"alphabet_{a}": f"an alphabet of {a}" for a in (1, 2, 5, 256, 1000, 4096)}
-"""What titles say of keys."""
+"""Words for keys in titles."""
 CONSTANTS: Final = ((1, 0), (2, 1), (5, 4), (256, 200), (4096, 4095))
 
 

@@ -14,7 +14,7 @@ COLOR = (0.75, -0.375, 1.125)
 """A colour whose channels differ, one of them negative."""
 
 MIN_GUARDS = 4.0
-"""How many rounding errors random splats keep all pixels away from the edge of their support."""
+"""Distance of all pixels from the edge of the support of random splats, in rounding errors."""
 
 
 def splat(x: float, y: float, l11: float, l21: float, l22: float, color: Sequence[float] = COLOR) -> F4:
@@ -43,7 +43,7 @@ def population(rng: Draws, count: int, width: int, height: int, radius: float | 
 
 
 def anywhere(rng: Draws, count: int, width: int, height: int, size: float) -> F4:
-    """The same without a look at their edges."""
+    """Random splats, wherever their edges are."""
     columns = [
         rng.random((count, 2)) * (width + size, height + size) - size / 2,
         size * rng.lognormal(-0.4, 0.5, (count, 1)),

@@ -1,4 +1,4 @@
-"""What the titles of cases call what their keys abbreviate."""
+"""Words in titles of cases for what their keys abbreviate."""
 
 from collections.abc import Iterable
 from typing import Final

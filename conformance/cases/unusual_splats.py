@@ -28,7 +28,7 @@ WHY_DEGENERATE = {
     "l22_one_step_below": "l22 is one step below 2^-126",
     "l22_minus_zero": "l22 is minus zero",
 }
-"""What titles say of them."""
+"""Words for them in titles."""
 
 
 @case("core", "render_sum", flags=["degenerate"], rules=["R-9.1-2"], each=DEGENERATE, said=WHY_DEGENERATE)
@@ -83,7 +83,7 @@ SLOPES = {
     "slope_third": "of slope 1/3",
 }
 SLOPES |= {"across": "horizontally", "down": "vertically"}
-"""What titles say of them."""
+"""Words for them in titles."""
 
 
 @case("core", "render_sum", flags=["needle", "cancellation", "shear"], each=NEEDLES, said=SLOPES)
@@ -113,7 +113,7 @@ LARGE = {
     "a_thin_line": (5.5, 4.5, 3000.0, 1500.0, 0.3),
 }
 HOW_LARGE = {"wide": "in both directions", "centre_far_outside": "its centre far outside"}
-"""What titles say of them."""
+"""Words for them in titles."""
 
 
 @case("core", "render_sum", flags=["support", "needle"], each=LARGE, said=HOW_LARGE)
@@ -147,7 +147,7 @@ WHAT_IS_EXTREME = {
     "minus_zero": "The centre and l21 are minus zero",
     "steep": "l21 is 1e30",
 }
-"""What titles say of them."""
+"""Words for them in titles."""
 
 
 @case("stress", "render_sum", flags=["overflow", "degenerate"], rules=["R-9.1-2"], each=EXTREME, said=WHAT_IS_EXTREME)

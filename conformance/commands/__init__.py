@@ -42,7 +42,7 @@ def add_selection(parser: ArgumentParser) -> None:
 
 
 def selection(arguments: Namespace) -> Selection:
-    """What is selected.
+    """The selection that the options make.
 
     Raises
     ------

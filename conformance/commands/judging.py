@@ -75,7 +75,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     arguments
         Those of `add_judging`.
     implementation
-        What is judged.
+        The implementation that is judged.
     command
         The words that judge it again, without a selection.
     """
@@ -130,7 +130,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
 
 
 def _end(error: BaseException, count: int, total: int) -> str:
-    """Why a run ends early, after so many vectors."""
+    """The reason why a run ends early, after some number of vectors."""
     why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
     return f"ended early, after {count} of {plural(total, 'vector')}: {why}"
 
@@ -219,7 +219,7 @@ class Causes:
 
 
 def _right_types(judged: Judged) -> bool:
-    """Whether arrays have the types that they must have; if not, that is told, and no cause is looked for behind it."""
+    """Whether arrays have the types that they must have; if not, the report says so and looks for no other cause."""
     given = judged.outputs or {}
     mine = {port: given.get(port.name) for port in judged.vector.operation.outputs if port.type in DTYPES}
     return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))
@@ -267,7 +267,7 @@ def read_environment(words: Iterable[str]) -> dict[str, str]:
 
 
 def environment(name: str, vectors: Path) -> dict[str, str]:
-    """What was judged by what, where and when."""
+    """The kit, the document, the vectors, the machine and the time of a run, by name."""
     return {
         "implementation": name,
         "kit": f"gsvc_ref {gsvc_ref.__version__}",

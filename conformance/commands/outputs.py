@@ -1,4 +1,4 @@
-"""The files that a command writes of a report: each complete, or told; one that is standard output moves the text."""
+"""The files of a report: each is written whole or reported missing; one that is standard output moves the text."""
 
 import sys
 from argparse import Namespace

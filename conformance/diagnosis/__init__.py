@@ -1,8 +1,8 @@
-"""What wrong outputs look like: a diagnosis that says what it can tell, and nothing else.
+"""Diagnosis of wrong outputs: it says what it knows, and nothing else.
 
 The generic looks come first, since they need to know no mutant: an output that nothing was written to, what the vector
 before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
-the catalogue of mutants is asked, both ways. Where neither says anything, it is told where the errors are.
+the catalogue of mutants is asked, both ways. Where neither says anything, the report says where the errors are.
 """
 
 import math
@@ -29,28 +29,28 @@ EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
-"""How sentences begin that say where errors are, not what they are."""
+"""Beginnings of sentences that say where errors are, not what they are."""
 
-TOLD: Final = 3
-"""So many sentences are told of one failure."""
+MAX_SENTENCES: Final = 3
+"""Maximum number of sentences about one failure."""
 
 COARSE: Final = 2.0**-6
-"""Relative errors of at most so much may be those of arithmetic."""
+"""Maximum relative error that may be one of arithmetic."""
 
 ALIKE: Final = 8.0
-"""Relative errors of arithmetic are alike: nine tenths are at most so many times the median."""
+"""Relative errors of arithmetic are alike: nine tenths are at most this many times the median."""
 
 ONE_SIDED: Final = 0.8
-"""What is nearly always too large is no rounding; cut numbers are always too small."""
+"""Maximum fraction of numbers that rounding makes too large; cut numbers are always too small."""
 
 LAST_PLACES: Final = 2.0**-20
-"""Differences of so much, relative to the largest number, are in the last bits."""
+"""Differences up to this, relative to the largest number, are in the last bits."""
 
 MANY: Final = 16
 """An output of integers with fewer elements has no few places."""
 
 FEW: Final = 0.25
-"""So small a part of the elements is few."""
+"""Maximum fraction of the elements that counts as few."""
 
 FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 """Formats by their significant bits."""
@@ -67,7 +67,7 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
 def diagnose(
     failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
 ) -> dict[str, list[str]]:
-    """What the failures of one operation look like.
+    """Describe what the failures of one operation look like.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def diagnose(
     Returns
     -------
     dict[str, list[str]]
-        By the id of a vector, at most `TOLD` sentences, the better ones first.
+        At most `MAX_SENTENCES` sentences by the id of a vector, the better ones first.
     """
     chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
     looks = generic_looks(chosen, passed)
@@ -94,31 +94,31 @@ def diagnose(
     common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
     open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
-    told = {
-        failure.vector.id: _told(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
+    said = {
+        failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
     }
     never = [] if passed or failures or not errors else [_simplest(errors)]
-    return told | {vector.id: alike or ([common] if common else never) for vector in errors}
+    return said | {vector.id: alike or ([common] if common else never) for vector in errors}
 
 
 def _simplest(errors: Sequence[Vector]) -> str:
-    """What is said where nothing else ever happens than an error."""
+    """The sentence about an implementation that answers nothing but errors."""
     first = min(errors, key=lambda vector: input_size(vector.inputs))
     return f"every vector ends with an error, the smallest too, which is {first.id}"
 
 
-def _told(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
+def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
     """The sentences of one failure: what it is, or at least where."""
-    told = [*look.strong[:2], *mutants]
-    if not told:
-        found = parts(failure)
-        compared = found if len(found) == len(wrong_outputs(failure.vector, failure.outputs)) else []
-        told = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
-        told = told or _one_step(compared) or _imprecision(failure)
-    if not told or told == look.weak[:1]:
-        told += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
-    return list(dict.fromkeys(told))[:TOLD]
+    found = [*look.strong[:2], *mutants]
+    if not found:
+        given = parts(failure)
+        compared = given if len(given) == len(wrong_outputs(failure.vector, failure.outputs)) else []
+        found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
+        found = found or _one_step(compared) or _imprecision(failure)
+    if not found or found == look.weak[:1]:
+        found += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
+    return list(dict.fromkeys(found))[:MAX_SENTENCES]
 
 
 def _outputs(failure: Failure) -> str:
@@ -176,7 +176,7 @@ def _imprecision(failure: Failure) -> list[str]:
 
 
 def _bits(part: Part) -> int:
-    """How many bits of an output are right, alike everywhere; 0 if it is not so."""
+    """The number of right bits of an output, if it is alike everywhere; else 0."""
     errors = spread(part)
     if not isinstance(part.expectation, Bounded) or errors is None or errors.size < 16:
         return 0

@@ -68,7 +68,7 @@ def _equal_arrays(theirs: Any, mine: Any) -> bool:
 
 @lru_cache(maxsize=128)
 def _trials(vector: Vector) -> list[tuple[str, Values]]:
-    """What the code of spec.md gives for each altered input of a vector that it can take."""
+    """The outputs of spec.md's code for each altered input of a vector that it can take."""
     tried = [
         (sentence, _outputs(vector.operation.name, vector.inputs, change))
         for sentence, change in _changes(vector.inputs)
@@ -192,7 +192,7 @@ SPLATS: Final[tuple[tuple[str, Callable[[Array, Mapping[str, Any]], None]], ...]
     ("channels of the colours in the order B, G, R", _at([5, 6, 7], lambda v: v[:, ::-1])),
     ("negative weights made positive", _at(slice(8, 9), np.abs)),
 )
-"""What the table of splats may be taken for."""
+"""Tables that the table of splats may be taken for."""
 
 
 def _reshaped(array: Array) -> Array:
@@ -216,7 +216,7 @@ PICTURES: Final[tuple[tuple[str, Callable[[Array], Array]], ...]] = (
         for words, step, axis in (("down", 1, 0), ("up", -1, 0), ("to the right", 1, 1), ("to the left", -1, 1))
     ),
 )
-"""What a picture among the inputs may be taken for."""
+"""Pictures that a picture among the inputs may be taken for."""
 
 
 def _numbers(name: str, *values: float) -> tuple[tuple[str, Callable[[Any], Any]], ...]:
@@ -281,7 +281,7 @@ OF_INPUTS: Final[Mapping[str, tuple[tuple[str, Callable[[Any], Any]], ...]]] = {
     "symbols": (("symbols in reverse order", lambda v: v[::-1].copy()),),
     "uniforms": (("columns of the uniform numbers in reverse order", lambda v: v[..., ::-1].copy()),),
 }  # fmt: skip
-"""What single inputs may be taken for, by name."""
+"""Values that single inputs may be taken for, by name."""
 
 
 def _exchanged(a: str, b: str) -> Change:
@@ -314,4 +314,4 @@ TOGETHER: Final[tuple[tuple[tuple[str, ...], str, Change], ...]] = (
     ),
     (("first", "last"), "first and last exchanged", _exchanged("first", "last")),
 )  # fmt: skip
-"""What several inputs may be taken for."""
+"""Values that several inputs may be taken for together."""

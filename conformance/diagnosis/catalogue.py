@@ -85,15 +85,15 @@ def named(
             min(fit[mutant], explained[mutant] / len(failures)) >= MIN_FIT_OF_FEW)
     }  # fmt: skip
     ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
-    told = {}
+    said = {}
     for failure in failures:
         these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
         sure = [mutant for mutant in these if mutant in plain]
         if sure:
-            told[failure.vector.id] = _best(sure, fit)[:MOST]
+            said[failure.vector.id] = _best(sure, fit)[:MOST]
         else:
-            told[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
-    return told
+            said[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
+    return said
 
 
 def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterable[Vector]) -> dict[Mutant, float]:
@@ -165,8 +165,8 @@ def _explanations(failure: Failure) -> list[Mutant]:
     """The mutants that explain one failure; where none refuses at the same bit, those that name the same rule."""
     vector, outputs, _ = failure
     texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
-    for told in (outputs, {**outputs, **texts}):
-        found = [mutant for mutant in mutants_for(vector) if _share(vector, told, mutant) >= EXPLAINED]
+    for given in (outputs, {**outputs, **texts}):
+        found = [mutant for mutant in mutants_for(vector) if _share(vector, given, mutant) >= EXPLAINED]
         if found or not texts:
             return found
     return []

@@ -9,7 +9,7 @@ from conformance.diagnosis.failures import F8, Array, Part
 from conformance.diagnosis.regions import Candidate
 
 DISTINCT: Final = 16
-"""So many different numbers must fit a format, or a curve."""
+"""Minimum number of different numbers that must fit a format, or a curve."""
 
 ROUND: Final = 0.5
 """A format says nothing where more of the right numbers fit it, too."""
@@ -47,7 +47,7 @@ CURVES: Final[tuple[tuple[str, Callable[[F8], F8]], ...]] = (
     ("numbers cut to whole ones", np.trunc),
     ("numbers rounded to whole ones", np.rint),
 )
-"""What may be made of numbers, by its name; the plainer first."""
+"""Curves by name, the plainer first: an implementation may send its numbers through one."""
 
 
 def curve_candidates(part: Part) -> Iterator[Candidate]:

@@ -13,7 +13,7 @@ from conformance.diagnosis.terms import pixel_gradients, some_splats
 MOST: Final = 3_000_000
 """Pixels times splats; more are not tried."""
 MAX_SPLATS: Final = 1_000
-"""Of a sum; more would take seconds, and smaller vectors have failed, too."""
+"""Maximum number of terms of a sum; more would take seconds, and smaller vectors have failed, too."""
 
 Keeps = Callable[[F8, F8], Mask]
 """From sigma (H, W) and a colour (3,) where a splat is drawn."""
@@ -93,7 +93,7 @@ def _sum(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Part, F8]
 
 
 def _blended(inputs: Mapping[str, Any], part: Part) -> F8 | None:
-    """What alpha blending as in 3D splatting gives, the first splat in front."""
+    """The picture by alpha blending as in 3D splatting, the first splat in front."""
     parameters, height, width = inputs["parameters"].astype(np.float64), inputs["height"], inputs["width"]
     if len(parameters) > MAX_SPLATS or len(parameters) * height * width > MOST:
         return None
@@ -133,4 +133,4 @@ OF_OPERATIONS: Final[Mapping[tuple[str, str], Callable[..., tuple[Part, F8] | No
     ("render_frame", "frame"): _sum,
     ("render_gradients", "gradients"): _gradients,
 }
-"""By operation and output."""
+"""Sums that may end early, by operation and output."""

@@ -25,7 +25,7 @@ SLACK: Final = 4.0
 """Bounds from a number that was computed otherwise, within which it is taken for the same."""
 
 RELATIVE: Final = 2e-6
-"""The same where there is no bound: a few units in the last place of binary32."""
+"""Relative tolerance where there is no bound: a few units in the last place of binary32."""
 
 
 class Failure(NamedTuple):
@@ -45,11 +45,11 @@ class Part:
     operation, name
         Whose output it is.
     right, mine
-        What is expected and what was given.
+        The expected and the given elements.
     wrong
-        Where `mine` is wrong; everywhere if only sums over it are.
+        The mask of wrong elements of `mine`; all of them if only sums over it are wrong.
     allowed
-        By how much it may differ.
+        The difference that is allowed.
     expectation, given
         As they are.
     """
@@ -75,7 +75,7 @@ class Part:
             return np.asarray((abs(self.mine - theirs) <= self.slack(theirs)) | (self.mine == theirs) | both_nan)
 
     def slack(self, theirs: F8) -> F8:
-        """By how much what was given may differ from an account of it."""
+        """The largest difference that is allowed between what was given and an account of it."""
         if self.given.dtype.kind != "f":
             return np.full(self.mine.shape, 1.0 if isinstance(self.expectation, Interval) else 0.0)
         allowed = np.where(np.isfinite(self.allowed), self.allowed, 0.0)
@@ -150,14 +150,14 @@ def wrong_elements(expectation: Bounded | Decision | Exact | Interval, mine: Arr
 
 
 def count(expectation: Expectation, mine: Any) -> int:
-    """How many elements of an output are wrong; 0 for what is no array of the right shape."""
+    """The number of wrong elements of an output; 0 for what is no array of the right shape."""
     if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray) or mine.shape != expectation.value.shape:
         return 0
     return int(wrong_elements(expectation, mine).sum())
 
 
 def share(vector: Vector, outputs: Values, theirs: Values) -> float:
-    """How far a mutant's outputs are those that were given, asked both ways, in the output of which least is.
+    """The fraction of a mutant's outputs that were given, asked both ways, in the output with the least of it.
 
     The one way it is the fraction of the wrong elements that the mutant gives, the other way the fraction of what the
     mutant gets wrong that was given: a mutant that spoils much explains nothing of which only a part is spoiled.
@@ -175,8 +175,10 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
     if isinstance(expectation, Refusal):
         if not isinstance(mine, str) or not isinstance(theirs, str):
             return 0.0
-        told = min(mine.split(), theirs.split(), key=len)  # the kind, and the rule and the bit if they are told
-        return float(told == mine.split()[: len(told)] == theirs.split()[: len(told)] and bool(mine) == bool(theirs))
+        common = min(mine.split(), theirs.split(), key=len)  # the kind, and the rule and the bit if both have them
+        return float(
+            common == mine.split()[: len(common)] == theirs.split()[: len(common)] and bool(mine) == bool(theirs)
+        )
     if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
         return 0.0
     if mine.shape != theirs.shape or mine.dtype != theirs.dtype:

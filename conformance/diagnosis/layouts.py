@@ -15,13 +15,13 @@ LEAST: Final = 0.99
 """Fraction of the elements that a layout must give."""
 
 NEAR: Final = 1e-4
-"""How near, of the largest element: a layout is looked for, not judged."""
+"""Tolerance relative to the largest element: a layout is looked for, not judged."""
 
 PITCHES: Final = (256, 512, 64, 128, 16, 32)
 """Bytes to multiples of which rows of textures and buffers are padded."""
 
 NEARER: Final = 0.25
-"""So many times nearer to a layout than to the right output is what was given, wherever it is wrong."""
+"""Maximum distance of a wrong element from the layout, as a fraction of that from the right output."""
 
 ROUNDING: Final = 1e-5
 """Differences of so much, of the largest number of a column, are no matter of order."""
@@ -52,12 +52,12 @@ def never_written(value: Array, mine: Array) -> str:
 
 
 def layout_cause(value: Array, mine: Array, names: tuple[str, ...] = ()) -> str:
-    """What a wrong output looks like: empty, or the right one in another order; '' if like none.
+    """The layout of a wrong output, in words: empty, or the right one in another order; '' if like none.
 
     Parameters
     ----------
     value
-        What is expected.
+        The expected output.
     mine
         The wrong output, of the same shape.
     names

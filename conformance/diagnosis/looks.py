@@ -1,4 +1,4 @@
-"""The generic looks, and what of them is told: of several accounts of one failure that which most failures share."""
+"""The generic looks, and the choice among several accounts of one failure: the one that most failures share."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
@@ -21,10 +21,10 @@ from conformance.names import columns
 from conformance.vectors import Vector
 
 MIN_SHARE: Final = 0.5
-"""Of the vectors that would show an account, the fraction that must show it."""
+"""Fraction of the vectors that could show an account that must show it."""
 
 MIN_SINGLES: Final = 0.75
-"""Of the failures with few splats, the fraction of which single splats must account: not few of many."""
+"""Fraction of the failures with few splats that single splats must account for: not few of many."""
 
 SMALL: Final = 16
 """In an output with fewer elements a place says little."""
@@ -35,7 +35,7 @@ Key = tuple[str, str]
 
 @dataclass
 class Look:
-    """What a failure looks like: accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
+    """One failure's accounts of all that is wrong, and mere places; `whole` if no mutant need be asked."""
 
     strong: list[str] = field(default_factory=list)
     weak: list[str] = field(default_factory=list)
@@ -43,8 +43,8 @@ class Look:
 
 
 def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, Look]:
-    """What the failures of one operation look like without a mutant in mind, by the id of a vector."""
-    told = {failure.vector.id: Look() for failure in failures}
+    """Describe the failures of one operation without a mutant in mind, by the id of a vector."""
+    looks = {failure.vector.id: Look() for failure in failures}
     empty = _empty(failures, passed)
     strong: dict[Key, list[Candidate]] = {}
     weak: dict[Key, list[Candidate]] = {}
@@ -53,7 +53,7 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
     for failure in failures:
         name = failure.vector.id
         if name in empty:
-            told[name] = Look([empty[name]], whole=True)
+            looks[name] = Look([empty[name]], whole=True)
             continue
         found = parts(failure)
         for part in found:
@@ -62,7 +62,7 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
             accounts = [*_accounts(failure, part), *altered_candidates(failure, part), *lost]
             strong[name, part.name] = [a._replace(telling=0.0) for a in accounts] if _all_lost(part) else accounts
         if exchanged := _exchanged(failure, found):
-            told[name].strong.append(exchanged)
+            looks[name].strong.append(exchanged)
         if not found:
             forms[name] = altered_form(failure)
     able = sum(_solvable(failure) for failure in failures)
@@ -70,15 +70,15 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         strong = {key: [c for c in candidates if not c.single] for key, candidates in strong.items()}
     for table, strongly in ((strong, True), (weak, False)):
         for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
-            (told[name].strong if strongly else told[name].weak).append(sentence)
+            (looks[name].strong if strongly else looks[name].weak).append(sentence)
     shared = Counter(sentence for sentences in forms.values() for sentence in sentences)
     for name, sentences in forms.items():
         common = [s for s in sentences if shared[s] >= max(2, ALL * len(forms))]
-        told[name].strong += sorted(common, key=lambda s: -shared[s])[:1]
+        looks[name].strong += sorted(common, key=lambda s: -shared[s])[:1]
     for failure in failures:
-        look = told[failure.vector.id]
+        look = looks[failure.vector.id]
         look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
-    return told
+    return looks
 
 
 def _solvable(failure: Failure) -> bool:
@@ -137,7 +137,7 @@ def _placed(part: Part) -> list[Candidate]:
 
 
 def _places(failure: Failure, part: Part) -> list[Candidate]:
-    """What tells only where to look."""
+    """The sentences that only say where to look."""
     return [*place_candidates(failure, part), *column_candidates(part), *region_candidates(part)]
 
 
@@ -147,10 +147,10 @@ def _empty(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict[str, s
     for vector, outputs, _ in failures:
         wrong = wrong_outputs(vector, outputs)
         arrays = [(vector.expected[name].value, outputs.get(name)) for name in wrong]
-        told = [never_written(a, b) for a, b in arrays
+        sentences = [never_written(a, b) for a, b in arrays
                 if isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and a.shape == b.shape]  # fmt: skip
-        if told and len(told) == len(wrong) and all(told):
-            found[vector.id] = told[0]
+        if sentences and len(sentences) == len(wrong) and all(sentences):
+            found[vector.id] = sentences[0]
     others = len(found) < len(failures)
     writes = others or any(_varied(e.value) for vector in passed for e in vector.expected.values())
     return {} if writes else found
@@ -162,7 +162,7 @@ def _varied(value: object) -> bool:
 
 
 def _chosen(table: dict[Key, list[Candidate]], wrong: dict[Key, Part], passed: Sequence[Vector]) -> dict[Key, str]:
-    """Of the accounts of each output the one that most outputs share and fewest vectors speak against."""
+    """For each output the account that most outputs share and fewest vectors speak against."""
     support: Counter[str] = Counter()
     telling: defaultdict[str, float] = defaultdict(float)
     foresees, least = {}, dict[str, float]()

@@ -1,4 +1,4 @@
-"""What wrong elements, or the vectors that fail, have in common in the inputs: only ties, only degenerate splats."""
+"""The places of wrong elements and of failing vectors in the inputs: only ties, only degenerate splats."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,10 +17,10 @@ COMMON: Final = 0.75
 """A condition that more of all elements meet says nothing."""
 
 FEWEST: Final = 3
-"""So many vectors must fail, and pass, for what they have in common to be told."""
+"""Minimum number of vectors that must fail, and that must pass, before what they have in common is reported."""
 
 MIN_OF_TWO: Final = 4
-"""The same for two things that they have in common only together."""
+"""Minimum number of vectors for two things that they have in common only together."""
 
 Meets = Callable[[Mapping[str, Any]], bool]
 Shared = tuple[str, Meets]
@@ -43,7 +43,7 @@ def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
 
 
 def _lines(wrong: Mask, mask: Mask) -> float:
-    """How much of what meets a condition is wrong: items that have any wrong element."""
+    """The fraction that is wrong of the items that meet a condition: an item with any wrong element counts."""
     if wrong.ndim == 2:
         wrong, mask = np.asarray(wrong.any(axis=1)), np.asarray(mask.any(axis=1))
     return float(wrong[mask].mean())
@@ -163,7 +163,7 @@ def output_sentence(vector: Vector, outputs: Values) -> str:
 
 
 def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
-    """What all vectors that fail have and no vector that passes has, in numbers and elements; '' if nothing.
+    """The numbers and elements that all failing vectors have and no passing one has, in words; '' if there are none.
 
     One condition if there is one, or two together where vectors are many.
     """
@@ -183,7 +183,7 @@ def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
 
 
 def _shared_conditions(bad: Sequence[Mapping[str, Any]], good: Sequence[Mapping[str, Any]]) -> Iterator[Shared]:
-    """What all failing vectors have in common, and some of those that pass have not."""
+    """The numbers and elements that all failing vectors have and some passing ones lack."""
     for name in sorted(set.intersection(*(set(features) for features in bad))):
         here = {features[name] for features in bad}
         there = [features[name] for features in good if name in features]
@@ -221,7 +221,7 @@ def _below(name: str, value: Any) -> Meets:
 
 
 def _features(vector: Vector) -> dict[str, Any]:
-    """Numbers that a vector may be told by: its scalar inputs, the sizes of arrays, the elements of its stream."""
+    """Numbers that may set a vector apart: its scalar inputs, the sizes of arrays, the elements of its stream."""
     found: dict[str, Any] = {}
     for name, value in vector.inputs.items():
         if isinstance(value, int | float):

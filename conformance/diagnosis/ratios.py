@@ -14,13 +14,13 @@ LEAST: Final = 0.95
 """Fraction of the elements large enough to tell that must have the factor."""
 
 FEWEST: Final = 3
-"""So many elements must tell it, of one column; a single number tells its factor only if that has a name."""
+"""Minimum number of elements of one column with the same factor; a single number needs a factor that has a name."""
 
 TELLING: Final = 8.0
-"""So many times what may differ a number must be to tell a factor."""
+"""Minimum size of a number that shows a factor, as a multiple of the difference that is allowed."""
 
 MIN_SINGLE: Final = 0.75
-"""Of outputs of one integer so many must be off by the same number."""
+"""Minimum fraction of the outputs of one integer that must be off by the same number."""
 
 NAMED: Final[Mapping[float, str]] = {
     -1.0: "the other sign", 2.0: "twice", 0.5: "half", 4.0: "4 times", 0.25: "a quarter of", 3.0: "3 times",
@@ -34,8 +34,8 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
     """A factor or an offset of everything, then of single columns."""
     sizes = _sizes(part, inputs)
     everywhere = np.ones(part.right.shape, np.bool_)
-    if told := _relation(part, everywhere, sizes):
-        yield Candidate(f"{told}, everywhere")
+    if relation := _relation(part, everywhere, sizes):
+        yield Candidate(f"{relation}, everywhere")
         return
     if part.right.size == 1 and part.given.dtype.kind in "iu":
         offset = int(part.mine.flat[0] - part.right.flat[0])
@@ -55,7 +55,7 @@ def ratio_candidates(part: Part, inputs: Mapping[str, Any]) -> Iterator[Candidat
         if (part.wrong & column).any():
             relations.setdefault(_relation(part, column, sizes), []).append(name)
     if "" not in relations:
-        yield Candidate("; ".join(f"{told} in {', '.join(where)}" for told, where in relations.items()))
+        yield Candidate("; ".join(f"{relation} in {', '.join(where)}" for relation, where in relations.items()))
 
 
 def _row_by_row(part: Part) -> bool:
@@ -73,7 +73,7 @@ def _row_by_row(part: Part) -> bool:
 
 
 def _relation(part: Part, where: Mask, sizes: Mapping[str, float]) -> str:
-    """What the elements of a mask have in common with the right ones: a factor, or an offset; '' if nothing."""
+    """The factor or offset between the elements of a mask and the right ones, in words; '' if there is none."""
     right, mine, allowed = part.right[where], part.mine[where], np.minimum(part.slack(part.right)[where], 1e300)
     if not (np.isfinite(mine).all() and np.isfinite(right).all()):
         return ""

@@ -23,13 +23,13 @@ TILES: Final = (16, 8, 32)
 """Usual sides of tiles of pixels."""
 
 MIN_BLOCK: Final = 32
-"""Multiples of this are told as such."""
+"""Multiples of this number are named as such."""
 
 MAX_ROUND: Final = 8
-"""So many round numbers are as good as the first wrong place."""
+"""Maximum number of round numbers that are as good as the first wrong place."""
 
 FAINT: Final = 1e-3
-"""What is smaller, of the largest element, would not show."""
+"""Fraction of the largest element below which an error would not show."""
 
 Shape = tuple[int, ...]
 Grid = tuple[Array, ...]
@@ -38,7 +38,7 @@ Where = Callable[[NDArray[np.int64], int], Mask]
 
 
 class Candidate(NamedTuple):
-    """What an output may look like.
+    """A description that may fit an output.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Candidate(NamedTuple):
     foresees
         Whether a vector that expects an array would show it, too; None: not known.
     least
-        Of the failures of the operation the fraction that must show it.
+        Fraction of the operation's failures that must show it.
     telling
         How much it counts, of the 1 that it takes: an output of which all is lost may have lost anything, and a single
         number agrees with one of many accounts by chance.
@@ -70,7 +70,7 @@ class Axis(NamedTuple):
 
 
 def size_hint(k: int) -> str:
-    """What a number of elements may be, in words: a power of two, or so many blocks of one."""
+    """Words for a number of elements: a power of two, or a multiple of one."""
     if k >= 2 and k & (k - 1) == 0:
         return f" ({k} = 2^{k.bit_length() - 1}: one block, table or grid of {k}?)"
     if k and k % MIN_BLOCK == 0:
@@ -101,7 +101,7 @@ def _axis(noun: str, index: Callable[[Shape, Grid], Array]) -> Axis:
 
 
 def region_candidates(part: Part) -> Iterator[Candidate]:
-    """What the place of the wrong elements looks like, the most telling first; nothing where all are wrong."""
+    """Descriptions of the place of the wrong elements, the most telling first; none where all are wrong."""
     if part.right.size < 2 or not part.right.shape:
         return
     state, seen = content(part)
@@ -120,7 +120,7 @@ def region_candidates(part: Part) -> Iterator[Candidate]:
 
 
 def content(part: Part) -> tuple[str, Mask]:
-    """What the wrong elements hold, and which elements could show it."""
+    """Descriptions of the contents of the wrong elements, and which elements could show them."""
     held = part.mine[part.wrong]
     with np.errstate(invalid="ignore"):
         if np.isnan(held).all():

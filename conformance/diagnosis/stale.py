@@ -1,4 +1,4 @@
-"""What the vector before left behind: buffers that are not cleared, or not overwritten."""
+"""Remains of the vector before: buffers that are not cleared, or not overwritten."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -9,10 +9,10 @@ from conformance.diagnosis.failures import EXPLAINED, F8, Failure, Part
 from conformance.diagnosis.regions import Candidate
 
 DISTINCT: Final = 6
-"""So many different numbers do not agree by chance."""
+"""Minimum number of different numbers that do not agree by chance."""
 
 SHARE: Final = 0.4
-"""Of the failures so many must show it: pictures of two vectors may be alike."""
+"""Fraction of the failures that must show it: pictures of two vectors may be alike."""
 
 
 def stale_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:

@@ -9,11 +9,11 @@ from conformance.expectations import Refusal
 from conformance.vectors import Vector
 
 MIN_KINDS: Final = 2
-"""Kinds of errors that must be told as another one."""
+"""Kinds of errors that must be reported as another one."""
 
 
 def refusal_sentence(failure: Failure) -> str:
-    """What was refused, and at which element; '' where the refusals are right or tell too little."""
+    """The rule and the element of a wrong refusal, in words; '' where refusals are right or say too little."""
     for name, expectation in failure.vector.expected.items():
         given = failure.outputs.get(name)
         if not isinstance(expectation, Refusal) or not isinstance(given, str) or expectation.judge(given).passed:
@@ -23,23 +23,23 @@ def refusal_sentence(failure: Failure) -> str:
         words = given.split()
         rule = f" by {words[1]}" if len(words) > 1 else ""
         at = element_at(failure.vector.inputs["stream"], int(words[2])) if len(words) > 2 and words[2].isdigit() else ""
-        told = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
-        return f"{told}{rule}{f' at {at}' if at else ''}"
+        wrong = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
+        return f"{wrong}{rule}{f' at {at}' if at else ''}"
     return ""
 
 
 def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
-    """Whether every error is told as of one kind, whatever it is; '' if not, or if too few are."""
+    """The kind that every error is reported as, whatever it is, in words; '' if there is none, or too few errors."""
     pairs = [(expectation.value.split()[0], given.split()[0])
              for vector, outputs, _ in failures for name, expectation in vector.expected.items()
              if isinstance(expectation, Refusal) and expectation.value
              and isinstance(given := outputs.get(name), str) and given]  # fmt: skip
-    told = {kind for _, kind in pairs}
+    reported = {kind for _, kind in pairs}
     others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
               if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
-    if len(told) != 1 or len({right for right, _ in pairs}) < MIN_KINDS or not others <= told:
+    if len(reported) != 1 or len({right for right, _ in pairs}) < MIN_KINDS or not others <= reported:
         return ""
-    return f"every error told as of the kind {told.pop()}, whatever it is"
+    return f"every error reported as of the kind {reported.pop()}, whatever it is"
 
 
 @lru_cache(maxsize=256)

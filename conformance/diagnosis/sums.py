@@ -11,17 +11,17 @@ from conformance.diagnosis.regions import BLOCKS, MIN_BLOCK, PERIODS, TILES, Can
 from conformance.diagnosis.terms import Terms, names_of, terms_of
 
 MAX_TOLD: Final = 8
-"""Beginnings of a missing part that are candidates, round ones first."""
+"""Maximum number of beginnings of a missing part that are candidates, round ones first."""
 
 MAX_SOLVED: Final = 160
-"""Terms whose weights are found by least squares."""
+"""Maximum number of terms whose weights are found by least squares."""
 
 INTEGER: Final = 0.02
-"""How near an integer a weight must be."""
+"""Maximum distance of a weight from an integer."""
 
 
 def sum_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
-    """What is wrong with the terms of a sum, simple accounts first; nothing where the output is none."""
+    """Accounts of wrong terms of a sum, simple ones first; none where the output is no sum."""
     terms = terms_of(failure, part)
     if terms is None or terms.terms.size == 0 or not np.isfinite(terms.terms).all():
         return
@@ -69,7 +69,7 @@ def _weights(terms: Terms) -> Iterator[tuple[str, Array]]:
 
 
 def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tuple[str, Array]]:
-    """What can happen to tiles of pixels, and to the threads of each."""
+    """Patterns of weights of tiles of pixels, and of the threads of each."""
     height, width = size
     tile = f"tile of {side}x{side}"
     beyond = (y >= height // side * side) | (x >= width // side * side)
@@ -94,7 +94,7 @@ def _tiled(y: Array, x: Array, side: int, size: tuple[int, int]) -> Iterator[tup
 
 
 def _along(noun: str, index: Array) -> Iterator[tuple[str, Array]]:
-    """What can happen to terms that are counted."""
+    """Patterns of weights of terms that are counted."""
     size = int(index.max()) + 1
     yield f"the last of the {noun} left out", 1.0 * (index < size - 1)
     yield f"the first of the {noun} left out", 1.0 * (index > 0)

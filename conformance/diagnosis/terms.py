@@ -30,7 +30,7 @@ class Terms:
     Attributes
     ----------
     noun
-        What a term is: ``splats`` or ``pixels``.
+        The name of the terms: ``splats`` or ``pixels``.
     base
         (m,) f8, what is not summed.
     terms
@@ -40,7 +40,7 @@ class Terms:
     size
         (H, W) of pixels, or None.
     finish
-        What becomes of the sum, such as the rounding to samples.
+        The function that the sum goes through, such as the rounding to samples.
     """
 
     noun: str
@@ -59,13 +59,13 @@ def terms_of(failure: Failure, part: Part) -> Terms | None:
 
 
 def some(part: Part, most: int) -> Array:
-    """At most so many flat indices of elements, two thirds of them wrong ones, spread evenly."""
+    """Flat indices of at most a given number of elements, two thirds of them wrong ones, spread evenly."""
     wrong, right = np.flatnonzero(part.wrong), np.flatnonzero(~part.wrong)
     return np.sort(np.concatenate([_spread(wrong, most * 2 // 3), _spread(right, most // 3)]))
 
 
 def some_splats(part: Part, most: int) -> Array:
-    """At most so many rows of a table, three quarters of them wrong ones, spread evenly."""
+    """At most a given number of rows of a table, three quarters of them wrong ones, spread evenly."""
     bad = part.wrong.any(axis=1)
     return np.concatenate([_spread(np.flatnonzero(bad), most * 3 // 4), _spread(np.flatnonzero(~bad), most // 4)])
 
@@ -212,11 +212,11 @@ TERMS: Final[Mapping[tuple[str, str], Callable[[Mapping[str, Any], Part], Terms 
     ("commitment", "loss"): _commitment,
     ("rendering_work", "work"): _work,
 }
-"""By operation and output."""
+"""Terms of sums, by operation and output."""
 
 
 def names_of(noun: str, weights: F8) -> Iterator[str]:
-    """Sentences for the terms whose weight is not 1: left out, or taken so many times."""
+    """Sentences about the terms whose weight is not 1: left out, or taken several times."""
     for weight in sorted({int(w) for w in weights} - {1}):
         places = np.flatnonzero(weights == weight)
         listed = ", ".join(str(place) for place in places[:6]) + (", ..." if len(places) > 6 else "")

@@ -151,11 +151,11 @@ SELECTION: tuple[Mutant, ...] = (
         ("new[:, 3] = uniforms[:, 3]", "new[:, 3] = uniforms[:, 3] + np.float32(0.5)")),
     mutant(AREA, "convergence-strict", "a change equal to the tolerance counted as a change",
         ("if change <= tolerance:", "if change < tolerance:")),
-    mutant(AREA, "convergence-not-reset", "calm iterations counted that are not in a row",
+    mutant(AREA, "convergence-not-reset", "small changes counted that are not in a row",
         ("            in_a_row = in_a_row + 1\n        else:\n            in_a_row = 0", "            in_a_row = in_a_row + 1")),
-    mutant(AREA, "convergence-signed", "a rising loss counted as calm",
+    mutant(AREA, "convergence-signed", "a rising loss counted as a small change",
         ("change = abs(float(losses[j]) - before)", "change = before - float(losses[j])")),
-    mutant(AREA, "convergence-first-counts", "the first iteration counted as calm",
+    mutant(AREA, "convergence-first-counts", "the first iteration counted as a small change",
         ("before = math.inf", "before = float(losses[0]) if len(losses) else 0.0")),
     mutant(AREA, "convergence-best-so-far", "the change against the best loss so far",
         ("before = float(losses[j])", "before = min(before, float(losses[j]))")),
@@ -166,7 +166,7 @@ SELECTION: tuple[Mutant, ...] = (
 )  # fmt: skip
 
 _MOMENTS = tuple(f'"{name}": {name}[survivors],' for name in ("m", "v", "n", "previous"))
-"""How the code of spec.md compacts what Adan knows of a splat, but for its steps."""
+"""The code of spec.md that compacts Adan's moments of a splat."""
 
 
 def _moments(becomes: str) -> tuple[tuple[str, str], ...]:

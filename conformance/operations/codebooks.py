@@ -18,7 +18,7 @@ F = TypeVar("F", bound=np.floating)
 
 
 def books_of(codebook_sizes: I8, rows: NDArray[F]) -> list[NDArray[F]]:
-    """What lies one stage after the other, as one array per stage."""
+    """Rows that lie one stage after the other, as one array per stage."""
     return np.split(rows, np.cumsum(codebook_sizes)[:-1])
 
 

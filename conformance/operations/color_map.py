@@ -14,7 +14,7 @@ from gsvc_ref.rendering.bounds import gamma
 F8 = NDArray[np.float64]
 Matrix = list[list[Fraction]]
 Taps = tuple[NDArray[np.int64], F8]
-"""Of each output sample the places and weights of the inputs, both (samples, taps)."""
+"""The places and weights of the inputs of each output sample, both (samples, taps)."""
 
 LUMA_WEIGHTS: Final = {
     1: ("0.2126", "0.0722"),
@@ -157,7 +157,7 @@ def _hats(places: NDArray[np.int64], sites: F8) -> Taps:
 
 
 def _boxes(size: int, sites: F8) -> Taps:
-    """What each luma sample covers of the two samples' length around a site, halved; those at the borders go on."""
+    """The part of two samples' length around a site that each luma sample covers, halved; border samples go on."""
     places = np.floor(sites - 1.5)[:, None] + np.arange(4)
     ends = np.minimum(sites[:, None] + 1, places + 0.5), np.maximum(sites[:, None] - 1, places - 0.5)
     return np.clip(places, 0, size - 1).astype(np.int64), np.maximum(ends[0] - ends[1], 0) / 2

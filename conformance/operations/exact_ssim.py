@@ -18,7 +18,7 @@ I8 = NDArray[np.int64]
 SCALE_WEIGHTS: Final = tuple(Fraction(text) for text in ("0.0448", "0.2856", "0.3001", "0.2363", "0.1333"))
 TAPS: Final = 11
 VARIANCE: Final = Fraction("2.25")
-"""Of the window, in samples squared."""
+"""Variance of the window, in samples squared."""
 
 
 def ms_ssim_and_condition(a: NDArray[np.unsignedinteger], b: NDArray[np.unsignedinteger], peak: int) -> tuple[F8, F8]:

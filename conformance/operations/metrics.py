@@ -19,7 +19,7 @@ from gsvc_ref.rendering.bounds import EPS, additions, gamma
 Frame = NDArray[np.unsignedinteger[Any]]
 
 MS_SSIM_LIMIT: Final = (1e-5, 4 * EPS)
-"""How far MS-SSIM may be off, in all and per unit of its condition: a quality limit, measured and not derived (13.6).
+"""Maximum error of MS-SSIM, in all and per unit of its condition: a quality limit, measured, not derived (13.6).
 
 The variances are differences of moments, whose errors (11-6) divides by var x + var y + C2. The *condition* of a scale
 is the mean of (E[x^2] + E[y^2]) / (var x + var y + C2); that of MS-SSIM is the sum of w condition / factor over the

@@ -25,10 +25,10 @@ GROUPS: Final = ((0, 2), (2, 5), (5, 8))
 """Columns of gradients that are judged together: positions, Cholesky factors, colours."""
 
 WELL_CONDITIONED: Final = 1e-4
-"""Most sum of bounds of a group of gradients, relative to the gradients, with which they are judged together."""
+"""Maximum sum of bounds of a group of gradients, relative to them, with which they are judged together."""
 
 MIN_SPLATS: Final = 30
-"""Fewest splats whose gradients are judged together: errors of random sign need some to cancel."""
+"""Minimum number of splats whose gradients are judged together: errors of random sign need some to cancel."""
 
 SPLATS: Final = "parameters: f4 (N, 8); width: int; height: int"
 
@@ -194,7 +194,7 @@ paired(
 
 
 def edge_margins(parameters: F4, width: int, height: int) -> F8:
-    """How far each splat's decisions of coverage are from their edge, in units of their own rounding error.
+    """The distance of each splat's decisions of coverage from their edge, in units of their own rounding error.
 
     Returns
     -------

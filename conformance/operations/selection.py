@@ -145,9 +145,9 @@ paired(
 
 
 def converged_oracle(losses: F8, patience: int, tolerance: float) -> Expected:
-    """The first iteration that ends so many calm changes in a row."""
-    calm = abs(np.diff(losses)) <= tolerance  # change j is that of iteration j + 2
-    ends = [j + 2 for j in range(patience - 1, len(calm)) if calm[j - patience + 1 : j + 1].all()]
+    """The first iteration that ends `patience` small changes in a row."""
+    small = abs(np.diff(losses)) <= tolerance  # change j is that of iteration j + 2
+    ends = [j + 2 for j in range(patience - 1, len(small)) if small[j - patience + 1 : j + 1].all()]
     return {"iteration": Exact(np.array(ends[0] if ends else 0, np.int64))}
 
 

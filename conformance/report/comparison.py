@@ -14,7 +14,7 @@ from gsvc_ref.errors import UsageError
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
 ALIKE: Final = ("vectors", "spec.md", "kit")
-"""What all reports that are compared should have in common."""
+"""Entries of the environment that all reports of a comparison should share."""
 NOTHING: Final = "–"
 
 
@@ -25,11 +25,11 @@ class Entry:
     Attributes
     ----------
     name
-        What its column is called.
+        The name of its column.
     report
         The report.
     links
-        Where it is to be found, by what the link says.
+        Links to its files, by their text.
     """
 
     name: str
@@ -45,7 +45,7 @@ def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None
     entries
         In the order of the columns.
     speeds
-        What `read_speeds` gave.
+        The result of `read_speeds`.
     """
     parts = [_implementations(entries), *_notes(entries), _classes(entries), _operations(entries)]
     if speeds is not None:
@@ -91,7 +91,7 @@ def _implementations(entries: Sequence[Entry]) -> str:
 
 
 def _notes(entries: Sequence[Entry]) -> Iterable[str]:
-    """What keeps the reports from being compared."""
+    """The differences that keep the reports from being compared."""
     for name in ALIKE:
         values: dict[str, list[str]] = {}
         for entry in entries:
@@ -167,15 +167,15 @@ def _speeds(entries: Sequence[Entry], speeds: Mapping[str, Any]) -> Iterable[str
 
 
 def _measured(report: Report, measured: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """What was measured of the implementation of a report; of several settings that with the same environment."""
+    """The speeds of a report's implementation; of several settings those with the same environment."""
     same = [other for other in measured if other["implementation"] == report.environment.get("implementation")]
     if len(same) > 1:
         same = [other for other in same if _on_one_line(other["environment"]).items() <= report.runs_on.items()]
     return same[0] if len(same) == 1 else None
 
 
-def _on_one_line(told: Mapping[str, str]) -> dict[str, str]:
-    return {" ".join(name.split()): " ".join(value.split()) for name, value in told.items()}
+def _on_one_line(entries: Mapping[str, str]) -> dict[str, str]:
+    return {" ".join(name.split()): " ".join(value.split()) for name, value in entries.items()}
 
 
 def _name(measured: Mapping[str, Any]) -> str:

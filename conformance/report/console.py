@@ -12,12 +12,12 @@ from gsvc_ref.cli.text import plural, table
 
 INDENT: Final = "  "
 END_LINES: Final = 3
-"""So many lines that a command printed are shown from the beginning, and from the end."""
+"""Number of lines of a command's output that are shown from the beginning, and from the end."""
 LONGEST: Final = 240
 """Characters of such a line."""
 MAX_CAUSES: Final = 3
 RARE: Final = 0.3
-"""What less of the examined failures of its operations look like is no probable cause."""
+"""Minimum fraction of the examined failures of its operations that look like a probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
     "failed": ("failed", ""),
@@ -27,14 +27,14 @@ CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
 
 
 def describe(report: Report, most: int) -> list[str]:
-    """The report: tables, at most so many failures, their causes, and the verdicts of the classes.
+    """The report: tables, a number of failures, their causes, and the verdicts of the classes.
 
     Parameters
     ----------
     report
         The report.
     most
-        How many failures to describe.
+        Maximum number of failures to describe.
     """
     lines = [*runs_on_lines(report), *operation_table(report), ""]
     faults = report.simplest_first()
@@ -50,7 +50,7 @@ def describe(report: Report, most: int) -> list[str]:
 
 
 def runs_on_lines(report: Report) -> list[str]:
-    """What the implementation runs on, and an empty line; nothing if it does not tell."""
+    """The environment of the implementation, and an empty line; nothing if it does not say."""
     width = max(map(len, report.runs_on), default=0)
     return [*(f"{name.ljust(width)}  {value}" for name, value in report.runs_on.items()), *[""] * bool(report.runs_on)]
 
@@ -62,7 +62,7 @@ def last_line(report: Report) -> str:
 
 
 def conclusion(report: Report) -> tuple[str, str]:
-    """What it comes to, and what restricts that."""
+    """The conclusion, and what restricts it."""
     if report.conclusion != "incomplete":
         return CONCLUSIONS[report.conclusion]
     verdicts = {group.name: group.verdict for group in report.groups()}
@@ -96,22 +96,22 @@ def cause_lines(report: Report) -> list[str]:
 
 
 def refusal_lines(report: Report) -> list[str]:
-    """In how many refusals the rule and the bit are right; advice only, since the kind alone is judged."""
-    told = [output.refused for result in report.results for output in result.outputs if output.refused]
-    rule = sum(what in REFUSED[:2] for what in told)
-    bit = sum(what == REFUSED[0] for what in told)
-    line = f"refusals: rule right in {rule} of {len(told)}, bit in {bit} of {len(told)} (only the kind is judged)"
-    return [line] if told else []
+    """Counts of refusals whose rule and bit are right: advice only, since the kind alone is judged."""
+    refused = [output.refused for result in report.results for output in result.outputs if output.refused]
+    rule = sum(what in REFUSED[:2] for what in refused)
+    bit = sum(what == REFUSED[0] for what in refused)
+    line = f"refusals: rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)} (only the kind is judged)"
+    return [line] if refused else []
 
 
 def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
-    """Causes are told by how many failures look like them; what only says where errors are comes last."""
+    """The rank of a cause: by the number of failures that look like it; sentences about mere places come last."""
     cause, results = entry
     return cause.startswith(VAGUE), -len(results), min(complexity(result.operation) for result in results)
 
 
 def _rare(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
-    """Whether so few of the failures that were looked at are like this that it is not told of all."""
+    """Whether too few of the examined failures look like this for a probable cause."""
     examined = sum(looked[operation] for operation in {result.operation for result in results})
     return len(results) < RARE * examined or len(results) < min(2, examined - 1)
 
@@ -152,7 +152,7 @@ def _cells(summary: Summary) -> list[str]:
 
 
 def describe_fault(result: Result, command: str) -> list[str]:
-    """What is wrong with one vector, why perhaps, and how to run it again."""
+    """One wrong vector: its errors, what they look like, and the command that runs it again."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
     lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
     lines += [f"{INDENT}{line}" for line in table_lines(result.table)]
@@ -181,7 +181,7 @@ def ratio_text(ratio: float | None) -> str:
 
 
 def progress_text(operation: str, results: Sequence[Result]) -> str:
-    """What the progress line says of the operation that runs."""
+    """The progress line's words about the operation that runs."""
     count = Counter(result.outcome for result in results if result.operation == operation)
     wrong = sum(count[outcome] for outcome in FAULTS)
     parts = [f"{count['pass']} pass", f"{wrong} wrong" if wrong else "", plural_unsupported(count["unsupported"])]
@@ -189,5 +189,5 @@ def progress_text(operation: str, results: Sequence[Result]) -> str:
 
 
 def plural_unsupported(count: int) -> str:
-    """How many are unsupported, or nothing."""
+    """The number of unsupported vectors in words, or nothing."""
     return f"{count} unsupported" if count else ""

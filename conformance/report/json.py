@@ -15,11 +15,11 @@ from gsvc_ref.errors import UsageError
 
 FORMAT: Final = "gsvc-conformance-report/1"
 INFINITE: Final = "infinite"
-"""How JSON has a ratio that is not finite."""
+"""The texts in JSON for a ratio that is not finite."""
 TYPES: Final[Mapping[type, str]] = {
     str: "a text", bool: "true or false", int: "a whole number", list: "a list", dict: "an object",
 }  # fmt: skip
-"""What to call the types of fields."""
+"""Names of the types of fields."""
 
 
 def to_text(report: Report) -> str:

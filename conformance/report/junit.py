@@ -15,8 +15,8 @@ def junit_xml(report: Report) -> str:
     for operation in report.operations():
         suite = ET.SubElement(root, "testsuite", name=operation.name, tests=str(operation.total))
         properties = ET.SubElement(suite, "properties")  # of a suite: the format knows none of the whole
-        told = {f"implementation.{name}": value for name, value in report.runs_on.items()}
-        for name, value in {**report.environment, **told}.items():
+        runs_on = {f"implementation.{name}": value for name, value in report.runs_on.items()}
+        for name, value in {**report.environment, **runs_on}.items():
             ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
         tests = [_test(result, report) for result in report.results if result.operation == operation.name]
         suite.extend(tests)

@@ -1,4 +1,4 @@
-"""What `run --keep DIR` leaves: DIR/ID/in, DIR/ID/out and DIR/ID/expected of each wrong vector."""
+"""The files of `run --keep DIR`: DIR/ID/in, DIR/ID/out and DIR/ID/expected of each wrong vector."""
 
 import shutil
 from collections.abc import Iterable

@@ -13,7 +13,7 @@ from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.page import cards_section, document, notes_section
 
 MAX_FAULTS: Final = 200
-"""How many wrong vectors are described; all of them stand in the table of vectors."""
+"""Maximum number of wrong vectors that are described; all of them stand in the table of vectors."""
 
 COLORS: Final = {"passed": "good", "incomplete": "warn", "failed": "bad"}
 """Classes of style of verdicts and conclusions."""
@@ -27,7 +27,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
     report
         The report.
     pictures
-        Of wrong vectors, by id.
+        The pictures of wrong vectors, by id.
     """
     title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
     sections = [
@@ -59,13 +59,13 @@ def _causes(report: Report) -> str:
     return f'<h2>Probable cause</h2><ul class="causes">{items}</ul>' if items else ""
 
 
-def _runs_on(told: Mapping[str, str]) -> str:
+def _runs_on(entries: Mapping[str, str]) -> str:
     rows = "".join(
         f'<tr><td class="text">{html.escape(name)}</td><td class="text long">{html.escape(value)}</td></tr>'
-        for name, value in told.items()
+        for name, value in entries.items()
     )
     table = f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>'
-    return f"<h2>What the implementation runs on</h2>{table}" if told else ""
+    return f"<h2>What the implementation runs on</h2>{table}" if entries else ""
 
 
 def _cards(report: Report) -> list[Figure]:

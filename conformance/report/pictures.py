@@ -21,11 +21,11 @@ MAX_ROWS: Final = 256
 TABLE_COLUMNS: Final = 16
 """A matrix that is no wider than this is a table, such as (N, 8); a wider one is a plane of pixels."""
 FEWEST: Final = 4
-"""Of so few numbers the sentence says enough."""
+"""Minimum number of elements of an output with a picture: for fewer the sentence says enough."""
 WORST_OF_OPERATION: Final = 3
-"""How many wrong vectors of an operation have pictures."""
+"""Maximum number of wrong vectors of an operation that have pictures."""
 FLATTEST: Final = 8
-"""A picture that is more than so many times as wide as high is stretched."""
+"""Maximum width of a picture in heights; a wider one is stretched."""
 
 RAMP: Final = (0.0, 1.0, 1.0001, 2.0)
 RAMP_COLORS: Final = np.array([(24, 28, 36), (42, 157, 143), (255, 214, 10), (230, 30, 30)], np.float64)
@@ -50,7 +50,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class View:
-    """What to show of an array: a function that takes it out as (H, W, 3) or (H, W), and words for the caption."""
+    """The shown part of an array: a function that takes it out as (H, W, 3) or (H, W), and words for the caption."""
 
     pick: Callable[[NDArray[Any]], NDArray[Any]]
     where: str = ""
@@ -77,7 +77,7 @@ def pictures_of(vector: Vector, outputs: Values, result: Result) -> list[Picture
 
 
 def _title(expectation: Exact | Decision | Bounded | Interval, view: View, place: tuple[int, ...]) -> str:
-    """What the picture of errors shows, and for pixels where the worst one is."""
+    """The caption of the picture of errors, with the place of the worst pixel."""
     floats = isinstance(expectation, Exact) and expectation.value.dtype.kind == "f"
     measure = "error in units in the last place" if floats else "error/bound"
     if view.table:
@@ -109,7 +109,7 @@ def error_ratios(expectation: Exact | Decision | Bounded | Interval, actual: NDA
 
 
 def _units_between(actual: NDArray[Any], expected: NDArray[Any]) -> F8:
-    """How many floating-point numbers apart two arrays of one type are; infinite if only one is finite, or a NaN."""
+    """The distance of two arrays of one type in floating-point numbers; infinite if only one is finite, or a NaN."""
     bits = [np.ascontiguousarray(array).view(f"i{array.dtype.itemsize}") for array in (actual, expected)]
     steps = [np.where(b < 0, np.iinfo(b.dtype).min - b, b).astype(np.float64) for b in bits]
     apart = np.where(bits[0] == bits[1], 0.0, np.maximum(abs(steps[0] - steps[1]), 1))
@@ -188,5 +188,5 @@ class PictureBook:
             del chosen[WORST_OF_OPERATION:]
 
     def pictures(self) -> dict[str, list[Picture]]:
-        """By id of the vector."""
+        """The pictures, by the id of the vector."""
         return {name: pictures for chosen in self._chosen.values() for _, name, pictures in chosen}

@@ -4,13 +4,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
 from gsvc_ref.rendering.definition import footprint
 from gsvc_ref.splats import Splats
-
-F8 = NDArray[np.float64]
 
 UNCUT_SIGMA: Final = 40.0
 """Support where nothing is cut: exp(-40) is 4e-18, which binary64 cannot add to a colour."""

@@ -31,7 +31,7 @@ class Curve:
     iterations
         Number of iterations in all.
     end
-        Why the curve ends there.
+        Reason for the end of the curve.
     """
 
     preset: str
@@ -40,7 +40,7 @@ class Curve:
     end: str
 
     def seconds_to(self, psnr: float) -> float | None:
-        """When the curve first reached a PSNR; None if it never did."""
+        """The time at which the curve first reached a PSNR; None if it never did."""
         return next((seconds for seconds, reached in self.points if reached >= psnr), None)
 
 

@@ -27,9 +27,10 @@ class Setting:
     work
         The work that is timed.
     base
-        Whether the ratios of the group are to this setting: the exact or finest one, otherwise that of the codec.
+        Whether the ratios of the group are to this setting: that of the codec, or the finest one where frames are
+        coded and splats fitted.
     usual
-        Who works with it: ``reference``, ``quick``, ``paper`` or nothing.
+        Name of the preset or code that works with it: ``reference``, ``quick``, ``paper`` or nothing.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Group:
     against
         The picture that errors and PSNR are against.
     settings
-        From coarse to fine where there is an order; one is the base.
+        The settings, from coarse to fine where there is an order; one is the base.
     note
         A sentence that a reader must know, or nothing.
     """
@@ -98,9 +99,9 @@ GROUPS: Final = (
         "rendering",
         DEFINITION,
         (
-            Setting("fast", Rendering("fast"), usual="reference"),
+            Setting("fast", Rendering("fast"), base=True, usual="reference"),
             Setting("deterministic", Rendering("deterministic"), usual="reference"),
-            Setting("exact", Rendering("exact"), base=True, usual="reference"),
+            Setting("exact", Rendering("exact"), usual="reference"),
         ),
         "The precision exact is the definition in NumPy, written to be read and not to be fast.",
     ),
@@ -121,10 +122,10 @@ GROUPS: Final = (
         "rendering",
         "the exact sum without a cut-off",
         (
-            Setting("1/255", CutOff(1 / 255), usual="reference"),
+            Setting("1/255", CutOff(1 / 255), base=True, usual="reference"),
             Setting("1/1024", CutOff(1 / 1024)),
             Setting("1/4096", CutOff(1 / 4096)),
-            Setting("none", CutOff(0), base=True),
+            Setting("none", CutOff(0)),
         ),
         "An analysis with the definition in binary64, whose time follows the pixels that splats cover. The cut at "
         "1/255 is part of the codec, and the splats were fitted with it, so that a decoder with another cut is wrong "

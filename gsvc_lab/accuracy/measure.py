@@ -33,7 +33,7 @@ class Errors:
     largest, quantile, rms
         The largest absolute error, its quantile at QUANTILE, and the root of the mean square.
     psnr
-        In dB, for full scale; infinite for equal pictures.
+        PSNR in dB for full scale; infinite for equal pictures.
     """
 
     largest: float

@@ -25,8 +25,9 @@ from gsvc_lab.accuracy.tables import (
 from gsvc_lab.pages.charts import Axis, Point, Series, plot, thousands
 from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.page import cards_section, document, notes_section
-from gsvc_lab.pages.pictures import U1, png_uri, to_eight_bits
+from gsvc_lab.pages.pictures import png_uri, to_eight_bits
 from gsvc_lab.pages.tables import html_table
+from gsvc_ref.arrays import U1
 
 TITLE: Final = "What accuracy costs in time"
 

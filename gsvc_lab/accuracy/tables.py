@@ -27,7 +27,7 @@ BEST: Final = (
 LEGEND: Final = (UNITS, TIMES, BEST)
 
 WORK: Final[dict[Kind, str]] = {
-    "rendering": "rendering the picture once, on one thread",
+    "rendering": "rendering the picture once, on one thread but where threads are varied",
     "coding": "quantising, fine-tuning and coding the fitted splats as an I-frame, on all threads",
     "training": "fitting the splats, on all threads",
 }

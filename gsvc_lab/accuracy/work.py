@@ -6,13 +6,14 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from gsvc_lab.accuracy.cutoff import F8, cut_sum
+from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.encoder.quantizer_choice import frame_bytes
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, FrameSettings, Settings
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fine_tuning import FrameQuantizer, fine_tune
 from gsvc_ref.training.fit import NEW, FitSettings, OnIteration, Population, fit

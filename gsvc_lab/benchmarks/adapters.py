@@ -150,7 +150,7 @@ WORKS: Final = {
         lambda: _stream("core/reconstruct_stream/as_much_work_as_allowed"),
     ),
 }
-"""By id."""
+"""Works by id."""
 
 
 def seconds_of(function: Callable[..., object], inputs: Mapping[str, Any], seconds: float) -> list[float]:
@@ -265,7 +265,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, default=CACHE / "adapters.json", metavar="FILE", help="where numbers go")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="where the table goes, which is printed anyway")
     parser.add_argument("--here", type=Path, help=argparse.SUPPRESS)  # measure one module in this process
-    parser.add_argument("--setting", action="append", default=[], help=argparse.SUPPRESS)  # told by the process above
+    parser.add_argument("--setting", action="append", default=[], help=argparse.SUPPRESS)  # given by the process above
     arguments = parser.parse_args(words)
     works = {name: work for name, work in WORKS.items() if not arguments.work or name in arguments.work}
     if arguments.here is not None:

@@ -9,7 +9,6 @@ from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 
 import gsvc_ref
 from gsvc_lab.benchmarks.pictures import mosaic
@@ -17,11 +16,10 @@ from gsvc_lab.benchmarks.results import Section, Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.clips import packaged
 from gsvc_ref import Settings
+from gsvc_ref.arrays import U1
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
-
-Frame = NDArray[np.uint8]
 
 FRAMES: Final = 10
 WIDTH: Final = 352
@@ -30,14 +28,14 @@ HEIGHT: Final = 288
 ROUNDS: Final = 25
 
 
-def still() -> Iterator[Frame]:
+def still() -> Iterator[U1]:
     """A photograph that does not change."""
     picture = np.rint(mosaic(np.random.default_rng(1))[:HEIGHT, :WIDTH] * 255).astype(np.uint8)
     for _ in range(FRAMES):
         yield picture
 
 
-def ball() -> Iterator[Frame]:
+def ball() -> Iterator[U1]:
     """A ball that flies over a photograph."""
     rows, columns = np.mgrid[:HEIGHT, :WIDTH]
     for number, frame in enumerate(still()):
@@ -45,21 +43,21 @@ def ball() -> Iterator[Frame]:
         yield np.where(inside[..., None], np.array([230, 60, 40], np.uint8), frame)
 
 
-def head() -> Iterator[Frame]:
+def head() -> Iterator[U1]:
     """A man who talks in a driving car."""
     with open_video(packaged("carphone_pristine")) as reader:
         for _, frame in zip(range(FRAMES), reader, strict=False):
             yield np.asarray(frame, np.uint8)
 
 
-def cut() -> Iterator[Frame]:
+def cut() -> Iterator[U1]:
     """Two photographs, each seen by a camera that moves by a pixel a frame."""
     for number in range(FRAMES):
         picture = mosaic(np.random.default_rng(1 if number < FRAMES // 2 else 2))
         yield np.rint(picture[number : number + HEIGHT, number : number + WIDTH] * 255).astype(np.uint8)
 
 
-SCENES: Final[dict[str, Callable[[], Iterator[Frame]]]] = {
+SCENES: Final[dict[str, Callable[[], Iterator[U1]]]] = {
     "still": still,
     "still, a ball flies by": ball,
     "talking head": head,
@@ -80,7 +78,7 @@ class Encoded:
         return self.report.seconds_by_stage["quantize"] / len(self.report.frames)
 
 
-def encoded(frames: list[Frame], threads: int, *, freeze: bool) -> Encoded:
+def encoded(frames: list[U1], threads: int, *, freeze: bool) -> Encoded:
     """Encode with the preset `quick`; without `freeze` training evaluates all splats all the time."""
     height, width, _ = frames[0].shape
     color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
@@ -98,7 +96,7 @@ def encoded(frames: list[Frame], threads: int, *, freeze: bool) -> Encoded:
 
 
 def rendering(data: bytes, threads: int) -> tuple[list[float], list[float], list[float]]:
-    """For every frame after the first: share of tiles rendered, and seconds as a sequence and as a whole, medians."""
+    """For every frame after the first: share of regions rendered, and seconds as a sequence and as a whole, medians."""
     with gsvc_ref.open(data) as stream:
         size = stream.header.width, stream.header.height
         frames = [(frame.type, frame.splats, frame.codes.origins) for frame in stream]

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 import gsvc_ref
 from gsvc_lab.clips import packaged
@@ -25,10 +24,9 @@ from gsvc_lab.machine import machine_text
 from gsvc_lab.pages.markers import put_between
 from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref import Settings
+from gsvc_ref.arrays import U1
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
-
-Frame = NDArray[np.uint8]
 
 SCENES: Final = ("static", "talking-head", "pan", "cut", "noise")
 
@@ -63,7 +61,7 @@ class Measured:
     iterations: int
 
 
-def scene(name: str, count: int) -> list[Frame]:
+def scene(name: str, count: int) -> list[U1]:
     """Frames from the middle of a built-in scene, where a cut is, or the first ones of the clip `carphone`."""
     if name == "carphone":
         with open_video(packaged("carphone_pristine")) as reader:
@@ -75,7 +73,7 @@ def scene(name: str, count: int) -> list[Frame]:
     return list(islice(frames(described), start, start + count))
 
 
-def encoded(pictures: Sequence[Frame], splats: int, effects: str, threads: int | None) -> Measured:
+def encoded(pictures: Sequence[U1], splats: int, effects: str, threads: int | None) -> Measured:
     """One encode with the preset `quick`; identical frames count as 100 dB."""
     height, width, _ = pictures[0].shape
     color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
@@ -101,7 +99,7 @@ def next_count(points: Sequence[Measured], psnr: float) -> int:
     return round(ordered[-1].splats * BEYOND) if psnr > ordered[-1].psnr else round(ordered[0].splats / BEYOND)
 
 
-def as_good(pictures: Sequence[Frame], psnr: float, threads: int | None) -> Measured:
+def as_good(pictures: Sequence[U1], psnr: float, threads: int | None) -> Measured:
     """An encode with `auto` whose PSNR is within EQUAL of the one given, or the nearest of MAX_TRIES."""
     points = [encoded(pictures, round(SPLATS * share), "auto", threads) for share in FIRST]
     while True:

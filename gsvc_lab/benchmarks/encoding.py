@@ -25,6 +25,7 @@ import numpy as np
 from gsvc_lab.benchmarks.encoding_tables import report
 from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
 from gsvc_lab.machine import processors
+from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
@@ -32,11 +33,11 @@ from gsvc_ref.encoder.settings import Settings, scaled
 from gsvc_ref.files import write_text
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, FitSettings, Population, fit
 
-LADDER: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
+BUDGETS: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Iterations that quick is asked for, until one reaches the PSNR."""
 
 CHECKPOINTS: Final = (100, 500, 1000, 2000, 4000, 8000, 16_000, 32_000, 50_000)
@@ -138,11 +139,11 @@ class Case:
         return Run(start, objective, fit_settings, self.total, rng, keep=keep)
 
     def climb(
-        self, run: Callable[[FitSettings], Run], settings: FitSettings, goal: float, ladder: tuple[int, ...] = LADDER
+        self, run: Callable[[FitSettings], Run], settings: FitSettings, goal: float, budgets: tuple[int, ...] = BUDGETS
     ) -> list[dict[str, Any]]:
         """Quick's fits with more and more iterations, the last of which reaches the goal in dB, if any does."""
         notes = []
-        for iterations in ladder:
+        for iterations in budgets:
             note = run(scaled(settings, iterations)).note
             notes.append({key: note[key] for key in ("iterations", "psnr", "wall_seconds", "cpu_seconds")})
             if note["psnr"] >= goal:
@@ -167,7 +168,7 @@ class Case:
         for kind, field, (state, past) in types:
             frame_settings = getattr(chosen, field)
             share = frame_settings.tune.iterations / frame_settings.fit.iterations
-            for iterations in LADDER if kind in goals else ():
+            for iterations in BUDGETS if kind in goals else ():
                 fit_settings = scaled(frame_settings.fit, iterations)
                 tune = scaled(frame_settings.tune, max(1, round(share * iterations)))
                 encoder.settings = replace(chosen, **{field: replace(frame_settings, fit=fit_settings, tune=tune)})
@@ -262,7 +263,7 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
         reached = part["climb"][-1]["iterations"]
         part["measured"] = {
             "quick": run(settings).note,
-            "climb": case.climb(run, settings, part["paper"]["psnr"], LADDER[LADDER.index(reached) :])[-1],
+            "climb": case.climb(run, settings, part["paper"]["psnr"], BUDGETS[BUDGETS.index(reached) :])[-1],
             "paper": integrated(rates, part["paper"]["iterations"]),
         }
     note["whole"] = case.whole(goals(note))

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 import gsvc_ref
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
+from gsvc_ref.arrays import F4
 from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import Objective, covered_pixels
-from gsvc_ref.splats import F4
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start
 from gsvc_ref.training.fit import NEW, Population, fit
 from gsvc_ref.video import ColorDescription, VideoFormat
@@ -49,7 +49,7 @@ class Case:
     Attributes
     ----------
     origin
-        Who trained it.
+        Name of who trained it.
     width, height, splats, target
         The frame size, the splats, and the picture (H, W, 3) f4 that they were trained on, or random numbers.
     """

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F4
 from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
-from gsvc_ref.splats import F4
 
 ROWS_AT_ONCE: Final = 8
 """Rows of a chunk of the dense renderer: with all rows at once autograd would keep gigabytes."""
@@ -129,7 +129,7 @@ class Limit:
     stick
         Its `Limit` object, or None.
     reason
-        Why it is None.
+        Reason for its absence.
     """
 
     def __init__(self, folder: Path | None) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import skimage.data
 
 from gsvc_lab.scenes.camera import Camera, view
-from gsvc_ref.splats import F4
+from gsvc_ref.arrays import F4
 
 SIZES: Final = {"176x144": (176, 144, 1000), "352x288": (352, 288, 2000), "1920x1080": (1920, 1080, 10_000)}
 """Width, height and N."""
 
 PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee", "rocket", "motorcycle", "retina")
-"""Inside every scikit-image wheel; also the pieces that the pictures of 1920x1080 are put together from."""
+"""Photographs inside every scikit-image wheel, and the pieces of the pictures of 1920x1080."""
 
 PIECE: Final = (320, 270)
 """Width and height of a piece: 6 x 4 of them at native resolution make a picture of 1920x1080."""
@@ -21,7 +21,7 @@ PAN: Final = (1.3, -0.6)
 """Motion of the camera from the first frame to the next, in pixels."""
 
 ROLL: Final = 0.002
-"""And in radians about the middle."""
+"""Rotation between the two frames, in radians about the middle."""
 
 NOISE: Final = 1 / 255
 """Standard deviation of the sensor's noise, drawn anew for each frame."""

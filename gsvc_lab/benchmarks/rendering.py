@@ -27,7 +27,7 @@ LIMIT_GOALS: Final = {"frame": (1.7, 1.3), "gradients": (1.8, 1.4), "iteration":
 
 MEANING: Final = {
     "frame": "8-bit frame, `Renderer.frame`",
-    "gradients": "`Renderer.gradients`, which turns the residual into strips, while the limit finds that done",
+    "gradients": "`Renderer.gradients`, which turns the residual into tiles, while the limit finds that done",
     "iteration": "training iteration with Adan, as `fit` makes it, while the limit's has no optimiser",
 }
 

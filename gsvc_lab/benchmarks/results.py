@@ -4,20 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gsvc_lab.pages.tables import markdown_table
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table with a sentence before it."""
-
-    text: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def markdown(self) -> str:
-        """The table as aligned Markdown, which a terminal shows well too."""
-        return "\n".join([self.text, "", markdown_table(self.header, self.rows, aligned=True)])
+from gsvc_lab.pages.tables import Table as Table
 
 
 @dataclass(frozen=True)

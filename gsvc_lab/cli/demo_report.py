@@ -8,12 +8,13 @@ from typing import Final, Literal
 import gsvc_ref
 from gsvc_lab import machine
 from gsvc_lab.pages.data import Choice, FrameRecord, PictureRow, ReportData
+from gsvc_ref.arrays import Frame
 from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.encoder import EncodeReport
-from gsvc_ref.encoder.decisions import Decision
+from gsvc_ref.encoder.log import OFF, Decision
 from gsvc_ref.metrics import Comparison
 from gsvc_ref.stream import StreamSummary
-from gsvc_ref.video import Frame, open_video
+from gsvc_ref.video import open_video
 
 MAX_PREVIEW_FRAMES: Final = 120
 """The animation ends there, so that the page stays light."""
@@ -97,7 +98,7 @@ def _records(encoded: EncodeReport, comparison: Comparison) -> list[FrameRecord]
 
 
 def _choice(one: Decision) -> Choice:
-    state: Literal["done", "skipped", "off"] = "done" if one.done else "off" if one.cause == "off" else "skipped"
+    state: Literal["done", "skipped", "off"] = "done" if one.done else "off" if one.reason == OFF else "skipped"
     return Choice(one.effect, state, one.reason)
 
 

@@ -287,14 +287,14 @@ def run(run: Run) -> Result:
         f"pre-training and the robust rule find; where there are none but the first, + DKS is + GSA. Streams are made "
         f"for N = {plan.decoded} with the first seed.{scales_missing(plan.size)}"
     )
-    told = verdict(numbers).about(
+    conclusion = verdict(numbers).about(
         run,
         f"{plan.frames} frames of {plan.size[0]}x{plan.size[1]} of each clip and {plan.iterations} iterations a frame "
         f"at {plan.rate / PAPER_RATE:g} times the paper's rate",
         f"--full takes {FULL.frames} frames of {FULL.size[0]}x{FULL.size[1]} and {FULL.iterations} iterations, which "
         f"is still far from the paper's 600 of 1920x1080 and {PAPER_ITERATIONS}",
     )
-    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), told)
+    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

@@ -127,12 +127,12 @@ def run(settings: Run) -> Result:
         f"alone. A third case keeps only the splats within a diameter of the old circle's centre, so that next to none "
         f"is at the new place."
     )
-    told = verdict(found).about(
+    conclusion = verdict(found).about(
         settings,
         f"{size.splats:,} splats on frames of {size.width}x{size.height}",
         f"--full takes {FULL.splats:,} on {FULL.width}x{FULL.height} and up to {max(FULL.inter):,} iterations",
     )
-    return Result(setting, numbers, (table(found),), draw(size, found, settings), told)
+    return Result(setting, numbers, (table(found),), draw(size, found, settings), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

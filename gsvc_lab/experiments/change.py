@@ -13,7 +13,7 @@ class Change:
     Attributes
     ----------
     mean
-        Over the pairs.
+        Mean over the pairs.
     error
         Its standard error, the pairs taken as independent; None of one pair, which tells nothing about chance.
     pairs

@@ -15,10 +15,10 @@ from gsvc_lab.experiments.figures import check_figures
 from gsvc_lab.experiments.markdown import write_document
 from gsvc_lab.experiments.page import page
 from gsvc_lab.experiments.results import read_all, record, write
-from gsvc_ref.cli.signals import termination_as_ctrl_c
 from gsvc_ref.cli.text import duration
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import write_text
+from gsvc_ref.interrupts import termination_as_ctrl_c
 
 NAMES: Final = (
     "splats",

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from gsvc_ref.splats import F4
-
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F4, F8
 
 BINS: Final = 10
 """Equal parts of the frame, from the least detailed pixels to the most detailed."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.prediction import pruning_as_many
 from gsvc_ref.encoder.report import Progress
@@ -22,7 +23,6 @@ from gsvc_ref.stream import decode
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, Population, Rates, fit
 from gsvc_ref.training.schedule import StepDecay
-from gsvc_ref.video.format import Frame
 
 PAPER_ITERATIONS: Final = 50_000
 """Maximum number of iterations of a frame (paper, implementation details)."""
@@ -31,7 +31,7 @@ PAPER_RATE: Final = 1e-3
 """The learning rate at the start (paper, implementation details)."""
 
 QUIET_SECONDS: Final = 8.0
-"""An encode tells where it is after so many seconds of silence."""
+"""Seconds of silence after which an encode reports its progress."""
 
 HELD_BYTES: Final = 2**29
 """Longer clips are not kept in memory (`held`)."""

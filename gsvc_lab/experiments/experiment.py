@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from gsvc_lab.pages.tables import Table as Table
+
 Holds = Literal["yes", "partly", "no", "cannot be compared"]
 
 
@@ -37,22 +39,13 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Table:
-    """A table of a result: a heading, column names with units, and rows of text."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-@dataclass(frozen=True)
 class Verdict:
     """Whether the paper's claim holds here.
 
     Attributes
     ----------
     holds
-        In a word.
+        Verdict in a word.
     sentence
         Why, with the numbers it rests on and the distance where it falls short.
     """
@@ -77,11 +70,11 @@ class Result:
     numbers
         Everything measured, for the JSON.
     tables
-        For people.
+        Tables for people.
     figures
         Names of the figures drawn into `Run.folder`, without suffix, with a caption each.
     verdict
-        On the paper's claim.
+        Verdict on the paper's claim.
     """
 
     setting: str
@@ -98,7 +91,7 @@ class Experiment:
     Attributes
     ----------
     name
-        By which it is called: ``python -m gsvc_lab.experiments NAME``.
+        Name on the command line: ``python -m gsvc_lab.experiments NAME``.
     title
         A heading.
     claim

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_lab.clips import as_frame, as_picture, resized
+from gsvc_ref.arrays import F4
 from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import F4
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ COLORS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9
 """Okabe and Ito's palette, which the colour-blind can tell apart; in the order to take them."""
 
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "*")
-"""So that lines differ by more than colour."""
+"""Marks of lines, which so differ by more than colour."""
 
 STYLE: Final[Any] = {
     "axes.axisbelow": True,

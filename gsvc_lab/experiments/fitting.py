@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gsvc_lab.clips import as_picture
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.fit import NEW, Population, fit
-from gsvc_ref.video.format import Frame
 
 
 @dataclass(frozen=True)

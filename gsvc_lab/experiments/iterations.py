@@ -9,10 +9,10 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.training.convergence import ConvergenceTest
 from gsvc_ref.training.fit import Population
-from gsvc_ref.video.format import Frame
 
 TIMES: Final = (200, 800, 3200, 12_800)
 """Iterations t of the paper's figure."""
@@ -78,7 +78,7 @@ def moment(picture: Picture, population: Population, done: int, schedule: str, r
 
 
 def quick_moments(picture: Picture, count: int, times: Sequence[int], run: Run) -> list[Moment]:
-    """The ends of fits of so many iterations with quick's start and schedule."""
+    """The ends of fits with these numbers of iterations with quick's start and schedule."""
     settings = Settings.quick().intra
     found = []
     for time in times:
@@ -162,12 +162,12 @@ def run(settings: Run) -> Result:
     )
     numbers["converged"] = long.converged
     figures = draw(still, long.moments, quick, settings)
-    told = verdict(long.moments, quick).about(
+    conclusion = verdict(long.moments, quick).about(
         settings,
         f"{count:,} splats on one picture of {picture.width}x{picture.height}",
         f"--full --uvg DIR takes the paper's {PAPER_SPLATS:,} on its frame",
     )
-    return Result(setting, numbers, (table(long.moments, quick),), figures, told)
+    return Result(setting, numbers, (table(long.moments, quick),), figures, conclusion)
 
 
 EXPERIMENT: Final = Experiment(

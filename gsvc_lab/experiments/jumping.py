@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
-from gsvc_ref.encoder.prediction import Past, Prediction, block_errors
+from gsvc_ref.arrays import F4, Frame
+from gsvc_ref.encoder.blocks import block_errors
+from gsvc_ref.encoder.log import FrameLog
+from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr
-from gsvc_ref.splats import F4, Splats
+from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, uniform_numbers
 from gsvc_ref.training.fit import Population, fit
-from gsvc_ref.video.format import Frame
 
 SCENE: Final = "jumping-circle"
 
@@ -161,9 +163,8 @@ def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: s
     settings, rng = Settings.quick(effects=effects), np.random.default_rng([seed, 1])
     jump.before.objective.loss(reference.to_array())
     past = Past(jump.before.samples, block_errors(jump.before.objective.residual()))
-    prediction = Prediction(
-        settings, jump.after.objective, jump.after.samples, reference, past, total, total, rng
-    )  # fmt: skip
+    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng)
+    prediction = predict(frame, FrameLog())
     fit(prediction.population, jump.after.objective, prediction.fit, rng)
     return prediction.population.splats()
 

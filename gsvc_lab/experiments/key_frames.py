@@ -13,8 +13,8 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Tabl
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.frame_types import Pretraining
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
+from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.errors import UsageError
 
 RULES: Final[tuple[Rule, ...]] = ("paper", "robust")
@@ -23,7 +23,7 @@ FASTER: Final = "at ten times its rate"
 """Pre-training as in the paper but for the learning rate."""
 
 DROP: Final = 0.05
-"""dB that a frame must lose as a periodic key frame to count as a drop: less is not to be told from chance."""
+"""dB that a frame must lose as a periodic key frame to count as a drop: less may be chance."""
 
 
 @dataclass(frozen=True)
@@ -269,14 +269,14 @@ def run(run: Run) -> Result:
         f"{plan.iterations} iterations a frame at the rate {plan.rate:g} in place of {PAPER_ITERATIONS} at "
         f"{PAPER_RATE:g}, and a tenth of them for fine-tuning. Bits are those of the frames' chunks."
     )
-    told = verdict(numbers).about(
+    conclusion = verdict(numbers).about(
         run,
         f"{numbers['splats']:,} splats on {numbers['width']}x{numbers['height']}, {plan.frames} frames of a clip, and "
         f"streams of {plan.iterations:,} iterations a frame",
         f"--full --uvg DIR takes the paper's {FULL.frames} frames of 1920x1080 with {FULL.splats:,} splats and its "
         f"pre-training, and streams of {FULL.iterations:,} iterations in place of {PAPER_ITERATIONS:,}",
     )
-    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), told)
+    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

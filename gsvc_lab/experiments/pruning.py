@@ -13,12 +13,12 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.pruning import PruningSchedule
-from gsvc_ref.video.format import Frame
 
 SIZE: Final = (160, 96)
 """Size of the small version in pixels."""
@@ -136,7 +136,7 @@ def verdict(change: dict[str, Change], against_weights: Change) -> Verdict:
         return Verdict("no", f"With GSP neither do centres lie on more detail nor does it come out better: {numbers}.")
     return Verdict(
         "cannot be compared",
-        f"What GSP changes is too little to be told from chance, in the places of centres and in quality: {numbers}.",
+        f"What GSP changes may be chance, in the places of centres and in quality: {numbers}.",
     )
 
 
@@ -222,12 +222,12 @@ def run(settings: Run) -> Result:
         f"learns w from the same small start without pruning.{scales_missing(*(still.size for still in pictures))}"
     )
     sizes = " and ".join(sorted({"{}x{}".format(*still.size) for still in pictures}))
-    told = verdict(change, against_weights["mean_rank"]).about(
+    conclusion = verdict(change, against_weights["mean_rank"]).about(
         settings,
         f"{len(found['with'][0].splats):,} splats on pictures of {sizes} and up to {iterations:,} iterations",
         f"--full --uvg DIR takes the paper's {PAPER_COUNT:,} on its frames and up to 50,000",
     )
-    return Result(setting, numbers, (table(found),), draw(pictures, found, settings), told)
+    return Result(setting, numbers, (table(found),), draw(pictures, found, settings), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

@@ -29,7 +29,7 @@ EVEN: Final = 0.1
 """Bits of P-frames count as constant if the most and the least differ by at most this fraction of their mean."""
 
 NEAR: Final = 1.0
-"""A PSNR is held closely if frames are at most so many dB above it in the mean."""
+"""Mean excess in dB up to which frames hold a PSNR closely."""
 
 
 SCENES: Final = ("static", "noise")
@@ -270,12 +270,12 @@ def run(run: Run) -> Result:
         f"splats where a frame is below, up to one for {MIN_PIXELS_PER_SPLAT} pixels, and removes some where it is "
         f"above. Bits are those of the frames' chunks."
     )
-    told = verdict(numbers).about(
+    conclusion = verdict(numbers).about(
         run,
         f"{plan.frames} frames of {plan.size[0]}x{plan.size[1]} of each clip",
         f"--full takes {FULL.frames} frames of {FULL.size[0]}x{FULL.size[1]} and more iterations",
     )
-    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), told)
+    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

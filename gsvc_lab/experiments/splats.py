@@ -9,9 +9,9 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
+from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.format import Frame
 
 COUNTS: Final = (10, 100, 1000, 10_000)
 """N, as in the paper's figure."""
@@ -145,12 +145,12 @@ def run(settings: Run) -> Result:
         f"splats cannot cover the frame. quick starts from the picture and makes "
         f"{Settings.quick().intra.fit.iterations} iterations.{scales_missing(still.size)}"
     )
-    told = verdict(fits).about(
+    conclusion = verdict(fits).about(
         settings,
         f"one picture of {width}x{height} and up to {iterations:,} iterations of the paper's schedule",
         "--full --uvg DIR takes the paper's frame and up to 50,000",
     )
-    return Result(setting, numbers, (table(fits),), draw(still, fits, settings), told)
+    return Result(setting, numbers, (table(fits),), draw(still, fits, settings), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

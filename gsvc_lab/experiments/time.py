@@ -56,7 +56,7 @@ FULL: Final = Plan(None, 10, 10_000, (25, 50, 100, 150, 300, 600, 1200), (200, 8
 
 
 def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) -> dict[str, Any]:
-    """By clip and preset, for each number of iterations: seconds per frame, PSNR and bits of the decoded stream."""
+    """Seconds per frame, PSNR and bits of the decoded stream by clip and preset, for each number of iterations."""
     numbers: dict[str, Any] = {}
     for clip in clips:
         pixels = clip.format.width * clip.format.height
@@ -195,12 +195,12 @@ def run(run: Run) -> Result:
         f"frames' chunks. The paper's rates are, by the authors' code, sums of sizes in memory, with P-frames as "
         f"differences to parameters that a decoder does not have."
     )
-    told = verdict(numbers).about(
+    conclusion = verdict(numbers).about(
         run,
         f"{', '.join(f'{count:,}' for count in counts)} splats on {', '.join(sizes)} and {plan.frames} frames",
         "--full --uvg DIR takes 10,000 splats on whole pictures and up to the paper's 50,000 iterations",
     )
-    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), told)
+    return Result(setting, numbers, tables(numbers), draw(numbers, run.folder), conclusion)
 
 
 EXPERIMENT: Final = Experiment(

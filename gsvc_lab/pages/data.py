@@ -4,15 +4,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
-
-Frame = NDArray[np.unsignedinteger[Any]]
-"""(H, W, 3) u1 or u2, full-range R'G'B'."""
 
 FrameType = Literal["I", "P", "R"]
 
@@ -81,7 +79,7 @@ class FrameRecord:
     seconds
         Wall time of its encoding.
     reason
-        Why it became a frame of this type; may be empty.
+        Reason for the type of the frame; may be empty.
     choices
         Decisions about each effect; the same effects in the same order for all frames, or none.
     """
@@ -125,7 +123,7 @@ class PictureRow:
     cholesky
         (N, 3) f4, their (l11, l21, l22) in pixels; None draws no ellipses.
     caption
-        Why this frame is shown; may be empty.
+        Reason for showing this frame; may be empty.
     """
 
     number: int

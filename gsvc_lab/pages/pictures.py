@@ -11,10 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, features
 
-from gsvc_lab.pages.data import Frame
-
-U1 = NDArray[np.uint8]
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F8, U1, Frame
 
 DIFFERENCE_GAIN: Final = 8
 """Factor by which the difference picture amplifies."""

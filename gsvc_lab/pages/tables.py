@@ -2,6 +2,20 @@
 
 import html
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a heading or a sentence before it, the names of its columns with units, and rows of text."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        """The title and the table as aligned Markdown, which a terminal shows well too."""
+        return f"{self.title}\n\n{markdown_table(self.columns, self.rows, aligned=True)}"
 
 
 class Markup(str):

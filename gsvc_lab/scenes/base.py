@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import (
     Checked,
     ParameterError,
@@ -23,6 +23,7 @@ from gsvc_lab.scenes.parameters import (
 from gsvc_lab.scenes.photographs import PHOTOGRAPHS, photograph
 from gsvc_lab.scenes.sampling import smoothed
 from gsvc_lab.scenes.seeds import generator
+from gsvc_ref.arrays import F4
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.portable import cos, sin, total
 
@@ -105,7 +106,7 @@ class Base(Checked):
 
     @property
     def name(self) -> str:
-        """In one word or two, for people."""
+        """Its name for people, in one word or two."""
         if self.color is not None:
             return "colour"
         return (

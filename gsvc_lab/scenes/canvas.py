@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F8
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_lab.scenes.base import Base
-from gsvc_lab.scenes.canvas import F4, F8
 from gsvc_lab.scenes.description import Description
 from gsvc_lab.scenes.effect import (
     CameraEffect,
@@ -24,11 +22,11 @@ from gsvc_lab.scenes.effect import (
     kind_of,
 )
 from gsvc_lab.scenes.seeds import generator
+from gsvc_ref.arrays import F4, F8, U1
 
 if TYPE_CHECKING:
     from gsvc_lab.scenes.camera import Camera, View
 
-U1 = NDArray[np.uint8]
 
 MAX_VIEWS: Final = 4
 """Bases that a clip keeps: pictures can be large, and a slide show has many."""

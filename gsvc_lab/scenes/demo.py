@@ -25,7 +25,7 @@ _SWAY: Final = 0.004
 
 
 def demo_cut(frames: int) -> int:
-    """The number of the first frame after the cut in a demo clip of so many frames; 0 for one frame: no cut."""
+    """The number of the first frame after the cut in a demo clip of this length; 0 for one frame: no cut."""
     return round(frames * _FIRST_SHOT) if frames > 1 else 0
 
 
@@ -72,12 +72,12 @@ def _draw(width: int, height: int, frames: int, rng: Draws) -> Iterator[NDArray[
 
 
 def _over_the_coffee(progress: float, sway_x: float, sway_y: float) -> Camera:
-    """From the table towards the cup."""
+    """The camera on its way from the table towards the cup."""
     return Camera(0.46 + 0.05 * progress + sway_x, 0.50 - 0.02 * progress + sway_y, 0.92 - 0.14 * progress)
 
 
 def _along_the_cat(progress: float, sway_x: float, sway_y: float) -> Camera:
-    """From one eye to the other, rolling a little."""
+    """The camera on its way from one eye to the other, rolling a little."""
     return Camera(0.46 + 0.09 * progress + sway_x, 0.50 + sway_y, 0.80 + 0.06 * progress, -0.03 + 0.05 * progress)
 
 

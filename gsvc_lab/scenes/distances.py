@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import hypot
 
 Box = tuple[float, float, float, float]

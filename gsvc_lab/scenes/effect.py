@@ -29,8 +29,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import Checked
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
 
@@ -107,7 +108,7 @@ class TransitionEffect(Effect):
 
     @abstractmethod
     def shown(self, bases: "tuple[Base, ...]", canvas: Canvas, time: float) -> "tuple[Base, ...]":
-        """Which bases are to be seen at a time, given those that are without this effect."""
+        """The bases that are to be seen at a time, given those that are without this effect."""
 
 
 class ObjectEffect(Effect):

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_lab.pages.page import document
 from gsvc_lab.pages.pictures import animation_uri, png_uri
@@ -27,9 +26,9 @@ from gsvc_lab.scenes.ground_truth import truth
 from gsvc_lab.scenes.parameters import key_of, parameters
 from gsvc_lab.scenes.reference import as_toml, reference_object
 from gsvc_lab.scenes.scene import Scene
+from gsvc_ref.arrays import U1
 from gsvc_ref.files import write_text
 
-U1 = NDArray[np.uint8]
 Progress = Callable[[str, float, float | None], None]
 
 WIDTH: Final = 192

@@ -32,16 +32,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.scenes.canvas import F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.clip import Clip
 from gsvc_lab.scenes.description import Description
+from gsvc_ref.arrays import F8
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import check_parent, complete_file
 
 Move = Callable[[F8, F8, Canvas, int], tuple[F8, F8] | None]
 
 TOLERANCE: Final = 1e-9
-"""In pixels: how exactly a place before a warp is found."""
+"""Tolerance in pixels of a place before a warp."""
 MAX_STEPS: Final = 200
 MAX_TRUTH_BYTES: Final = 2**31
 

@@ -59,7 +59,7 @@ def check_keys(at: Sequence[float], **values: Sequence[Any]) -> None:
 def key_before(
     at: Sequence[float], count: int, canvas: Canvas, time: float, pace: str, repeat: bool = False
 ) -> tuple[int, float]:
-    """Which of the `count` keys a moment follows, and how far it is on the way to the next, 0 to 1.
+    """The one of `count` keys that a moment follows, and the part of the way to the next, 0 to 1.
 
     Parameters
     ----------

@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import Box, polygon_distance
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import arctan2, cos, hypot, sin
 
 Corners = Sequence[tuple[float, float]]
 
 RECTANGLE: Final[Corners] = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-"""In halves of the width and the height from the centre, as all corners before they are placed; y points down."""
+"""Corners in halves of the width and the height from the centre, before they are placed; y points down."""
 
 ROUND_POINTS: Final = 128
 """Number of points of an outline that has no corners."""
@@ -33,7 +33,7 @@ class Pose:
     a, b
         Half its width and height in pixels; positive.
     angle
-        In radians, clockwise as seen.
+        Rotation in radians, clockwise as seen.
     wobble
         Height of the bulges of its outline, as a part of the distance from the centre.
     waves
@@ -96,7 +96,7 @@ def regular_polygon(points: int) -> Corners:
 
 
 def star(points: int, inner: float) -> Corners:
-    """Corners of a star with so many points, one on top; `inner` is the radius of its inner corners."""
+    """Corners of a star with this number of points, one on top; `inner` is the radius of its inner corners."""
     return [_on_circle(index / (2 * points), inner if index % 2 else 1) for index in range(2 * points)]
 
 

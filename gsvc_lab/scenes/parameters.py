@@ -47,7 +47,7 @@ class Rule:
     Attributes
     ----------
     allowed
-        In words: "a number from 0 to 1".
+        The allowed values in words: "a number from 0 to 1".
     take
         Gives the value as it is kept; raises ValueError for what is not allowed.
     is_frame

@@ -1,4 +1,4 @@
-"""When effects begin and end, and how what changes gradually gets from its beginning to its end."""
+"""Beginning and end of effects, and the course of gradual changes between them."""
 
 import math
 from typing import Final
@@ -30,7 +30,7 @@ def progress(time: float, start: int, end: int | None, frames: int, pace: str = 
     Parameters
     ----------
     time
-        In frames.
+        Time in frames.
     start, end
         Numbers of frames.
     frames

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4
+from gsvc_ref.arrays import F4
 from gsvc_ref.errors import UsageError
 
 PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from gsvc_lab.scenes.clip import Clip
 from gsvc_lab.scenes.description import Description
-from gsvc_ref.video.format import ColorDescription, Frame, VideoFormat
+from gsvc_ref.arrays import Frame
+from gsvc_ref.video.format import ColorDescription, VideoFormat
 from gsvc_ref.video.stream import VideoReader
 
 

@@ -9,9 +9,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import exp
-
-F8 = NDArray[np.float64]
 
 _POLE: Final = math.sqrt(3) - 2
 """Pole of the recursive filters that find the coefficients of a cubic spline."""
@@ -110,7 +109,7 @@ def read_at(coefficients: F8, rows: F8, columns: F8) -> F8:
 
 
 def _times(weights: F8, more: int) -> F8:
-    """Weights (N,) as a factor of arrays (N, ...) with so many dimensions more."""
+    """Weights (N,) as a factor of arrays (N, ...) with this number of further dimensions."""
     return weights.reshape(-1, *[1] * more)
 
 

@@ -1,4 +1,4 @@
-"""Random generators of a scene: each of its own, told apart by names and numbers, not by the order of their use."""
+"""Random generators of a scene: each of its own, by names and numbers, not by the order of their use."""
 
 from zlib import crc32
 

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.portable import hypot
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 
@@ -23,7 +22,7 @@ class Ball:
     x, y
         Its centre in pixels; (0.5, 0.5) is the centre of the first pixel.
     radius
-        In pixels.
+        Radius in pixels.
     color
         (R, G, B) of its lit side, 1.0 = full scale.
     """

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8
 from gsvc_lab.scenes.distances import segment_distance
+from gsvc_ref.arrays import F8
 from gsvc_ref.errors import UsageError
 
 Line = tuple[tuple[float, float], ...]
@@ -101,7 +101,7 @@ def check_text(text: str) -> None:
 
 
 def text_width(text: str, weight: float) -> float:
-    """From the left edge of the first stroke to the right edge of the last, in heights of a capital.
+    """Width from the left edge of the first stroke to the right edge of the last, in heights of a capital.
 
     Parameters
     ----------

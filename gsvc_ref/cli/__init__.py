@@ -18,7 +18,7 @@ from gsvc_ref.cli.decode import add_command as add_decode
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
-from gsvc_ref.cli.signals import termination_as_ctrl_c
+from gsvc_ref.interrupts import termination_as_ctrl_c
 
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""

@@ -1,5 +1,6 @@
-"""What an encoder decided about the frames, in lines: for ``gsvc encode`` and ``gsvc info --decisions``."""
+"""The decisions of an encoder in lines, for ``gsvc encode`` and ``gsvc info --decisions``."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
@@ -8,17 +9,20 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from gsvc_ref.cli.text import plural, table
 
 if TYPE_CHECKING:
-    from gsvc_ref.encoder.decisions import Decision
+    from gsvc_ref.encoder.log import Decision
     from gsvc_ref.stream import StreamSummary
 
     Decisions = Sequence[Sequence[Decision]]
 
 MAX_RUNS: Final = 12
-"""Runs of frames that are listed for an effect, so that a long video stays readable."""
+"""Maximum number of runs of frames that are listed for an effect, so that a long video stays readable."""
+
+NUMBER: Final = re.compile(r"[0-9][0-9,]*(?:[.][0-9]+)?")
+"""A number in a reason: reasons that differ in their numbers alone are of one kind."""
 
 
 class Run(NamedTuple):
-    """Frames in a row about which the same was decided for the same kind of reason."""
+    """Frames in a row with the same decision for the same kind of reason."""
 
     first: int
     last: int
@@ -31,7 +35,7 @@ class Run(NamedTuple):
 
 
 def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
-    """One line on what was left out, and what was not."""
+    """One line that counts what was done and what was left out."""
     predicted = types.count("P")
 
     def done(effect: str, kinds: str) -> int:
@@ -43,7 +47,7 @@ def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
     if predicted:
         whole = done("regions", "P")
         parts.append(f"GSA in {done('gsa', 'P')} of {plural(predicted, 'P-frame')}")
-        parts.append(f"splats at rest in {predicted - whole}")
+        parts.append(f"static splats in {predicted - whole}")
         parts.append(f"motion in {done('motion', 'P')}")
     parts.append(f"pruning in {done('gsp', 'IP')}")
     saved = sum(one.saved for frame in decisions for one in frame)
@@ -51,8 +55,8 @@ def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
 
 
 def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]":
-    """The decisions that a stream tells, and a note where it does not tell them."""
-    from gsvc_ref.encoder.decision_chunk import unpack
+    """The decisions in the log of a stream, and a note if there is none that can be read."""
+    from gsvc_ref.encoder.log import read_log
     from gsvc_ref.errors import UsageError
 
     again = "encode it again with gsvc encode, without --no-decisions"
@@ -60,7 +64,7 @@ def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]"
         why = "what is left of it does not" if summary.error or summary.gaps else "the stream does not"
         return [], f"{why} tell what the encoder decided; {again}"
     try:
-        return unpack(summary.ancillary, len(summary.frames)), None
+        return read_log(summary.ancillary, len(summary.frames)), None
     except UsageError as error:
         return [], f"{error}; {again}"
 
@@ -85,33 +89,38 @@ def decision_lines(decisions: "Decisions") -> list[str]:
 
 
 def _usual(column: "Sequence[Decision]") -> str:
-    """The most frequent reason, without its number where that differs."""
-    (cause, count), *_ = Counter(one.cause for one in column).most_common(1)
+    """The most frequent kind of reason, with the span of its numbers."""
+    (kind, count), *_ = Counter(_kind(one) for one in column).most_common(1)
     share = "" if count == len(column) else f" ({count:,} of {len(column):,})"
-    return _reason([one for one in column if one.cause == cause]) + share
+    return _reason([one for one in column if _kind(one) == kind]) + share
 
 
 def _runs(column: "Sequence[Decision]") -> Iterator[Run]:
-    """Frames in a row with the same decision and cause, numbered from 0."""
+    """Frames in a row with the same decision and kind of reason, numbered from 0."""
     first = 0
-    for (done, _), group in groupby(column, key=lambda one: (one.done, one.cause)):
+    for (done, _), group in groupby(column, key=lambda one: (one.done, _kind(one))):
         same = list(group)
         yield Run(first, first + len(same) - 1, done, _reason(same))
         first += len(same)
 
 
-def _reason(same: "Sequence[Decision]") -> str:
-    """The reason of decisions of one cause, with the span of its numbers."""
-    ordered = sorted(same, key=lambda one: one.value or 0)
-    low, high = ordered[0], ordered[-1]
-    if low.value == high.value:
-        return low.reason
-    from gsvc_ref.encoder.decisions import CAUSES
+def _kind(one: "Decision") -> str:
+    """The reason without its numbers."""
+    return NUMBER.sub("#", one.reason)
 
-    return CAUSES[low.cause].text.format(n=f"{low.number} to {high.number}")
+
+def _reason(same: "Sequence[Decision]") -> str:
+    """The reason of decisions of one kind, each number of it as the span of their numbers."""
+    spans = map(_span, zip(*(NUMBER.findall(one.reason) for one in same), strict=True))
+    return NUMBER.sub(lambda _: next(spans), same[0].reason)
+
+
+def _span(numbers: Sequence[str]) -> str:
+    ordered = sorted(numbers, key=lambda number: float(number.replace(",", "")))
+    return ordered[0] if ordered[0] == ordered[-1] else f"{ordered[0]} to {ordered[-1]}"
 
 
 def decisions_object(decisions: "Decisions") -> list[list[dict[str, Any]]]:
-    """All decisions for ``--json``; a stream does not tell the seconds."""
-    names = ("effect", "done", "cause", "reason", "iterations", "saved")
+    """All decisions for ``--json``, without seconds, which no stream has."""
+    names = ("effect", "done", "reason", "iterations", "saved")
     return [[{name: getattr(one, name) for name in names} for one in frame] for frame in decisions]

@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     check_output(arguments.output, arguments.input, folder_allowed=True)
     try:
-        from gsvc_ref.encoder.interrupts import Interrupts
+        from gsvc_ref.interrupts import Interrupts
 
         with Interrupts(patient=False, once=True):  # a terminal that is closed may send SIGHUP twice
             return _decode(arguments)

@@ -34,9 +34,10 @@ STAGES: Final = {
     "rate": "looking for the number of splats",
     "quantize": "quantising",
 }
-"""What to call the stages of an encode."""
+"""The stages of an encode in words."""
+
 FIT_SHARE: Final = 0.6
-"""About how much of a frame's time goes to its first stage, for the estimate of the time left."""
+"""The share of a frame's time that its first stage takes, roughly, for the estimate of the time left."""
 
 
 def add_command(commands: Any) -> None:
@@ -134,7 +135,7 @@ def _encode(arguments: Namespace) -> int:
     with compilation_notice(COMMAND, silent=not talkative) as notice, open_video(arguments.input) as reader:
         if talkative:
             _introduce(arguments.input, reader, settings, out)
-        told = len(reader.notes)
+        shown = len(reader.notes)
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -147,7 +148,7 @@ def _encode(arguments: Namespace) -> int:
                 say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
-            for note in report.notes[told:]:
+            for note in report.notes[shown:]:
                 show(f"  note: {note}", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
@@ -197,7 +198,7 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
 
 
 def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
-    """What `gsvc_ref.encode` calls to have its progress shown; None when nothing is to be shown."""
+    """The function that shows the progress of `gsvc_ref.encode`; None when nothing is to be shown."""
     if not display.active:
         return None
     done = 0.0
@@ -219,7 +220,7 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
 
 
 def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
-    """What came out, in lines; `compiled` tells that kernels were compiled in the time of the encode."""
+    """The result of an encode in lines; `compiled`: kernels were compiled in its time."""
     frames = report.frames
     counts = Counter[str](frame.type for frame in frames)
     types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
@@ -258,10 +259,7 @@ def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFor
         "interrupted": report.interrupted,
         "fault": report.fault,
         "header": report.header,
-        "frames": [
-            to_json(frame) | {"decisions": [to_json(one) | {"reason": one.reason} for one in frame.decisions]}
-            for frame in report.frames
-        ],
+        "frames": report.frames,
         "notes": report.notes,
         "settings": to_json(report.settings),
     }

@@ -1,4 +1,4 @@
-"""``gsvc info``: what a `.gsvc` file holds and where its bits went."""
+"""``gsvc info``: the contents of a `.gsvc` file, and the share of its bits that each part takes."""
 
 from argparse import Namespace
 from dataclasses import replace
@@ -74,7 +74,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _damage(name: str, stream: "Stream", summary: "StreamSummary") -> list[str]:
-    """What to say about damage, if there is any."""
+    """Sentences about the damage, if there is any."""
     count = len(summary.frames)
     if summary.error is not None:
         return list(describe_damage(name, stream, summary.error, 0, count))

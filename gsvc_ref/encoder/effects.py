@@ -1,4 +1,4 @@
-"""Which steps of the paper an encode takes: all of them on every frame, or those that the scene calls for."""
+"""Effects: steps of an encode that are taken on every frame, or only where the scene calls for them."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Literal, Self, get_args, get_type_hints
@@ -7,7 +7,7 @@ from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 
 Mode = Literal["auto", "all", "off"]
-"""Where it is asked for, on every frame, or nowhere."""
+"""``auto``: where the scene calls for the effect; ``all``: on every frame; ``off``: nowhere."""
 
 EffectName = Literal["frames", "regions", "gsa", "dks", "gsp", "motion"]
 
@@ -21,12 +21,12 @@ MEANINGS: Final[dict[EffectName, str]] = {
     "gsp": "prune in every frame",
     "motion": "move splats along the optical flow",
 }
-"""What `all` does; `auto` does it where the scene calls for it."""
+"""The meaning of ``all``; ``auto`` does the same where the scene calls for it."""
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What to do of each: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere.
+    """The mode of each effect: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere.
 
     Attributes
     ----------
@@ -66,12 +66,12 @@ class Effects:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The effects of a text such as ``auto``, ``all`` or ``auto,gsa=off,dks=all``: a base, then switches by name.
+        """The effects that a text names, such as ``auto`` or ``auto,gsa=off,dks=all``: a base, then switches by name.
 
         Raises
         ------
         UsageError
-            A word of it is unknown; the message lists those that there are.
+            A word of the text is unknown; the message lists those that there are.
         """
         base, *switches = [part.strip() for part in text.split(",")]
         if base not in ("auto", "all"):

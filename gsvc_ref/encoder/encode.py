@@ -5,21 +5,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.bitstream.chunks import DECISIONS
-from gsvc_ref.encoder.decision_chunk import pack
-from gsvc_ref.encoder.decisions import completed
-from gsvc_ref.encoder.ends import Frame, Source, Target, opened_source, opened_target
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames
-from gsvc_ref.encoder.interrupts import Interrupts
+from gsvc_ref.encoder.log import FrameLog, write_log
 from gsvc_ref.encoder.quantizer_choice import quantizer_fields
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.source_and_target import Frame, Source, Target, is_file, opened_source, opened_target, same_file
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.video import VideoReader
@@ -57,11 +55,11 @@ def encode(
         Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
         can be decoded up to its last complete frame. Its header does not tell the number of frames.
     progress
-        Called now and then with where the encode is.
+        Called now and then with the place where the encode is.
 
     Returns
     -------
-    What was encoded and how; `interrupted` is True if Ctrl-C stopped it after at least one complete frame.
+    The report; its `interrupted` is True if Ctrl-C stopped the encode after at least one complete frame.
 
     Raises
     ------
@@ -70,16 +68,16 @@ def encode(
     UsageError
         The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
     IncompleteEncodeError
-        One of these two came after at least one complete frame; `report` tells what was saved.
+        One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError
         The target cannot be written; what stood under its name still does, unless `live`.
     Exception
-        What the caller's frames or `progress` raise passes through, with a note if frames were saved.
+        Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
-    if isinstance(source, str | Path) and isinstance(target, str | Path) and _same_file(Path(source), Path(target)):
+    if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    with opened_source(source) as reader, Interrupts(patient=_is_file(target)) as interrupts:
+    with opened_source(source) as reader, Interrupts(patient=is_file(target)) as interrupts:
         with opened_target(target, live=live) as file:
             work = _Encode(reader, file, chosen, progress, interrupts, live=live)
             report = work.run()
@@ -101,24 +99,13 @@ def _raise(fault: BaseException, report: EncodeReport) -> None:
     raise fault
 
 
-def _is_file(target: Target) -> bool:
-    """Whether a target is a file, or will be, and no pipe or device, which may never take what is written."""
-    return (
-        isinstance(target, str | Path) and str(target) != "-" and (Path(target).is_file() or not Path(target).exists())
-    )
-
-
-def _same_file(a: Path, b: Path) -> bool:
-    return a.is_file() and b.is_file() and a.samefile(b)
-
-
 class _Encode:
     """One encode: the objects that its steps share.
 
     Attributes
     ----------
     fault
-        What ended it early, other than Ctrl-C; None if nothing did.
+        The fault that ended it early, other than Ctrl-C; None if nothing did.
     """
 
     def __init__(
@@ -178,8 +165,8 @@ class _Encode:
         if self.writer is None:
             nothing = "the source has no frames to encode; check the file and --frames"
             raise self.fault or GsvcError("malformed", nothing)
-        told = (DECISIONS, pack([frame.decisions for frame in self.reports])) if self.settings.decisions else None
-        file_bytes = sum(self.writer.finish(told).values()) // 8
+        log = (DECISIONS, write_log([frame.decisions for frame in self.reports])) if self.settings.decisions else None
+        file_bytes = sum(self.writer.finish(log).values()) // 8
         return EncodeReport(
             header=self.writer.header,
             settings=self.encoder.settings,
@@ -209,7 +196,7 @@ class _Encode:
     def _typed(self) -> Iterator[TypedFrame]:
         """The frames with their types; the time between them is that of reading and detecting."""
         typed = typed_frames(
-            self._frames(), self.settings, self.format.peak, lambda number: self._tell("detect", number)
+            self._frames(), self.settings, self.format.peak, lambda number: self._show_progress("detect", number)
         )
         while True:
             with self._timed("read and detect"):
@@ -236,7 +223,7 @@ class _Encode:
         before = len(self.encoder.state.splats)
         encoded = self.encoder.encode(
             item.frame, item.type, item.number,
-            lambda stage, done, iterations, psnr: self._tell(stage, item.number, done, iterations, psnr),
+            lambda stage, done, iterations, psnr: self._show_progress(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
         self.interrupts.held = True
         with self._timed("write"):
@@ -251,7 +238,7 @@ class _Encode:
         try:
             if self.writer is None:
                 self.writer = StreamWriter(self.file, self._header(), index=self.settings.index, live=self.live)
-            return self.writer.write_frame(encoded.codes).bits
+            return self.writer.write_frame(encoded.codes, encoded.state).bits
         except (GsvcError, UsageError):  # the frame is at fault
             raise
         except BaseException as error:  # part of a chunk may be written
@@ -264,17 +251,16 @@ class _Encode:
         codes = encoded.codes
         pruned = before - codes.survivor_count if codes.type == "P" else 0
         reason = item.reason if codes.type == item.type else "nothing to see of what changed"
-        made = [
-            replace(one, iterations=encoded.iterations, seconds=sum(encoded.seconds.values()))
-            if one.effect == "frames" else one
-            for one in (*item.decisions, *encoded.decisions)
-        ]  # fmt: skip
+        log = FrameLog((*item.decisions, *encoded.decisions))
+        log.measured("frames", encoded.iterations, sum(encoded.seconds.values()))
         return FrameReport(
             item.number, codes.type, reason, len(encoded.state.splats), codes.intra_count, pruned, encoded.iterations,
-            encoded.psnr, bits, seconds, completed(made, self.settings.effects, codes.type),
+            encoded.psnr, bits, seconds, log.completed(self.settings.effects, codes.type),
         )  # fmt: skip
 
-    def _tell(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
+    def _show_progress(
+        self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None
+    ) -> None:
         if self.progress:
             elapsed = time.perf_counter() - self.begin
             if self.frame_count is not None and frame >= self.frame_count:

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.encoder.decisions import Decision, decision
-from gsvc_ref.encoder.prediction import SAME_RATIO, Past, Prediction, errors_left
+from gsvc_ref.encoder.blocks import errors_left
+from gsvc_ref.encoder.log import Decision, FrameLog
+from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import with_best_quantizer
 from gsvc_ref.encoder.rate import hold_quality, loss_of_psnr, psnr_of_loss
 from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
@@ -32,10 +33,10 @@ SAFETY: Final = 0.05
 """Constant quality: dB aimed above the goal after an attempt that missed it."""
 
 QUALITY_ROUNDS: Final = 8
-"""Constant quality: most attempts to hold the quality of the decoded frame."""
+"""Constant quality: maximum number of attempts to hold the quality of the decoded frame."""
 
 FEWER: Final = 1 / 3
-"""The fraction of the iterations that a P-frame gets which is predicted about as well as the frame before was left."""
+"""The fraction of its iterations that a P-frame gets if it is predicted about as well as the frame before was left."""
 
 OnStage = Callable[[str, int, int, float], None]
 """Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
@@ -43,22 +44,22 @@ OnStage = Callable[[str, int, int, float], None]
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """What came of one frame.
+    """A frame as it is encoded.
 
     Attributes
     ----------
     codes
-        To be written.
+        The codes to be written.
     state
         The decoder's state after the frame, with the reconstructed splats.
     psnr
-        Of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+        PSNR of the decoded frame at its bit depth, in dB; infinite if equal to the source.
     iterations
-        Of all fits and fine-tuning together.
+        The number of iterations of all fits and fine-tuning together.
     seconds
         Time by stage: start, fit, choose, rate, quantize, check.
     decisions
-        What was decided on the way.
+        The decisions made on the way.
     """
 
     codes: FrameCodes
@@ -77,16 +78,16 @@ class FrameEncoder:
     settings
         All settings.
     width, height, bit_depth
-        Of the frames.
+        The size of the frames in pixels, and the bits of a sample.
 
     Attributes
     ----------
     settings
-        Those given; from the first frame on with the quantisers that were chosen for the stream.
+        The settings given; from the first frame on with the quantisers that were chosen for the stream.
     state
         The decoder's state after the frames so far.
     total, most
-        The splats that a frame is meant to have, and the most that it may get.
+        The number of splats that a frame is meant to have, and the maximum that it may get.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -108,7 +109,7 @@ class FrameEncoder:
 
 
 class _FrameWork:
-    """The work on one frame: what its steps share, and the time that each takes."""
+    """The work on one frame: the objects that its steps share, and the time that each takes."""
 
     def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
         self.encoder, self.settings = encoder, encoder.settings
@@ -120,11 +121,11 @@ class _FrameWork:
         self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
         self.seconds: dict[str, float] = {}
         self.iterations = 0
-        self.decisions: list[Decision] = []
-        self.worse: NDArray[np.bool_] | None = None  # the blocks of a P-frame that were not as good as they were left
+        self.log = FrameLog()
+        self.worse: NDArray[np.bool_] | None = None  # (rows, columns) of blocks, as of Prediction
 
     def remembered(self, result: EncodedFrame) -> Past:
-        """What the next frame needs to know of this one."""
+        """The past of the next frame."""
         past = self.encoder.past
         if result.codes.type == "R" and past is not None:
             return Past(self.picture, past.left)
@@ -152,7 +153,7 @@ class _FrameWork:
             population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
         if fit_settings.pruning is not None:
             pruned = sum(fit_settings.pruning.counts(self.total, fit_settings.iterations).values())
-            self.decisions.append(decision("gsp", "pruned", pruned, done=True))
+            self.log.add("gsp", f"{pruned:,} splats removed during the fit", done=True)
         return self._encode(population, replace(settings, fit=fit_settings), self.before.forget())
 
     def inter(self) -> EncodedFrame:
@@ -162,19 +163,20 @@ class _FrameWork:
         with self._timed("start"):
             reference = self.before.splats
             total = self.total if self.settings.psnr is None else len(reference)
-            prediction = Prediction(
-                self.settings, self.objective, self.picture, reference, past, total, self.encoder.most, self.rng
+            frame = PFrame(
+                self.settings, self.picture, self.objective, reference, past, total, self.encoder.most, self.rng
             )
-            self.decisions += prediction.decisions
+            prediction = predict(frame, self.log)
             self.worse = prediction.worse
         if effects.frames == "auto" and self.settings.psnr is None:
-            if prediction.is_still:
-                self.decisions.append(decision("frames", "at rest", done=False, saved=_steps(settings)))
+            if prediction.is_static:
+                reason = "all splats are static, so the frame before is repeated"
+                self.log.add("frames", reason, done=False, saved=_steps(settings))
                 return self.repeat()
-            if prediction.growth <= SAME_RATIO:
+            if (ratio := prediction.error_ratio) <= SAME_RATIO:
                 less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
-                saved = _steps(settings) - _steps(less)
-                self.decisions.append(decision("frames", "same", prediction.growth, done=True, saved=saved))
+                reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
+                self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before)
         return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
 
@@ -210,11 +212,11 @@ class _FrameWork:
         assert best is not None  # there is at least one round
         fewer_splats = fitted - len(best.state.splats)
         if self.settings.effects.gsp == "auto":
-            spared = fewer_splats > 0
-            self.decisions.append(
-                decision("gsp", *(("spare", fewer_splats) if spared else ("nothing to spare",)), done=spared)
+            spare = f"{fewer_splats:,} splats fewer hold the quality"
+            self.log.add(
+                "gsp", spare if fewer_splats > 0 else "the quality has nothing to spare", done=fewer_splats > 0
             )
-        return replace(best, iterations=self.iterations, decisions=tuple(self.decisions))
+        return replace(best, iterations=self.iterations, decisions=self.log.decisions)
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
@@ -229,7 +231,7 @@ class _FrameWork:
         with self._timed("check"):
             decoded = self.encoder.renderer.frame(state.splats, self.bit_depth)
             quality = psnr(self.frame, decoded, self.peak)
-        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, tuple(self.decisions))
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, self.log.decisions)
 
     def _report(self, stage: str) -> OnIteration:
         return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))

@@ -1,6 +1,6 @@
-"""Which frames are key frames: every k, listed, or found by pre-training frames twice (DKS, paper section 3.6).
+"""The type of each frame: a key frame (every k, listed, or found by DKS, paper section 3.6), predicted, repeated.
 
-The paper pre-trains every frame. With `Effects.dks` at ``auto``, ours, a cheap measure comes first: the mean squared
+DKS pre-trains every frame twice. With `Effects.dks` at ``auto``, ours, a cheap measure comes first: the mean squared
 difference d of two successive frames, reduced as for pre-training. No cut is where d is at most MIN_CHANGE of the
 picture's variance, or within STANDS_OUT standard deviations of the mean of d over the window, without the frame itself
 and the key frames found before it. Only a frame that stands out is pre-trained, from scratch and from the frame before;
@@ -16,15 +16,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref._jit import kernel
-from gsvc_ref.encoder.decisions import Decision, decision
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
-from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.encoder.log import OFF, Decision, percent
+from gsvc_ref.encoder.pretraining import Pretraining
+from gsvc_ref.encoder.reduction import reduced
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.reconstruction import FrameType
-from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.fit import NEW, Population, fit
+from gsvc_ref.splats import F4
 
 Frame = NDArray[np.unsignedinteger[Any]]
 OnPretraining = Callable[[int], None]
@@ -37,14 +35,14 @@ STANDS_OUT: Final = 2.5
 """A cut changes the picture by more than the frames around it do, by this many standard deviations."""
 
 MIN_VARIANCE: Final = 1e-4
-"""Of a picture, per pixel and summed over the channels: an even one has none that changes could be compared with."""
+"""Least variance, per pixel and summed over the channels, that changes are compared with: an even picture has none."""
 
 
 @dataclass(frozen=True)
 class TypedFrame:
     """A source frame (H, W, 3) u1 or u2 with its number, its type, the reason for it, and what was decided on the way.
 
-    The decisions are those about ``dks`` and, for frames that are repeated, ``frames``.
+    The decisions are those about ``frames`` and ``dks``.
     """
 
     number: int
@@ -61,7 +59,7 @@ class _Judged(NamedTuple):
     frame: Frame
     is_key: bool
     reason: str
-    decision: Decision
+    dks: Decision
 
 
 def typed_frames(
@@ -74,17 +72,17 @@ def typed_frames(
         repeated = settings.effects.frames == "auto" and changed == 0
         if number == 0:
             kind: FrameType = "I"
-            reason, why = "first frame", decision("frames", "first", done=True)
+            reason, why = "first frame", Decision("frames", True, "the first frame")
         elif is_key and settings.key_frames != "auto":  # asked for, so there whatever the picture
-            kind, why = "I", decision("frames", "asked", done=True)
+            kind, why = "I", Decision("frames", True, "asked for")
         elif repeated:
             steps = sum(part.iterations for part in (settings.inter.fit, settings.inter.tune))
             kind, reason = "R", "equal to the frame before"
-            why = decision("frames", "equal", done=False, saved=steps)
+            why = Decision("frames", False, reason, saved=steps)
         else:
             kind, reason = ("I", reason) if is_key else ("P", "predicted")
-            number_of = None if settings.effects.frames == "all" else max(1, 100 * changed)
-            why = decision("frames", "asked" if number_of is None else "differs", number_of, done=True)
+            differs = f"{percent(changed)} of the pixels differ from the frame before"
+            why = Decision("frames", True, "asked for" if settings.effects.frames == "all" else differs)
         yield TypedFrame(number, frame, kind, reason, (why, dks))
         before = frame
 
@@ -108,8 +106,10 @@ def _with_key_frames(
             is_key, reason = number % key == 0, f"every {key} frames"
         else:
             is_key, reason = key != "auto" and number in key, "listed"
-        cause, saved = ("off", _pretraining_steps(settings, number)) if key == "auto" else ("every", 0)
-        yield _Judged(number, frame, is_key, reason, decision("dks", cause, done=False, saved=saved))
+        dks = Decision("dks", False, "key frames are not looked for")
+        if key == "auto":
+            dks = Decision("dks", False, OFF, saved=_pretraining_steps(settings, number))
+        yield _Judged(number, frame, is_key, reason, dks)
 
 
 def _pretraining_steps(settings: Settings, number: int) -> int:
@@ -134,7 +134,7 @@ class _Everywhere:
         self.waiting: deque[tuple[int, Frame, float | None, int, float]] = deque()
 
     def push(self, number: int, frame: Frame) -> Iterator[_Judged]:
-        """Take a frame; those that can be decided now."""
+        """Take a frame; the frames that can be decided now."""
         begin, before = time.perf_counter(), self.pretraining.iterations
         intra, inter = self.pretraining.losses(frame.astype(np.float32) / np.float32(self.peak))
         ratio = None if inter is None else _ratio(inter, intra)
@@ -143,15 +143,15 @@ class _Everywhere:
         yield from self._release(self.selector.push(intra, inter))
 
     def flush(self) -> Iterator[_Judged]:
-        """No frame follows: those that wait."""
+        """The frames that wait, since no other follows."""
         yield from self._release(self.selector.flush())
 
     def _release(self, decisions: list[bool]) -> Iterator[_Judged]:
         for is_key in decisions:
             number, frame, ratio, made, seconds = self.waiting.popleft()
-            cause = "first" if ratio is None else "cut" if is_key else "no cut"
-            why = decision("dks", cause, ratio, done=True, iterations=made, seconds=seconds)
-            yield _Judged(number, frame, is_key, "scene change", why)
+            why = "the first frame" if ratio is None else _verdict(is_key, ratio)
+            dks = Decision("dks", True, why, iterations=made, seconds=seconds)
+            yield _Judged(number, frame, is_key, "scene change", dks)
 
 
 class _Seen(NamedTuple):
@@ -165,7 +165,7 @@ class _Seen(NamedTuple):
 
 
 class _WhereSuspected:
-    """Ours: only frames that a cheap measure suspects are pre-trained."""
+    """Our way: only frames that a cheap measure suspects are pre-trained."""
 
     def __init__(self, settings: Settings, peak: int) -> None:
         self.settings, self.peak = settings, np.float32(peak)
@@ -189,7 +189,7 @@ class _WhereSuspected:
             yield self._decide()
 
     def flush(self) -> Iterator[_Judged]:
-        """No frame follows: those that wait."""
+        """The frames that wait, since no other follows."""
         while self.waiting:
             yield self._decide()
 
@@ -200,23 +200,24 @@ class _WhereSuspected:
         others = [change for change in self.usual if change is not None] + [later.change for later in self.waiting]
         is_key = False
         if seen.number == 0:
-            is_key, why = True, decision("dks", "first", done=False, saved=steps)
+            is_key, dks = True, Decision("dks", False, "the first frame", saved=steps)
         elif seen.share <= MIN_CHANGE:
-            why = decision("dks", "smooth", 100 * seen.share, done=False, saved=steps)
+            why = f"no cut: the picture changes by {100 * seen.share:.1f} % of its variance"
+            dks = Decision("dks", False, why, saved=steps)
         elif not _stands_out(seen.change, others):
-            why = decision("dks", "usual", done=False, saved=steps)
+            dks = Decision("dks", False, "no cut: the picture changes no more than around it", saved=steps)
         else:
             ratio, made = self._pretrained(seen.frame)
             is_key = ratio > self.settings.detection.guard_ratio
-            why = decision("dks", "cut" if is_key else "no cut", ratio, done=True, iterations=made)
+            dks = Decision("dks", True, _verdict(is_key, ratio), iterations=made)
         if seen.number:
             self.usual.append(None if is_key else seen.change)
         self.before = seen.frame
-        why = replace(why, seconds=seen.seconds + time.perf_counter() - begin)
-        return _Judged(seen.number, seen.frame, is_key, "scene change", why)
+        dks = replace(dks, seconds=seen.seconds + time.perf_counter() - begin)
+        return _Judged(seen.number, seen.frame, is_key, "scene change", dks)
 
     def _pretrained(self, frame: Frame) -> tuple[float, int]:
-        """How many times worse a frame is pre-trained from the frame before than from scratch, and the iterations."""
+        """The loss from the frame before over that from scratch, and the iterations that both took."""
         assert self.before is not None
         pretraining = Pretraining(self.settings)
         for picture in (self.before, frame):
@@ -225,8 +226,12 @@ class _WhereSuspected:
         return _ratio(inter, intra), pretraining.iterations
 
 
+def _verdict(is_key: bool, ratio: float) -> str:
+    return f"{'a' if is_key else 'no'} cut: predicted with {ratio:,.1f} times the loss of a fit from scratch"
+
+
 def _ratio(inter: float, intra: float) -> float:
-    """How many times worse a prediction is; at most a million, as where a black frame leaves no loss from scratch."""
+    """The quotient of both losses, at most a million, as where a black frame leaves no loss from scratch."""
     return min(inter / max(intra, 1e-12), 1e6)
 
 
@@ -238,86 +243,3 @@ def _mean_square(values: F4) -> float:
 def _stands_out(change: float, others: list[float]) -> bool:
     """Whether a change exceeds the mean of others by more than STANDS_OUT standard deviations; alone it does."""
     return not others or change > float(np.mean(others)) + STANDS_OUT * float(np.std(others))
-
-
-class Pretraining:
-    """Pre-trains frame after frame, from scratch and from the frame before (paper, algorithm 1, steps 1 and 2).
-
-    Attributes
-    ----------
-    iterations
-        Made so far.
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        self.settings, self.detection = settings, settings.detection
-        self.rng = np.random.default_rng([settings.seed, 0x444B53])
-        self.before: Splats | None = None
-        self.iterations = 0
-
-    def losses(self, picture: F4) -> tuple[float, float | None]:
-        """The losses of a picture (H, W, 3) f4 as an I-frame and as a P-frame; the first frame has no second one."""
-        small = reduced(picture, self.detection.longest_side)
-        objective = Objective(small, self.settings.threads, precision=self.settings.precision)
-        height, width = small.shape[:2]
-        count = min(
-            self.settings.splat_count(picture.shape[1], picture.shape[0]), self.detection.splats or width * height
-        )
-        start = image_start(small, count, self.rng) if self.settings.intra.start == "image" else None
-        intra_loss, splats = self._fit(
-            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.settings.intra
-        )
-        inter_loss = None
-        if self.before is not None:
-            inter_loss, _ = self._fit(self.before, objective, self.settings.inter)
-        self.before = splats
-        return intra_loss, inter_loss
-
-    def _fit(self, start: Splats, objective: Objective, frame: FrameSettings) -> tuple[float, Splats]:
-        """A short fit without growth and pruning: its loss and splats."""
-        settings = replace(scaled(frame.fit, self.detection.iterations), growth=None, pruning=None)
-        population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
-        loss, made = fit(population, objective, settings, self.rng)
-        self.iterations += made
-        return loss, population.splats()
-
-
-def reduced(picture: F4, longest_side: int | None) -> F4:
-    """The picture (H, W, 3) f4 with its longer side brought to at most this many pixels by averaging blocks."""
-    step = 1 if longest_side is None else -(-max(picture.shape[:2]) // longest_side)
-    if step == 1:
-        return picture
-    height, width = (-(-side // step) for side in picture.shape[:2])
-    means = np.empty((height, width, 3), np.float32)
-    _block_means(np.ascontiguousarray(picture), step, means)
-    return means
-
-
-def block_means_plain(picture: F4, step: int) -> F4:
-    """The definition of `_block_means`."""
-    places = [np.arange(0, side, step) for side in picture.shape[:2]]
-    rows = [[picture[y : y + step, x : x + step].mean((0, 1), np.float64) for x in places[1]] for y in places[0]]
-    return np.array(rows, np.float32)
-
-
-@kernel()
-def _block_means(picture: F4, step: int, means: F4) -> None:
-    """The mean of each block of step by step pixels, fewer at the right and lower edge, in binary64."""
-    sums = np.empty((means.shape[1], 3))
-    for row in range(means.shape[0]):
-        sums[:] = 0
-        top, bottom = row * step, min((row + 1) * step, picture.shape[0])
-        for y in range(top, bottom):
-            for column in range(means.shape[1]):
-                red, green, blue = 0.0, 0.0, 0.0
-                for x in range(column * step, min((column + 1) * step, picture.shape[1])):
-                    red += np.float64(picture[y, x, 0])
-                    green += np.float64(picture[y, x, 1])
-                    blue += np.float64(picture[y, x, 2])
-                sums[column, 0] += red
-                sums[column, 1] += green
-                sums[column, 2] += blue
-        for column in range(means.shape[1]):
-            pixels = (bottom - top) * (min((column + 1) * step, picture.shape[1]) - column * step)
-            for c in range(3):
-                means[row, column, c] = sums[column, c] / pixels

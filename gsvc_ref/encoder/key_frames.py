@@ -37,7 +37,7 @@ THRESHOLD: Final = 3.0
 """k, standard deviations; paper section 3.6."""
 
 GUARD_RATIO: Final = 2.0
-"""g: a key frame by the robust rule is at least so many times worse when predicted; ours."""
+"""g: a key frame by the robust rule is worse by this factor when predicted; ours."""
 
 
 class KeyFrameSelector:
@@ -116,17 +116,17 @@ class KeyFrameSelector:
         return [self._decide()] if len(self._waiting) > look_ahead else []
 
     def flush(self) -> list[bool]:
-        """No frame follows: the decisions for all that wait, whose windows end with the last frame."""
+        """The decisions for all frames that wait, whose windows end with the last frame, since no other follows."""
         return [self._decide() for _ in range(len(self._waiting))]
 
     def _decide(self) -> bool:
         frame = self._waiting.popleft()
         values = [other.difference for other in (*self._decided, frame, *self._waiting)]  # (10-28)
         if self._paper and len(values) - 1 > self._threshold * self._threshold:
-            is_key = _exceeds(frame.difference, values, self._threshold)
+            is_key = exceeds(frame.difference, values, self._threshold)
         else:
             ordinary = [other.difference for other in (*self._decided, *self._waiting) if not other.is_key]
-            is_key = frame.guarded and (not ordinary or _exceeds(frame.difference, ordinary, self._threshold))
+            is_key = frame.guarded and (not ordinary or exceeds(frame.difference, ordinary, self._threshold))
         self._decided.append(frame._replace(is_key=is_key))
         return is_key
 
@@ -150,9 +150,9 @@ def select_key_frames(
     losses_p
         Loss P of each frame but the first, T - 1.
     window, threshold, guard_ratio, causal
-        As for `KeyFrameSelector`.
+        The parameters of `KeyFrameSelector`.
     robust
-        Whether its rule is ``robust``, not ``paper``.
+        Whether the rule is ``robust``, not ``paper``.
 
     Raises
     ------
@@ -170,30 +170,13 @@ def select_key_frames(
     return [number for number, is_key in enumerate(decisions) if is_key]
 
 
-def scene_transitions(
-    differences: Sequence[float], *, window: int = WINDOW, threshold: float = THRESHOLD
-) -> list[bool]:
-    """The paper's rule and nothing else: whether D_t exceeds the mean of its window by more than k deviations.
-
-    Parameters
-    ----------
-    differences
-        D of each frame but the first.
-    window, threshold
-        w and k.
-    """
-    exact = [Fraction(difference) for difference in differences]
-    windows = (exact[max(0, t - window) : t + window + 1] for t in range(len(exact)))
-    return [_exceeds(value, values, Fraction(threshold)) for value, values in zip(exact, windows, strict=True)]
-
-
 class _Frame(NamedTuple):
     difference: Fraction
     guarded: bool
     is_key: bool = False
 
 
-def _exceeds(value: Fraction, values: Iterable[Fraction], threshold: Fraction) -> bool:
+def exceeds(value: Fraction, values: Iterable[Fraction], threshold: Fraction) -> bool:
     """Whether value > mean + threshold * standard deviation of the values, exactly."""
     n, total, squares = 0, Fraction(0), Fraction(0)
     for other in values:

@@ -1,34 +1,30 @@
-"""How well the frame before predicts a frame, block by block: what says where there is something to do.
+"""The start of a P-frame: the decoded splats of the frame before, with what the scene calls for done to them.
 
-The error of a block after prediction is compared with the error that was left in it when its splats were last
+Block by block, the error after prediction is compared with the error that was left when the block's splats were last
 optimised. Noise changes every pixel and neither error; whatever moves, appears or changes its light raises the first.
-Since the error left stays what it was while a block rests, slow changes add up until they count.
+The error left stays what it was while a block is static, so slow changes add up until they count.
 """
 
-import time
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.encoder.decisions import Decision, decision
+from gsvc_ref.encoder.blocks import F8, MIN_ERROR, block_errors, block_pixels, worse_blocks
+from gsvc_ref.encoder.effects import Mode
+from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room, psnr_of_loss
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.encoder.static import at_rest, changed_pixels
+from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
 from gsvc_ref.training.fit import FitSettings, Population
 
-F8 = NDArray[np.float64]
-
-BLOCK: Final = 16
-"""Side of a block in pixels."""
-
-REST_RATIO: Final = 1.05
-"""A block whose error after prediction is at most this many times the error left has not changed: 0.2 dB."""
+STATIC_RATIO: Final = 1.05
+"""A block whose error after prediction is at most this many times the error left is static: 0.2 dB."""
 
 NEW_RATIO: Final = 1.25
 """A block whose error after prediction exceeds the error left by this factor shows something new: 1 dB."""
@@ -36,215 +32,208 @@ NEW_RATIO: Final = 1.25
 URGENT_RATIO: Final = 5.0
 """Blocks that exceed the error left by more than this get new splats in proportion to the excess."""
 
-MAX_ERROR: Final = 0.009486832980505138  # 3 * 10^-2.5
-"""Error per pixel, summed over the channels, beyond which a block counts as left with no more: 25 dB. A block that is
-worse is never good enough to be left alone, whatever it was before."""
-
 SAME_RATIO: Final = 1.05
 """A frame whose error after prediction is at most this many times the error left gets fewer iterations."""
-
-MIN_ERROR: Final = 1e-6
-"""Error per pixel, summed over the channels, that is too small to count: rounding to 8 bits leaves four times that."""
-
-
-def block_errors(residual: F4) -> F8:
-    """The sum of squares of a residual (H, W, 3) f4 over each block, (rows, columns) f8."""
-    squares = np.square(residual, dtype=np.float64).sum(axis=2)
-    rows = np.add.reduceat(squares, np.arange(0, squares.shape[0], BLOCK), axis=0)
-    return np.asarray(np.add.reduceat(rows, np.arange(0, squares.shape[1], BLOCK), axis=1))
-
-
-def errors_left(residual: F4) -> F8:
-    """The errors of the blocks that a frame leaves for the next ones to be compared with, (rows, columns) f8."""
-    height, width = residual.shape[:2]
-    rows, columns = (np.minimum(BLOCK, side - np.arange(0, side, BLOCK)) for side in (height, width))
-    return np.minimum(block_errors(residual), MAX_ERROR * np.outer(rows, columns))
-
-
-def worse_blocks(now: F8, left: F8, ratio: float) -> NDArray[np.bool_]:
-    """Which blocks have an error above `ratio` times the error left, (rows, columns) bool."""
-    return np.asarray(now > ratio * left + MIN_ERROR * BLOCK * BLOCK)
-
-
-def block_pixels(blocks: NDArray[np.bool_], height: int, width: int) -> NDArray[np.bool_]:
-    """The pixels of the blocks (rows, columns), (H, W) bool."""
-    return np.asarray(blocks.repeat(BLOCK, axis=0)[:height].repeat(BLOCK, axis=1)[:, :width])
 
 
 @dataclass(frozen=True)
 class Past:
-    """What is known of the frame before.
+    """The frame before, as far as its successor needs it.
 
     Attributes
     ----------
     picture
         The source, (H, W, 3) f4.
     left
-        The error of each block when its splats were last optimised, as of `errors_left`.
+        The error of each block when its splats were last optimised, by `errors_left`.
     """
 
     picture: F4
     left: F8
 
 
-class Prediction:
-    """The start of a P-frame: the decoded splats of the frame before, with what the scene calls for done to them.
+@dataclass(frozen=True)
+class PFrame:
+    """A P-frame before anything of it is decided.
 
-    Parameters
+    Attributes
     ----------
     settings
         All settings.
-    objective
-        Of the frame's picture.
     picture
         The frame's source, (H, W, 3) f4.
+    objective
+        The objective of this picture.
     reference
         The decoded splats of the frame before.
     past
-        What is known of it.
-    total
-        N, the splats that the frame is meant to have.
-    most
-        The most that it may get.
+        The source and the errors of the frame before.
+    total, most
+        N, the number of splats that the frame is meant to have, and the maximum that it may get.
     rng
         Draws new splats.
+    """
+
+    settings: Settings
+    picture: F4
+    objective: Objective
+    reference: Splats
+    past: Past
+    total: int
+    most: int
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The splats that a P-frame begins with.
 
     Attributes
     ----------
     population
         The splats to fit.
     fit
-        How to fit them.
+        The settings of their fit.
     worse
         The blocks that are not as good as they were left, (rows, columns) bool.
-    decisions
-        What was decided on the way.
+    error_ratio
+        The error after prediction over the error left.
     """
 
-    def __init__(
-        self, settings: Settings, objective: Objective, picture: F4, reference: Splats, past: Past, total: int,
-        most: int, rng: np.random.Generator,
-    ) -> None:  # fmt: skip
-        self.settings, self.objective, self.picture, self.past, self.rng = settings, objective, picture, past, rng
-        self.total, self.most = total, most
-        self.population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), settings.inter.fit)
-        self.fit = settings.pruned(settings.inter.fit)
-        self.decisions: list[Decision] = []
-        loss = objective.loss(self.population.parameters())
-        self.errors = block_errors(objective.residual())
-        self.worse = worse_blocks(self.errors, past.left, REST_RATIO)
-        self.changed = self._changed()
-        for step in (self._rest, lambda: self._move(loss), self._augment):
-            begin = time.perf_counter()
-            first, *others = step()
-            self.decisions += [replace(first, seconds=time.perf_counter() - begin), *others]
-
-    def _changed(self) -> NDArray[np.bool_]:
-        """The pixels that may need other splats than the frame before, (H, W) bool."""
-        height, width = self.picture.shape[:2]
-        if self.settings.effects.regions == "all" or self.settings.psnr is not None:
-            return np.ones((height, width), np.bool_)
-        return changed_pixels(self.past.picture, self.picture) & block_pixels(self.worse, height, width)
-
-    def _rest(self) -> tuple[Decision]:
-        """Freeze the splats over regions that did not change."""
-        if self.settings.effects.regions == "all":
-            return (decision("regions", "asked", done=True),)
-        if self.settings.psnr is not None:
-            return (decision("regions", "quality", done=True),)
-        self.population.frozen = at_rest(self.population.parameters(), self.changed)
-        resting = float(self.population.frozen.mean()) if len(self.population) else 0.0
-        if resting == 0:
-            return (decision("regions", "moving", done=True),)
-        return (decision("regions", "rest", max(1, 100 * resting), done=False),)
-
-    def _move(self, still: float) -> tuple[Decision]:
-        """Move the splats by the estimated motion if that brings the picture closer than a loss of `still`."""
-        if self.settings.effects.motion == "off":
-            return (decision("motion", "off", done=False),)
-        if not self.worse.any():
-            return (decision("motion", "still", done=False),)
-        motion = estimated_motion(self.past.picture, self.picture, self.population.values[:, :2])
-        motion[self.population.frozen] = 0
-        parameters = self.population.parameters()
-        parameters[:, :2] += motion
-        moved = self.objective.loss(parameters)
-        if moved >= still:
-            return (decision("motion", "no gain", done=True),)
-        self.population.values[:, :2] += motion
-        self.errors = block_errors(self.objective.residual())
-        return (decision("motion", "gain", min(psnr_of_loss(moved), 100) - psnr_of_loss(still), done=True),)
-
-    def _augment(self) -> tuple[Decision, Decision]:
-        """Add splats (GSA), and make room for them if the rate asks for it (GSP)."""
-        settings, effects = self.settings, self.settings.effects
-        where, share, need = self.changed, 1.0, 1.0
-        if effects.gsa == "auto":
-            new_blocks = worse_blocks(self.errors, self.past.left, NEW_RATIO)
-            where = where & block_pixels(new_blocks, *where.shape)
-            share = float(where.mean())
-            need = min(1.0, share * self._urgency(new_blocks))
-        new = 0 if effects.gsa == "off" else round(settings.inter.new_fraction * self.total * need)
-        if effects.gsp == "off":
-            new = min(new, max(0, self.most - len(self.population)))
-        before = len(self.population)
-        if effects.gsp == "auto":
-            new = make_room(self.population, new, self.total)
-        removed = before - len(self.population)
-        if new and effects.gsa == "all" and not settings.inter.new_from_residual:
-            self._append_random(new, where.shape[1], where.shape[0])
-        elif new:
-            add_where_wrong(self.population, self.objective, new, self.rng, where)
-        if effects.gsp == "all":
-            self.fit = pruning_as_many(self.fit, new, len(self.population))
-        return self._gsa_decision(new, share), self._gsp_decision(new, removed)
-
-    def _urgency(self, blocks: NDArray[np.bool_]) -> float:
-        """By how much more than their share blocks call for new splats, at least 1."""
-        left = max(float(self.past.left[blocks].sum()), MIN_ERROR)
-        return max(1.0, float(self.errors[blocks].sum()) / left / URGENT_RATIO)
-
-    def _append_random(self, count: int, width: int, height: int) -> None:
-        """Add nearly invisible splats anywhere, as in the paper; where w is not learnt, their colours are faint."""
-        uniforms = uniform_numbers(count, self.rng)
-        if self.fit.pruning is None:
-            splats = random_splats(uniforms, width, height)
-            faint = Splats(splats.positions, splats.cholesky, splats.colors * np.float32(NEW_WEIGHT))
-            self.population.append(faint, KEPT_WEIGHT)
-        else:
-            self.population.augment(uniforms, width, height)
-
-    def _gsa_decision(self, new: int, share: float) -> Decision:
-        mode = self.settings.effects.gsa
-        if mode == "off":
-            return decision("gsa", "off", done=False)
-        if mode == "all":
-            return decision("gsa", "asked" if new else "no room", done=bool(new))
-        if share == 0:
-            return decision("gsa", "nothing new", done=False)
-        return decision("gsa", "new" if new else "too little", max(1, 100 * share), done=bool(new))
-
-    def _gsp_decision(self, new: int, removed: int) -> Decision:
-        mode = self.settings.effects.gsp
-        if mode == "off":
-            return decision("gsp", "off", done=False)
-        if mode == "all":
-            return decision("gsp", "taken back", new, done=bool(new))
-        return decision("gsp", "exchanged", removed, done=True) if removed else decision("gsp", "fits", done=False)
+    population: Population
+    fit: FitSettings
+    worse: NDArray[np.bool_]
+    error_ratio: float
 
     @property
-    def is_still(self) -> bool:
-        """Whether all splats rest, so that the frame before can be repeated."""
+    def is_static(self) -> bool:
+        """Whether all splats are static, so that the frame before can be repeated."""
         return bool(len(self.population) and self.population.frozen.all())
 
-    @property
-    def growth(self) -> float:
-        """How many times the error left is that after prediction."""
-        return float(self.errors.sum() / max(self.past.left.sum(), MIN_ERROR * self.picture[..., 0].size))
+
+def predict(frame: PFrame, log: FrameLog) -> Prediction:
+    """Begin a P-frame with the splats of the frame before: freeze static ones, move the others, add and remove some."""
+    past, objective = frame.past, frame.objective
+    population = Population(frame.reference, KEPT_WEIGHT, np.arange(len(frame.reference)), frame.settings.inter.fit)
+    loss = objective.loss(population.parameters())
+    errors = block_errors(objective.residual())
+    worse = worse_blocks(errors, past.left, STATIC_RATIO)
+    with log.timed("regions"):
+        changed = _freeze_static(frame, population, worse, log)
+    with log.timed("motion"):
+        if _move(frame, population, worse, loss, log):
+            errors = block_errors(objective.residual())
+    with log.timed("gsa"):
+        fit = _augment(frame, population, changed, errors, log)
+    error_ratio = float(errors.sum() / max(past.left.sum(), MIN_ERROR * frame.picture[..., 0].size))
+    return Prediction(population, fit, worse, error_ratio)
+
+
+def _freeze_static(frame: PFrame, population: Population, worse: NDArray[np.bool_], log: FrameLog) -> NDArray[np.bool_]:
+    """Freeze the splats over regions that did not change; the pixels that may need other splats, (H, W) bool."""
+    height, width = frame.picture.shape[:2]
+    if frame.settings.effects.regions == "all" or frame.settings.psnr is not None:
+        asked = frame.settings.effects.regions == "all"
+        log.add("regions", "asked for" if asked else "a quality to hold: every splat is optimised", done=True)
+        return np.ones((height, width), np.bool_)
+    changed = changed_pixels(frame.past.picture, frame.picture) & block_pixels(worse, height, width)
+    population.frozen = static_splats(population.parameters(), changed)
+    if population.frozen.any():
+        share = percent(float(population.frozen.mean()))
+        log.add("regions", f"{share} of the splats are static: nothing changed under them", done=False)
+    else:
+        log.add("regions", "something changed under every splat", done=True)
+    return changed
+
+
+def _move(frame: PFrame, population: Population, worse: NDArray[np.bool_], loss: float, log: FrameLog) -> bool:
+    """Move the splats by the estimated motion if that makes the loss smaller than `loss`; whether it did."""
+    if frame.settings.effects.motion == "off":
+        log.add("motion", OFF, done=False)
+        return False
+    if not worse.any():
+        log.add("motion", "nothing moves", done=False)
+        return False
+    motion = estimated_motion(frame.past.picture, frame.picture, population.values[:, :2])
+    motion[population.frozen] = 0
+    parameters = population.parameters()
+    parameters[:, :2] += motion
+    moved = frame.objective.loss(parameters)
+    if moved >= loss:
+        log.add("motion", "moving splats along the flow would not bring the prediction closer", done=True)
+        return False
+    population.values[:, :2] += motion
+    gain = min(psnr_of_loss(moved), 100) - psnr_of_loss(loss)
+    log.add("motion", f"moved splats bring the prediction {max(gain, 0):.1f} dB closer", done=True)
+    return True
+
+
+def _augment(
+    frame: PFrame, population: Population, changed: NDArray[np.bool_], errors: F8, log: FrameLog
+) -> FitSettings:
+    """Add splats (GSA), and make room for them if the rate asks for it (GSP); how to fit them all."""
+    settings, effects, left = frame.settings, frame.settings.effects, frame.past.left
+    where, share, need = changed, 1.0, 1.0
+    if effects.gsa == "auto":
+        new_blocks = worse_blocks(errors, left, NEW_RATIO)
+        where = changed & block_pixels(new_blocks, *changed.shape)
+        share = float(where.mean())
+        need = min(1.0, share * _urgency(errors[new_blocks], left[new_blocks]))
+    new = 0 if effects.gsa == "off" else round(settings.inter.new_fraction * frame.total * need)
+    if effects.gsp == "off":
+        new = min(new, max(0, frame.most - len(population)))
+    before = len(population)
+    if effects.gsp == "auto":
+        new = make_room(population, new, frame.total)
+    removed = before - len(population)
+    fit = settings.pruned(settings.inter.fit)
+    if new and effects.gsa == "all" and not settings.inter.new_from_residual:
+        _append_random(population, new, frame, learn_weights=fit.pruning is not None)
+    elif new:
+        add_where_wrong(population, frame.objective, new, frame.rng, where)
+    log.add("gsa", _gsa_reason(effects.gsa, new, share), done=new > 0)
+    log.add("gsp", _gsp_reason(effects.gsp, new, removed), done=(new if effects.gsp == "all" else removed) > 0)
+    return pruning_as_many(fit, new, len(population)) if effects.gsp == "all" else fit
+
+
+def _urgency(errors: F8, left: F8) -> float:
+    """The factor, at least 1, by which blocks call for more new splats than their share of the picture."""
+    return max(1.0, float(errors.sum()) / max(float(left.sum()), MIN_ERROR) / URGENT_RATIO)
+
+
+def _append_random(population: Population, count: int, frame: PFrame, *, learn_weights: bool) -> None:
+    """Add nearly invisible splats anywhere, as in the paper; where w is not learnt, their colours are faint."""
+    height, width = frame.picture.shape[:2]
+    uniforms = uniform_numbers(count, frame.rng)
+    if learn_weights:
+        population.augment(uniforms, width, height)
+    else:
+        splats = random_splats(uniforms, width, height)
+        faint = Splats(splats.positions, splats.cholesky, splats.colors * np.float32(NEW_WEIGHT))
+        population.append(faint, KEPT_WEIGHT)
+
+
+def _gsa_reason(mode: Mode, new: int, share: float) -> str:
+    if mode == "off":
+        return OFF
+    if mode == "all":
+        return "asked for" if new else "no room for more splats without pruning"
+    if share == 0:
+        return "no part of the picture is predicted worse than the frame before was left"
+    worse = f"{percent(share)} of the picture is predicted worse"
+    return f"{worse} than the frame before was left" if new else f"{worse}, for which not even one splat is added"
+
+
+def _gsp_reason(mode: Mode, new: int, removed: int) -> str:
+    if mode == "off":
+        return OFF
+    if mode == "all":
+        return f"as many splats as were added: {new:,}"
+    return f"{removed:,} splats make room for new ones" if removed else "the rate has room for all splats"
 
 
 def pruning_as_many(settings: FitSettings, count: int, splats: int) -> FitSettings:
-    """The settings of a fit of so many splats that removes `count` of them, as many as were added."""
+    """The settings of a fit of `splats` splats that removes `count` of them, as many as were added."""
     if settings.pruning is None or not 0 < count < splats:
         return replace(settings, pruning=None)
     return replace(settings, pruning=replace(settings.pruning, fraction=count / splats))

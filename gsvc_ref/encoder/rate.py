@@ -1,4 +1,4 @@
-"""Choosing the number of splats: which are worth least, and how many hold a quality (paper section 3.4).
+"""The number of splats: those that are worth least are removed, and as few as hold a quality kept (paper section 3.4).
 
 Constant rate keeps N splats a frame. Constant quality removes splats while the frame stays above a PSNR, and adds some
 where it does not.
@@ -17,7 +17,7 @@ from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.fit import FitSettings, OnIteration, Population, fit, new_splats
 
 DB_PER_DOUBLING: Final = 3.4
-"""PSNR gained by twice the splats, as measured on photographs: what the sizes of changes are guessed by."""
+"""PSNR gained by twice the splats, as measured on photographs, by which the sizes of changes are guessed."""
 
 TOLERANCE: Final = 0.25
 """Constant quality: no splats are removed for fewer dB above the goal."""
@@ -29,7 +29,7 @@ CAUTION: Final = 0.7
 """Constant quality: the fraction of the superfluous splats that is removed at a time."""
 
 MAX_CHANGES: Final = 12
-"""Constant quality: most changes of the number of splats in a row."""
+"""Constant quality: maximum number of changes of the number of splats in a row."""
 
 
 def psnr_of_loss(loss: float) -> float:
@@ -43,7 +43,7 @@ def loss_of_psnr(psnr: float) -> float:
 
 
 def visibility(parameters: F4) -> F4:
-    """What removing each splat adds to the sum of squared errors at a minimum of the loss, up to a constant, (N,) f4.
+    """The squared error that removing each splat adds at a minimum of the loss, up to a constant factor, (N,) f4.
 
     Removing c' g from the picture adds -2 <e, c' g> + |c' g|^2; the first term is zero where dL/dc' is, and the second,
     summed over all pixels, is |c'|^2 pi l11 l22.
@@ -59,7 +59,7 @@ def most_visible(parameters: F4, count: int) -> NDArray[np.int64]:
 
 
 def make_room(population: Population, new: int, total: int) -> int:
-    """Remove the least visible splats that are not frozen until `new` fit into `total`; how many then do."""
+    """Remove the least visible splats that are not frozen until `new` fit into `total`; the number that then does."""
     excess = new - (total - len(population))
     if excess > 0:
         moving = np.flatnonzero(~population.frozen)

@@ -1,4 +1,4 @@
-"""What an encode tells: progress while it runs, a report when it is done."""
+"""The progress of an encode while it runs, and its report when it is done."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.encoder.decisions import Decision
+from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import ErrorKind, GsvcError
 from gsvc_ref.reconstruction import FrameType
@@ -16,20 +16,20 @@ from gsvc_ref.reconstruction import FrameType
 
 @dataclass(frozen=True)
 class Progress:
-    """Where an encode is.
+    """The place where an encode is.
 
     Attributes
     ----------
     frame, frame_count
-        Number of the frame in work, and how many there are, or None if the source does not say, or has more than it
+        Number of the frame in work, and the number of frames; None if the source does not say it, or has more than it
         said.
     stage
         ``detect`` (looking for key frames), ``fit``, ``quantize``; with a PSNR to hold also ``rate`` (looking for the
         number of splats, with a short fit after each change).
     iteration, iterations
-        Of the stage.
+        The iteration of the stage, and their number.
     psnr
-        Of the picture before it is rounded to bits, in dB; None if there is none yet.
+        PSNR of the picture before it is rounded to bits, in dB; None if there is none yet.
     elapsed_s
         Seconds since the encode began.
     """
@@ -57,15 +57,15 @@ class FrameReport:
     splats, new_splats, pruned_splats
         Splats of the frame, those that the frame before does not have, and those of the frame before that are gone.
     iterations
-        Made for this frame, fine-tuning included.
+        The number of iterations for this frame, fine-tuning included.
     psnr
-        Of the decoded frame at its bit depth against the source, in dB; infinite if equal.
+        PSNR of the decoded frame at its bit depth against the source, in dB; infinite if equal.
     bits
         Bits of the frame's chunk by category.
     seconds
         Time spent on the frame.
     decisions
-        What was decided about each effect, in the order of `Effects`.
+        The decisions about each effect, in the order of `Effects`.
     """
 
     number: int
@@ -100,9 +100,9 @@ class EncodeReport:
     interrupted
         Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
     fault
-        What ended it early otherwise, or None; then too the stream holds the frames until there.
+        The fault that ended it early, or None; then too the stream holds the frames until there.
     notes
-        What was assumed about the source, and what was not reached.
+        Sentences on what was assumed about the source and what was not reached.
     """
 
     header: SequenceHeader
@@ -127,7 +127,7 @@ class EncodeReport:
 
     @property
     def frame_types(self) -> dict[str, int]:
-        """How many frames of each type there are."""
+        """The number of frames of each type."""
         return dict(Counter(frame.type for frame in self.frames))
 
 
@@ -139,7 +139,7 @@ class IncompleteEncodeError(GsvcError):
     Attributes
     ----------
     report
-        Of what was saved.
+        The report of the frames that were saved.
     """
 
     def __init__(

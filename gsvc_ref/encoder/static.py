@@ -1,4 +1,4 @@
-"""Which splats of a P-frame can stay as they are: those under which the source shows what it showed before."""
+"""Static splats: those of a P-frame that can stay as they are, since the source shows the same under them as before."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,15 +9,15 @@ from gsvc_ref.training.fit import MIN_FACTOR
 
 
 def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
-    """Where two pictures (H, W, 3) f4 differ, (H, W) bool."""
+    """Whether two pictures (H, W, 3) f4 differ at each pixel, (H, W) bool."""
     return np.asarray((before != now).any(axis=2))
 
 
-def at_rest(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which splats have pixels of the frame in their bounding box and no changed one among them, (N,) bool.
+def static_splats(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether each splat has pixels of the frame in its bounding box and no changed one among them, (N,) bool.
 
-    A splat outside the frame is not at rest, so that it may still make room for another; nor is one that training would
-    not leave as it is (a factor below MIN_FACTOR).
+    A splat outside the frame is not static, so that it may make room for another; nor is one that training would not
+    leave as it is (a factor below MIN_FACTOR).
 
     Parameters
     ----------

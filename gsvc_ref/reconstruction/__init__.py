@@ -6,7 +6,6 @@ drift from its decoders.
 
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, FrameType, Quantizer, SplatBlock
 from gsvc_ref.reconstruction.reconstruct import Kept, State, reconstruct, reconstruct_inter, reconstruct_intra
-from gsvc_ref.reconstruction.work import rendering_work
 
 __all__ = [
     "BlockKind",
@@ -20,5 +19,4 @@ __all__ = [
     "reconstruct",
     "reconstruct_inter",
     "reconstruct_intra",
-    "rendering_work",
 ]

@@ -1,8 +1,9 @@
-"""From splats to pixels and back to gradients.
+"""From splats to pixels and back to gradients (spec.md sections 9, 10.2, 10.3 and 13).
 
-`definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, and the other
-modules compute it fast: `lists` sorts the splats into column `strips`, `strip_sums` holds the inner loops, `tasks`
-shares them among threads, and `renderer` and `objective` are what the rest of the package calls.
+`definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, `deterministic`
+in which order operations come where every bit is fixed, and `work` how much a frame asks of a renderer. `renderer`,
+`sequence` and `objective` are what the rest of the package calls; they compute on the machine in `fast`. `pictures`
+and `losses` are single operations on pictures.
 """
 
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL
@@ -13,13 +14,14 @@ from gsvc_ref.rendering.pictures import to_frame, to_frame_deterministic
 from gsvc_ref.rendering.precision import PRECISIONS, Precision
 from gsvc_ref.rendering.renderer import (
     Renderer,
-    SequenceRenderer,
     covered_pixels,
     render,
     render_frame,
     render_gradients,
     render_sum,
 )
+from gsvc_ref.rendering.sequence import SequenceRenderer
+from gsvc_ref.rendering.work import rendering_work
 
 __all__ = [
     "LN_255",
@@ -38,6 +40,7 @@ __all__ = [
     "render_frame",
     "render_gradients",
     "render_sum",
+    "rendering_work",
     "to_frame",
     "to_frame_deterministic",
 ]

@@ -1,4 +1,4 @@
-"""How far a correct binary32 renderer may be from the definition, per pixel and per gradient: error model fp32/1.
+"""Bounds of the error of a correct binary32 renderer, per pixel and per gradient, by the error model fp32/1.
 
 The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
 relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps (13-3); terms
@@ -46,8 +46,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
-from gsvc_ref.rendering.definition import Footprint, added, check_residual, footprint
-from gsvc_ref.rendering.fast.exponential import exp_minus
+from gsvc_ref.rendering.definition import Footprint, added, check_residual, exp_minus, footprint
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
@@ -56,7 +55,7 @@ EPS: Final = 2.0**-23
 """Unit roundoff of the error model fp32/1 (13-1)."""
 
 ETA: Final = SMALLEST_NORMAL
-"""What an underflow may lose (13-2)."""
+"""Maximum loss by an underflow (13-2)."""
 
 
 def gamma(k: ArrayLike) -> F8:
@@ -66,7 +65,7 @@ def gamma(k: ArrayLike) -> F8:
 
 
 def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
-    """The most additions D(n, r, c) that a term of a sum takes part in, spec.md (13-4).
+    """The maximum number of additions D(n, r, c) that a term of a sum takes part in, spec.md (13-4).
 
     Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of pixels
     may also go by rows and then columns.
@@ -74,9 +73,9 @@ def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
     Parameters
     ----------
     terms
-        How many there are.
+        Their number.
     rows, columns
-        Of the pixels that they belong to.
+        The numbers of rows and columns of pixels that they belong to.
     """
     n = np.asarray(terms, np.float64)
     levels = np.maximum(2 * np.ceil(np.sqrt(n)), rows + columns)
@@ -84,7 +83,7 @@ def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
 
 
 def coverage_margin(splat: F8) -> int:
-    """How many pixels beyond the bounding box a binary32 decision may still come out as covered."""
+    """The number of pixels beyond the bounding box that a binary32 decision may still find covered."""
     reach = SUPPORT_RADIUS * (splat[2] + abs(splat[3]) + splat[4])
     return 1 + int(np.ceil(min(64 * EPS * reach, 2.0**17)))
 
@@ -115,7 +114,7 @@ class WeightErrors:
         self.d_sigma = w + gamma(2) * (sigma + w)  # (13-7)
         nearest = np.maximum(sigma - self.d_sigma, 0)
         self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, sigma + self.d_sigma]))
-        of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: most at the least x
+        of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: it is largest at the smallest x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA  # (13-8)
         self.band = abs(sigma - LN_255) <= self.d_sigma + EPS * LN_255  # (13-9)
 
@@ -131,14 +130,14 @@ def error_footprints(
 
 
 class SumBound:
-    """What the bound of a picture's sum consists of, splat by splat: each (H, W, 3) or (H, W, 1) f8."""
+    """The parts of the bound of a picture's sum, added up splat by splat: each (H, W, 3) or (H, W, 1) f8."""
 
     def __init__(self, width: int, height: int) -> None:
         self._smooth, self._absolute, self._band = np.zeros((3, height, width, 3))
         self._terms = np.zeros((height, width, 1))
 
     def add(self, splat: F8, pixels: Footprint, errors: WeightErrors, times: int = 1) -> None:
-        """Add a splat that occurs so many times."""
+        """Add a splat that occurs `times` times."""
         at = (pixels.rows, pixels.columns)
         c = abs(splat[5:]) * times
         highest = errors.g_plain + errors.d_g

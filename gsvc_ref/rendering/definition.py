@@ -2,16 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import factorial
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.fast.exponential import exp_minus
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
+
+LN2_HIGH: Final = float.fromhex("0x1.62e42fefa3800p-1")
+LN2_LOW: Final = float.fromhex("0x1.ef35793c76730p-45")
+"""ln 2 in two parts; the first has 42 bits, so that its product with a whole number below 2^11 is exact."""
+
+TAYLOR_TERMS: Final = 14
+MAX_EXPONENT: Final = 1000.0
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,20 @@ class Footprint:
 def added(values: F8) -> float:
     """The sum of all values one after the other: the order of NumPy's own sums depends on the processor."""
     return float(np.add.accumulate(values.ravel())[-1]) if values.size else 0.0
+
+
+def exp_minus(x: F8) -> F8:
+    """exp(-x) for x >= 0 in binary64, to 2 units in the last place, by IEEE operations of arrays alone.
+
+    With x = n ln 2 + r it is 2^-n times a Taylor series of -r. Numbers below 2^-1074 become 0.
+    """
+    x = np.minimum(x, MAX_EXPONENT)
+    n = np.rint(x * (1 / LN2_HIGH))
+    r = (x - n * LN2_HIGH) - n * LN2_LOW
+    p = np.full(x.shape, 1 / factorial(TAYLOR_TERMS))
+    for k in range(TAYLOR_TERMS - 1, -1, -1):
+        p = 1 / factorial(k) - r * p
+    return np.asarray(np.ldexp(p, (-n).astype(np.int64)))
 
 
 def footprint(splat: F8, width: int, height: int, *, margin: int = 0) -> Footprint | None:
@@ -170,7 +192,7 @@ def check_residual_shape(shape: tuple[int, ...]) -> None:
 
 
 def exact_covered_pixels(splats: Splats, width: int, height: int) -> NDArray[np.int64]:
-    """How many pixels of the frame each splat covers, as (N,) i8."""
+    """The number of pixels of the frame that each splat covers, (N,) i8."""
     counts = np.zeros(len(splats), np.int64)  # (N,) i8
     for n, _, pixels in footprints(splats, width, height):
         counts[n] = np.count_nonzero(pixels.covered)

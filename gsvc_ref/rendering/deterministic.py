@@ -1,7 +1,7 @@
 """The precision ``deterministic`` in its plainest form: every binary32 operation and its place in the order.
 
 NumPy rounds each operation on its own, to nearest with ties to even, keeps subnormal numbers and fuses nothing: this is
-spec.md section 9.3 (R-9.3-1). The kernels of `strip_sums` give the same bits.
+spec.md section 9.3 (R-9.3-1). The kernels of `sums` give the same bits.
 """
 
 from collections.abc import Iterator
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
-from gsvc_ref.rendering.fast.strip_sums import E_BLUE, E_GREEN, E_RED, U1, U1U1, U1U2, U2, U2U2
-from gsvc_ref.rendering.fast.strips import SLOT, STRIP_WIDTH
+from gsvc_ref.rendering.fast.sums import E_BLUE, E_GREEN, E_RED, MOMENTS, U1, U1U1, U1U2, U2, U2U2
+from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F4 = NDArray[np.float32]
 
 TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
-"""How eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
+"""The order in which eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
@@ -67,14 +67,14 @@ def gradients_plain(splats: Splats, residual: F4) -> F4:
     """The gradient of sum(residual * C), (N, 8) f4, coverage held fixed; see `definition.Footprint.gradient`.
 
     With e = dL/dC and q = g ((e_red red + e_green green) + e_blue blue), a splat has the sums of q, q u2 and (q u2) u2
-    and of g e. Column i of the frame is lane i mod 16 of strip i div 16. In each strip
+    and of g e. Column i of the frame is lane i mod 16 of tile i div 16. In each tile
 
     - a lane adds its rows one after the other, from the top, in binary32;
     - lanes k and k + 8 are added, with their u1: q u1 + q' u1', (q u1) u1 + (q' u1') u1', (q u2) u1 + (q' u2') u1';
     - then the eight as `TREE` says.
 
-    The sums of the strips are added from the left in binary64, and the gradient is made of them in binary64 and rounded
-    once (`strip_sums.grad_splat`).
+    The moments of the tiles are added from the left in binary64, and the gradient is made of them in binary64 and
+    rounded once (`sums.grad_splat`).
 
     Parameters
     ----------
@@ -82,29 +82,29 @@ def gradients_plain(splats: Splats, residual: F4) -> F4:
         (H, W, 3) f4, dL/dC.
     """
     height, width = residual.shape[:2]
-    strips = -(-width // STRIP_WIDTH)
-    padded = np.zeros((height, strips * STRIP_WIDTH, 3), np.float32)
+    tiles = -(-width // TILE_WIDTH)
+    padded = np.zeros((height, tiles * TILE_WIDTH, 3), np.float32)
     padded[:, :width] = residual
     gradients = np.zeros((len(splats), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
     with np.errstate(over="ignore", invalid="ignore"):
         for n, splat in _drawn(splats):
-            S = np.zeros(SLOT)  # (8,) f8, with the columns of `strip_sums`
-            u1, u2, m = whitened(splat, strips * STRIP_WIDTH, height)
+            S = np.zeros(MOMENTS)  # (8,) f8, with the columns of `sums`
+            u1, u2, m = whitened(splat, tiles * TILE_WIDTH, height)
             g = weight(m)
-            for strip in range(strips):
-                at = slice(strip * STRIP_WIDTH, (strip + 1) * STRIP_WIDTH)
-                S += _strip_sums(u1[0, at], u2[:, at], g[:, at], padded[:, at], splat[5:])
-            gradients[n] = _from_sums(S, splat.astype(np.float64))
+            for t in range(tiles):
+                at = slice(t * TILE_WIDTH, (t + 1) * TILE_WIDTH)
+                S += _tile_sums(u1[0, at], u2[:, at], g[:, at], padded[:, at], splat[5:])
+            gradients[n] = _from_moments(S, splat.astype(np.float64))
     return gradients
 
 
-def _strip_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
-    """The eight sums of one strip: `u1` (16,), `u2` and `g` (H, 16), `e` (H, 16, 3)."""
+def _tile_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
+    """The eight moments of one tile: `u1` (16,), `u2` and `g` (H, 16), `e` (H, 16, 3)."""
     u2 = np.where(g > 0, u2, np.float32(0))
     q = np.where(g > 0, g * (e[..., 0] * color[0] + e[..., 1] * color[1] + e[..., 2] * color[2]), np.float32(0))
     qu2 = q * u2
     lanes = np.stack([q, qu2, qu2 * u2, *(g * e[..., k] for k in range(3))])  # (6, H, 16) f4
-    totals = np.zeros((6, STRIP_WIDTH), np.float32)
+    totals = np.zeros((6, TILE_WIDTH), np.float32)
     for row in range(lanes.shape[1]):
         totals = totals + lanes[:, row]
     q, qu2 = totals[0], totals[1]
@@ -122,8 +122,8 @@ def _tree(eight: F4) -> np.float32:
     return np.float32((a + b) + (c + d))
 
 
-def _from_sums(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
-    """One splat's gradient (8,) f4 by (13-12), see `strip_sums.grad_splat`."""
+def _from_moments(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
+    """One splat's gradient (8,) f4 by (13-12), see `sums.grad_splat`."""
     l11, l21, l22 = splat[2:5]
     r1, r2 = 1 / l11, 1 / l22
     slope = l21 * r1 * r2

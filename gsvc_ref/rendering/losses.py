@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.fast.strip_pictures import read_strip, subtract_target, write_picture
-from gsvc_ref.rendering.fast.strips import F4, F8, ROW, STRIP_WIDTH, aligned, strip_count
+from gsvc_ref.rendering.fast.tile_pictures import subtract_target, to_tiles, write_picture
+from gsvc_ref.rendering.fast.tiles import F4, F8, TILE_WIDTH
 
 
 class Loss(NamedTuple):
@@ -22,7 +22,7 @@ class Loss(NamedTuple):
 def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     """The loss of a picture against its target (10-1), and dL/dC (10-2); R-10.2-1.
 
-    These are the numbers that `Objective` finds strip by strip: squares of a pixel are added in binary32, their sums in
+    These are the numbers that `Objective` finds tile by tile: squares of a pixel are added in binary32, their sums in
     binary64 in a fixed order. `Objective` multiplies by 2 / (H W) only at the end, in the gradients.
 
     Parameters
@@ -41,18 +41,16 @@ def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     if C.shape != wanted.shape or C.ndim != 3 or C.shape[2] != 3 or C.size == 0:
         raise UsageError(f"the picture has shape {C.shape} and the target {wanted.shape}; both must be (H, W, 3)")
     height, width, _ = C.shape
-    strip, of_target = aligned((2, height * ROW))
-    squares, losses = np.empty(STRIP_WIDTH), np.empty(strip_count(width))
+    tiles, targets = to_tiles(C), to_tiles(wanted)  # (tiles, H * ROW) f4 each
+    squares, losses = np.empty(TILE_WIDTH), np.empty(len(tiles))
     residual = np.empty_like(C)
-    for s in range(len(losses)):
-        read_strip(C.reshape(height, -1), s, strip)
-        read_strip(wanted.reshape(height, -1), s, of_target)
-        losses[s] = subtract_target(strip, of_target, height, min(STRIP_WIDTH, width - s * STRIP_WIDTH), squares)
-        write_picture(strip, s, 0, height, residual.reshape(height, -1), False)
+    for t, tile in enumerate(tiles):
+        losses[t] = subtract_target(tile, targets[t], height, min(TILE_WIDTH, width - t * TILE_WIDTH), squares)
+        write_picture(tile, t, 0, height, residual.reshape(height, -1), False)
     scale = 2 / (height * width)
     return Loss(total_loss(losses, height * width), np.multiply(residual, scale, dtype=np.float64).astype(np.float32))
 
 
 def total_loss(losses: F8, pixels: int) -> float:
-    """The loss of a picture from the squares of its strips: their sum, rounded once, over the number of pixels."""
+    """The loss of a picture from the squares of its tiles: their sum, rounded once, over the number of pixels."""
     return math.fsum(losses) / pixels  # (10-1)

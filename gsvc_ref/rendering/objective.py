@@ -1,28 +1,17 @@
-"""The loss that training descends, and its gradient, in one pass over the strips."""
+"""The loss that training descends, and its gradient, in one pass over the tiles."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.fast.strip_pictures import read_strip
-from gsvc_ref.rendering.fast.strips import BLACK, F4, ROW, SLOT, aligned, strip_count
-from gsvc_ref.rendering.fast.tasks import (
-    base_task,
-    base_tasks,
-    objective_task,
-    objective_tasks,
-    picture_task,
-    picture_tasks,
-    splat_task,
-    splat_tasks,
-)
-from gsvc_ref.rendering.fast.tiles import Tiles
-from gsvc_ref.rendering.fast.workspace import Workspace
+from gsvc_ref.rendering.fast.jobs import LOSS, LOSS_AND_GRADIENTS, PICTURE, Job
+from gsvc_ref.rendering.fast.rasterizer import Rasterizer
+from gsvc_ref.rendering.fast.regions import Regions
+from gsvc_ref.rendering.fast.tile_pictures import to_tiles
+from gsvc_ref.rendering.fast.tiles import EMPTY, F4
 from gsvc_ref.rendering.losses import total_loss
 from gsvc_ref.rendering.precision import Precision, check_precision
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
-
-_NO_SLOTS = aligned((0, SLOT))
 
 
 class Objective:
@@ -63,15 +52,14 @@ class Objective:
         if not np.isfinite(picture).all():
             raise UsageError("the target has a value that is NaN or infinite; 1.0 is full scale")
         self.height, self.width = picture.shape[:2]
-        self._target = aligned((strip_count(self.width), self.height * ROW))  # (strips, H * ROW) f4
-        for s, strip in enumerate(self._target):
-            read_strip(picture.reshape(self.height, -1), s, strip)
+        self._target = to_tiles(picture)  # (tiles, H * ROW) f4
         self._picture = picture
         self._pixels = self.height * self.width
-        self._losses = np.zeros(len(self._target))  # (strips,) f8
-        self._workspace = Workspace(self.width, self.height, threads, strict=precision == "deterministic")
-        self._tiles = Tiles.all_of(len(self._target), self.height, self.height)
-        self._base = BLACK  # the strips of the frozen splats
+        self._losses = np.zeros(len(self._target))  # (tiles,) f8
+        self._rasterizer = Rasterizer(self.width, self.height, threads)
+        self._regions = Regions.all_of(len(self._target), self.height, self.height)
+        self._job = Job(self.width, self.height, strict=precision == "deterministic")
+        self._base = EMPTY  # the sum of the frozen splats
         self._moving: NDArray[np.int64] | None = None  # the indices of the others; None: all
         self._count = 0  # splats in all where some are frozen
 
@@ -95,11 +83,8 @@ class Objective:
         UsageError
             The parameters have another shape or a value that is not finite.
         """
-        loss = self._run(parameters, with_gradient=True)
-        work = self._workspace
-        gradient = np.empty((len(work.parameters), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-        factor = 2 / self._pixels  # (10-2)
-        work.over_splats(splat_task, splat_tasks, work.slots, work.parameters, factor, gradient)
+        loss = self._run(parameters, LOSS_AND_GRADIENTS)
+        gradient = self._rasterizer.gradients(2 / self._pixels)  # (10-2)
         if self._moving is None:
             return loss, gradient
         of_all = np.zeros((self._count, PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
@@ -114,7 +99,7 @@ class Objective:
         Parameters
         ----------
         parameters
-            (N, 8) f4, as for `evaluate`, which from now on wants N splats and ignores what it is told of frozen ones.
+            (N, 8) f4, as for `evaluate`, which from now on needs N splats and ignores the parameters of frozen ones.
         frozen
             (N,) bool; all False is `thaw`.
 
@@ -123,39 +108,41 @@ class Objective:
         UsageError
             A shape does not fit, or a parameter is not finite.
         """
-        packed, still = _checked(parameters), np.asarray(frozen)
-        if still.dtype != np.bool_ or still.shape != (len(packed),):
-            raise UsageError(f"frozen is {still.dtype} of shape {still.shape}; it must be bool of shape (N,)")
+        packed, held = _checked(parameters), np.asarray(frozen)
+        if held.dtype != np.bool_ or held.shape != (len(packed),):
+            raise UsageError(f"frozen is {held.dtype} of shape {held.shape}; it must be bool of shape (N,)")
         self.thaw()
-        if still.any():
+        if held.any():
             self._count = len(packed)
-            self._workspace.load(packed[still])
-            self._base = aligned(self._target.shape)
-            self._workspace.over_strips(base_task, base_tasks, self._base)
-            self._moving = np.flatnonzero(~still)
+            self._rasterizer.binning.load(packed[held])
+            self._base = to_tiles(self._draw(EMPTY, clamp=False))
+            self._moving = np.flatnonzero(~held)
 
     def thaw(self) -> None:
         """Hold no splat fixed."""
-        self._base, self._moving = BLACK, None
+        self._base, self._moving = EMPTY, None
 
     def loss(self, parameters: ArrayLike) -> float:
         """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""
-        return self._run(parameters, with_gradient=False)
+        return self._run(parameters, LOSS)
 
     def picture(self) -> F4:
         """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
-        work = self._workspace
-        picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
-        work.over_strips(
-            picture_task, picture_tasks, self._tiles, self._base, picture.reshape(self.height, -1), True
-        )  # fmt: skip
-        return picture
+        return self._draw(self._base, clamp=True)
 
     def residual(self) -> F4:
         """The residual (H, W, 3) f4 of the parameters evaluated last: `picture()` minus the target."""
         return self.picture() - self._picture
 
-    def _run(self, parameters: ArrayLike, *, with_gradient: bool) -> float:
+    def _draw(self, base: F4, *, clamp: bool) -> F4:
+        """The picture (H, W, 3) f4 of the splats loaded last, on a base."""
+        picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
+        job = self._job._replace(kind=PICTURE, base=base, picture=picture.reshape(self.height, -1), clamp=clamp)
+        self._rasterizer.run(job, self._regions)
+        return picture
+
+    def _run(self, parameters: ArrayLike, kind: int) -> float:
+        """Load the splats that are not frozen and do a job; return the loss."""
         packed = _checked(parameters)
         if self._moving is not None:
             if len(packed) != self._count:
@@ -163,12 +150,12 @@ class Objective:
                     f"there are {len(packed)} splats; some of {self._count} are frozen, so give all of those"
                 )
             packed = packed[self._moving]
-        work = self._workspace
-        work.load(packed)
-        slots = work.slots if with_gradient else _NO_SLOTS
-        work.over_strips(
-            objective_task, objective_tasks, slots, self._target, self._base, self.width, self._losses, with_gradient
+        self._rasterizer.binning.load(packed)
+        moments = self._rasterizer.moments if kind == LOSS_AND_GRADIENTS else EMPTY
+        job = self._job._replace(
+            kind=kind, base=self._base, target=self._target, losses=self._losses, moments=moments
         )  # fmt: skip
+        self._rasterizer.run(job, self._regions)
         return total_loss(self._losses, self._pixels)
 
 

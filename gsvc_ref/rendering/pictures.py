@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.fast.strip_pictures import rounded
+from gsvc_ref.rendering.fast.tile_pictures import rounded
 
-SMALLEST_BIT_DEPTH = 8
-LARGEST_BIT_DEPTH = 16
+MIN_BIT_DEPTH = 8
+MAX_BIT_DEPTH = 16
 
 
 def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
@@ -21,9 +21,9 @@ def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
     UsageError
         The bit depth is outside 8..16.
     """
-    if not SMALLEST_BIT_DEPTH <= bit_depth <= LARGEST_BIT_DEPTH:
-        raise UsageError(f"the bit depth is {bit_depth}; it must be {SMALLEST_BIT_DEPTH} to {LARGEST_BIT_DEPTH}")
-    return np.uint8 if bit_depth == SMALLEST_BIT_DEPTH else np.uint16
+    if not MIN_BIT_DEPTH <= bit_depth <= MAX_BIT_DEPTH:
+        raise UsageError(f"the bit depth is {bit_depth}; it must be {MIN_BIT_DEPTH} to {MAX_BIT_DEPTH}")
+    return np.uint8 if bit_depth == MIN_BIT_DEPTH else np.uint16
 
 
 def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:

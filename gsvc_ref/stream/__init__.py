@@ -1,8 +1,9 @@
-"""Streams, bytes in and frames out and back (spec.md sections 6 and 12).
+"""Streams: bytes in and frames out, and back (spec.md sections 6 and 12).
 
-`Stream` and `decode` give pictures. Below them, `StreamReader` gives the parameters of one frame after another, from
-files and pipes (`source`), from any frame on (`seeking`) and from what damage has left (`salvage`); `StreamWriter`
-writes them. `whole_streams` has a stream's codes, splats and frames as arrays.
+In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` decodes one chunk after the other, and
+`reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
+`whole_chunks` it finds. The results are in `decoded`. `decode` renders pictures of them, with the video's format from
+`formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back.
 """
 
 from gsvc_ref.stream.decode import Stream, decode, scaled_size

@@ -12,19 +12,20 @@ from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import State, reconstruct, rendering_work
+from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.source import Source, SourceReader
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a decoder stands between two chunks.
+    """The place of a decoder between two chunks.
 
     Attributes
     ----------
     offset
-        Of the next chunk, in bytes from the start of the stream.
+        Offset of the next chunk, in bytes from the start of the stream.
     state
         The state after the frame before.
     next_number
@@ -59,13 +60,13 @@ class ChunkDecoder:
     Attributes
     ----------
     source
-        Where the bytes come from.
+        The source of the bytes.
     header
         The sequence header.
     first
         The place of the first chunk after it.
     opening_bits
-        How many bits before that place went to each category.
+        The number of bits before that place by category.
     """
 
     def __init__(self, source: Source, trace: Callable[[Element], None] | None = None) -> None:
@@ -93,7 +94,7 @@ class ChunkDecoder:
         self.first = Place(s.position // 8, State.initial(self.header.width, self.header.height))
 
     def longest_payload(self, chunk_type: int) -> int:
-        """Most bytes of the payload of a chunk of a type (R-5-3)."""
+        """Maximum number of bytes of the payload of a chunk of a type (R-5-3)."""
         return LONGEST_HEADER if chunk_type == chunks.HEADER_TYPE else self.header.limits.payload
 
     def decode(self, place: Place) -> DecodedChunk:

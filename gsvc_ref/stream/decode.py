@@ -48,12 +48,12 @@ class Stream:
 
     @property
     def format(self) -> VideoFormat:
-        """The format of the source that was encoded, with the number of frames if it can be told."""
+        """The format of the source that was encoded, with the number of frames if it is known."""
         return replace(video_format(self.header), frame_count=self.frame_count)
 
     @property
     def notes(self) -> list[str]:
-        """In which ways `format` is not what the header says, since no file can be like that."""
+        """Sentences on where `format` differs from the header, since no file can be like that."""
         return format_notes(self.header)
 
     @property
@@ -69,7 +69,7 @@ class Stream:
         return self._reader.frames(start, stop)
 
     def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
-        """What is left of frames `start` to `stop` - 1 of a damaged file, and the gaps between, in their order.
+        """The frames that are left of frames `start` to `stop` - 1 of a damaged file, and the gaps, in their order.
 
         Raises
         ------
@@ -86,8 +86,8 @@ class Stream:
     def info(self, *, salvage: bool = False) -> StreamSummary:
         """All frames and where every bit of the stream went; a fault is in it, not raised.
 
-        With `salvage`, of a damaged file, everything that is left and all gaps. What the encoder wrote about its
-        decisions is in `ancillary`, for `gsvc_ref.encoder.decision_chunk.unpack`.
+        With `salvage`, of a damaged file, everything that is left and all gaps. `ancillary` is the log of the encoder's
+        decisions, for `gsvc_ref.encoder.log.read_log`.
         """
         return self._reader.summary(salvage=salvage, ancillary=DECISIONS)
 
@@ -123,7 +123,7 @@ def decode(
     scale
         Render at this many times the coded size (spec.md section 9.4).
     precision, threads
-        As for `gsvc_ref.render`.
+        The parameters of `gsvc_ref.render`.
     on_gap
         Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.

@@ -1,4 +1,4 @@
-"""What a reader hands out: frames, and the account of a whole stream."""
+"""The results of reading: frames, gaps, and the account of a whole stream."""
 
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -9,7 +9,7 @@ from gsvc_ref.reconstruction import FrameCodes, FrameType
 from gsvc_ref.splats import Splats
 
 MAX_FAULTS: Final = 8
-"""Faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
+"""Maximum number of faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class DecodedFrame:
     type
         ``I``, ``P`` or ``R``.
     codes
-        What the bytes say.
+        The codes that the bytes hold.
     splats
-        What they stand for, bit for bit what the encoder had.
+        The splats that the codes stand for, bit for bit those of the encoder.
     bits
-        How many bits of the chunk went to each of `CATEGORIES`; together 8 · `size`.
+        The number of bits of the chunk by category (`CATEGORIES`); together 8 · `size`.
     offset, size
-        Where the chunk begins, in bytes from the start of the stream, and its bytes.
+        The offset of the chunk in bytes from the start of the stream, and its size in bytes.
     """
 
     number: int
@@ -50,16 +50,16 @@ class Gap:
     faults
         The rules that are broken in it, in the order of the stream; the first `MAX_FAULTS` only.
     fault_count
-        How many faults there are.
+        The number of faults.
     offset, size
-        Where the first chunk at fault begins, in bytes from the start of the stream, and the bytes from there to the
-        end of what was skipped; 0 bytes where frames are missing without a trace.
+        The offset of the first chunk at fault in bytes from the start of the stream, and the number of bytes from there
+        to the end of what was skipped; 0 where frames are missing without a trace.
     skipped
-        How many of these bytes were skipped: all but those of sound chunks that hold no frame.
+        The number of these bytes that were skipped: all but those of sound chunks that hold no frame.
     first_missing
         The number that the next frame should have had.
     missing_count
-        How many frames are missing from there on; None if the stream does not tell, which happens only at its end.
+        The number of frames that are missing from there on; None if unknown, which happens only at the end of a stream.
     predicted_from
         Frames with this number and greater ones are sound, but predicted from missing ones; None if there are none.
     """
@@ -73,14 +73,8 @@ class Gap:
     missing_count: int | None
     predicted_from: int | None = None
 
-    def __str__(self) -> str:
-        fault, others = self.faults[0], self.fault_count - 1
-        more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
-        joint = ", but" if self.missing_count == 0 else f"{self._predicted}:"
-        return f"{self.frames_missing}{joint} {str(fault).removeprefix(f'{fault.kind}: ')}{more}; {self.bytes_skipped}"
-
     def clipped(self, start: int, stop: int | None) -> "Gap":
-        """What it misses of frames `start` to `stop` - 1."""
+        """The gap with only the frames missing that are among `start` to `stop` - 1."""
         if self.missing_count == 0:
             return self
         first = max(self.first_missing, start)
@@ -93,35 +87,6 @@ class Gap:
     def reaches(self, start: int) -> bool:
         """Whether it lies behind the frame before `start`, or misses frames from there on."""
         return self.missing_count is None or self.first_missing + max(self.missing_count, 1) > start
-
-    @property
-    def frames_missing(self) -> str:
-        """Which frames are missing, in words."""
-        first, count = self.first_missing, self.missing_count
-        if count is None:
-            return f"frames from {first} on are missing, if there were any"
-        if count == 0:
-            return "no frame is missing"
-        return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
-
-    @property
-    def _predicted(self) -> str:
-        """Which of the missing frames are sound, in words."""
-        begin, last = self.predicted_from, self.first_missing + (self.missing_count or 0) - 1
-        if begin is None or begin > last:
-            return ""
-        which = "" if begin <= self.first_missing else f" {last}" if begin == last else f" {begin} to {last}"
-        return f",{which} because predicted from missing ones"
-
-    @property
-    def bytes_skipped(self) -> str:
-        """Which bytes were skipped, in words."""
-        if self.skipped == 0:
-            return "no bytes skipped"
-        last = self.offset + self.size - 1
-        if self.skipped == self.size:
-            return f"bytes {self.offset:,} to {last:,} skipped"
-        return f"{self.skipped:,} of the bytes {self.offset:,} to {last:,} skipped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +103,7 @@ class FrameSummary:
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """What a stream holds.
+    """The contents of a stream.
 
     Attributes
     ----------
@@ -147,14 +112,14 @@ class StreamSummary:
     frames
         The complete frames.
     bits
-        How many bits went to each of `CATEGORIES`, and to ``unread``, what follows a fault, or when salvaging to
+        The number of bits by category (`CATEGORIES`), and those ``unread``, which follow a fault, or when salvaging
         ``skipped``. Together 8 · `file_bytes`.
     file_bytes
         Size of the stream in bytes.
     error
-        Why reading stopped before the end, or None.
+        The fault at which reading stopped before the end, or None.
     gaps
-        What was skipped; empty unless salvaging.
+        The gaps; empty unless salvaging.
     ancillary
         The payload of the last ancillary chunk of the type asked for; None if there is none.
     """

@@ -55,7 +55,7 @@ def video_format(header: SequenceHeader) -> VideoFormat:
 
 
 def format_notes(header: SequenceHeader) -> list[str]:
-    """In which ways `video_format` is not what a header says; sentences without a full stop."""
+    """Sentences without a full stop on where `video_format` differs from a header."""
     notes = []
     if _subsamples_identity(header):
         notes.append("the header says subsampled chroma and matrix 0, which has none: taken as 4:4:4")

@@ -49,7 +49,7 @@ class _OpenGap:
 
 @dataclass(frozen=True)
 class _Head:
-    """What is needed of a whole chunk before it is decoded.
+    """The elements of a whole chunk that are needed before it is decoded.
 
     `frame_number` is that of a frame; `ending` are `frame_count` and `index_length` of an end chunk; None if unknown.
     """
@@ -86,7 +86,7 @@ class Salvage:
 
     @property
     def checksummed(self) -> int:
-        """See the class."""
+        """The number of bytes checksummed so far."""
         return self._whole.checksummed
 
     def __iter__(self) -> Iterator[DecodedChunk | Gap]:
@@ -223,7 +223,7 @@ class Salvage:
 
 
 def _head(chunk_type: int, size: int, payload: bytes) -> _Head:
-    """What the first 8 bytes of a payload tell, which may be anything."""
+    """The elements in the first 8 bytes of a payload, which may be anything."""
     p = Reader(payload)
     try:
         if chunk_type in chunks.FRAMES:

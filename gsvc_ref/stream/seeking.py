@@ -34,7 +34,7 @@ def read_end(decoder: ChunkDecoder) -> tuple[int, int] | None:
 
 
 def find_by_index(decoder: ChunkDecoder, number: int) -> Place | None:
-    """The last I-frame at or before a frame that the index names; None without an index that tells the truth."""
+    """The last I-frame at or before a frame that the index names; None without an index that is right."""
     ending, size = read_end(decoder), decoder.source.size
     if ending is None or size is None:
         return None

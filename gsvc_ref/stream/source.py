@@ -1,4 +1,4 @@
-"""Where a stream's bytes come from: a path, bytes, or any binary file, be it a pipe."""
+"""The source of a stream's bytes: a path, bytes, or any binary file, be it a pipe."""
 
 import threading
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from gsvc_ref.bitstream.coder import Element
 from gsvc_ref.errors import UsageError
 
 PIECE: Final = 1 << 20
-"""Bytes asked for at once: a length that a stream claims is never allocated before the bytes have come."""
+"""Maximum number of bytes asked for at once: a length that a stream claims is never allocated before its bytes came."""
 
 
 class Source:

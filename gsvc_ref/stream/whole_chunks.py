@@ -13,7 +13,7 @@ from gsvc_ref.stream.source import PIECE, Source
 
 CRC_SIZE: Final = CRC_BITS // 8
 LONGEST_FRAME: Final = 1 + 5 + CRC_SIZE
-"""Most bytes of a chunk around its payload."""
+"""Maximum number of bytes of a chunk around its payload."""
 
 
 @kernel()
@@ -51,7 +51,7 @@ def _first_whole(
 
 
 class WholeChunks:
-    """Which bytes of a file are chunks with a legal length and the right checksum; ask with growing offsets.
+    """The chunks of a file that have a legal length and the right checksum; ask with growing offsets.
 
     A byte is checksummed once for each window that it lies in, and a chunk's checksum follows from two positions of
     a window, so that nothing a hostile file claims about its lengths costs more. Windows overlap where chunks may.
@@ -61,12 +61,12 @@ class WholeChunks:
     source
         The file, which can be sought.
     longest
-        Most bytes of a payload.
+        Maximum number of bytes of a payload.
 
     Attributes
     ----------
     end
-        Where the file ends.
+        The offset of the end of the file.
     checksummed
         Bytes of all windows so far: at most `MAX_CHECKSUMMED` times the file's.
     """
@@ -91,9 +91,9 @@ class WholeChunks:
         return size if at == offset else None
 
     def after_damaged(self, offset: int, end: int | None) -> int:
-        """Where to go on behind the chunk at `offset`, which is not whole; the file's size if there is nothing whole.
+        """The offset behind the chunk at `offset`, which is not whole; the file's size if nothing whole follows.
 
-        Where its length says that it ends, `end`, if a whole chunk or the file's end is there; else at the next byte
+        It is `end`, where the chunk ends by its length, if a whole chunk or the file's end is there; else the next byte
         at which a whole chunk begins.
         """
         self._cover(offset, 2 * self._reach)

@@ -13,7 +13,8 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.errors import UsageError
-from gsvc_ref.reconstruction import FrameCodes, State, reconstruct, rendering_work
+from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
+from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10
@@ -72,13 +73,13 @@ class StreamWriter:
     header
         The sequence header as written.
     frame_count
-        Frames written so far.
+        The number of frames written so far.
     state
-        What a decoder holds after the frames so far: predict from `state.splats`.
+        The state of a decoder after the frames so far: predict from `state.splats`.
     bits
-        How many bits of what has been written went to each of `CATEGORIES`.
+        The number of bits written by category (`CATEGORIES`).
     offset
-        Bytes written.
+        The number of bytes written.
     goes_back
         Whether `finish` corrects what was written.
     """
@@ -110,8 +111,16 @@ class StreamWriter:
         self._header_offset = self.offset
         self._write_chunk(chunks.HEADER_TYPE, lambda p: sequence_header(p, self.header))
 
-    def write_frame(self, codes: FrameCodes) -> DecodedFrame:
+    def write_frame(self, codes: FrameCodes, state: State | None = None) -> DecodedFrame:
         """Write a frame: what a reader will make of it, with the bits that each of `CATEGORIES` took.
+
+        Parameters
+        ----------
+        codes
+            The codes of the frame.
+        state
+            ``reconstruct(codes, self.state)`` where the caller has it already, as an encoder does; it is not computed
+            again.
 
         Raises
         ------
@@ -122,7 +131,8 @@ class StreamWriter:
         """
         if self.frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
-        state = reconstruct(codes, self.state)
+        if state is None:
+            state = reconstruct(codes, self.state)
         work = rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"

@@ -6,7 +6,6 @@ from typing import BinaryIO, Final, Protocol
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import PartialFile
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import images, libav, libav_writer, y4m
 from gsvc_ref.video.color import to_planes, to_rgb
@@ -19,7 +18,6 @@ __all__ = [
     "ChromaFormat",
     "ColorDescription",
     "Frame",
-    "PartialFile",
     "VideoFormat",
     "VideoReader",
     "VideoSource",

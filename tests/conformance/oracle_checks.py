@@ -1,4 +1,4 @@
-"""What a variant of an operation gets wrong in the cases of that operation."""
+"""Errors of a variant of an operation in the cases of that operation."""
 
 from collections.abc import Callable, Mapping
 from functools import cache

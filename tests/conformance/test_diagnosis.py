@@ -183,5 +183,5 @@ def test_every_error_of_one_kind():
         (right if kind == "invalid" else wrong).append((vector, given))
     told = diagnose(wrong, [vector for vector, _ in right])
     assert {tuple(sentences) for sentences in told.values()} == {
-        ("every error told as of the kind invalid, whatever it is",)
+        ("every error reported as of the kind invalid, whatever it is",)
     }

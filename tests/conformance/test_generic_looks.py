@@ -13,7 +13,7 @@ from conformance.diagnosis.ratios import factor_name
 from conformance.diagnosis.regions import region_candidates, size_hint
 from conformance.diagnosis.terms import pixel_gradients
 from conformance.expectations import Bounded
-from conformance.names import element, told
+from conformance.names import element, with_names
 from conformance.operation import operations
 from conformance.spec import complexity, namespace
 from conformance.vector_folder import VectorFolder
@@ -147,10 +147,9 @@ def test_elements_have_names(operation, output, place, shape, name):
 
 def test_sentences_have_names_in_place_of_indices():
     operation = operations()["render_gradients"]
-    assert (
-        told(operation, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8)) == "is 1 at splat 2, l21, expected 2"
-    )
-    assert told(operation, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
+    said = with_names(operation, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8))
+    assert said == "is 1 at splat 2, l21, expected 2"
+    assert with_names(operation, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
         "l11, l21, l22 is"
     )
 

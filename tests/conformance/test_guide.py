@@ -19,7 +19,7 @@ COMMAND = "$ python -m conformance "
 
 
 def sources():
-    """What mine.py holds when each command is run, with the command and what it prints."""
+    """The contents of mine.py when each command is run, with the command and what it prints."""
     code = ""
     for kind, text in STEPS:
         first, _, rest = text.partition("\n")

@@ -1,4 +1,4 @@
-"""What others wrote reaches no terminal as a command, loses no report, and is told when it is none."""
+"""Texts of others reach no terminal as a command and lose no report, and what is no report is refused."""
 
 import json
 import math

@@ -12,7 +12,7 @@ from conformance import spec
 from conformance.cases.faulty import faults
 
 Outcome = tuple[str, int]
-"""What is judged: the kind of the error, and how many frames precede it."""
+"""The judged parts of a refusal: the kind of the error, and how many frames precede it."""
 
 HUGE: Final = {
     "r_5_2_splats_four_billion", "r_5_2_new_splats_four_billion", "r_5_2_splats_of_level_3", "r_5_2_splats_of_level_4",

@@ -1,4 +1,4 @@
-"""What the report says of planted mutants: a sample of the list, which `python -m planted` goes through as a whole."""
+"""The report on planted mutants: a sample of the list, which `python -m planted` goes through as a whole."""
 
 import zlib
 from typing import get_args

@@ -1,4 +1,4 @@
-"""What is told of a run: the console, JSON, JUnit XML, the page and its pictures."""
+"""The reports of a run: the console, JSON, JUnit XML, the page and its pictures."""
 
 import base64
 import io
@@ -239,7 +239,7 @@ def test_both_ends_of_what_a_command_printed_are_shown():
 
 
 class Page(HTMLParser):
-    """What a page holds; fails where tags do not match."""
+    """The contents of a page; fails where tags do not match."""
 
     VOID = ("meta", "img", "br", "link")
 

@@ -59,7 +59,7 @@ def assert_same(actual: Values, expected: Values) -> None:
 
 
 def outcome(data: bytes) -> Values:
-    """What gsvc_ref makes of a stream: the splats of all complete frames, and the error in full."""
+    """gsvc_ref's reading of a stream: the splats of all complete frames, and the error in full."""
     frames, error = [], ""
     try:
         frames.extend(frame.splats.to_array() for frame in StreamReader(data))

@@ -1,4 +1,4 @@
-"""What oracles are computed from uses no operation whose bits depend on the processor, on libm or on BLAS."""
+"""The oracles use no operation whose bits depend on the processor, on libm or on BLAS."""
 
 import ast
 from pathlib import Path
@@ -15,7 +15,7 @@ SOURCES = sorted(
     [
         *(KIT / "operations").glob("*.py"),
         *(KIT / name for name in ("distinct.py", "elementary.py", "expansions.py", "running_error.py")),
-        *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "exponential.py")),
+        *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "fast/exponential.py")),
         CODEC / "rendering" / "deterministic.py",
     ]
 )
@@ -30,14 +30,14 @@ ALLOWED = {
     "deterministic.py": {"sum"},
     "selection.py": {"math", "prod"},
 }
-"""What is meant otherwise: nothing that rounds."""
+"""Attributes of these names that round nothing."""
 
 
 EXACT_POWERS = {
     "peak ** 2", "o ** 2", "(Fraction(share, 100) * peak) ** 2", "Fraction(threshold) ** 2", "(other - mean) ** 2",
     "(value - mean) ** 2", "threshold ** 2",
 }  # fmt: skip
-"""Of integers and rational numbers."""
+"""Powers of integers and rational numbers."""
 
 
 def unstated(source: str) -> set[str]:

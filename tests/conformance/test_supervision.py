@@ -38,7 +38,7 @@ def run(words, timeout=60.0, check=lambda: None) -> tuple[int | None, str]:
 
 
 def grandchildren() -> list[int]:
-    """Of this process and everything below it, those that sleep for ten minutes."""
+    """The processes that sleep for ten minutes among this one and all below it."""
     found, open_ones = [], [os.getpid()]
     while open_ones:
         for task in Path(f"/proc/{open_ones.pop()}/task").glob("*/children"):

@@ -80,7 +80,7 @@ def with_sums(folder, extra=b""):
 
 
 def changed(text=None, **change):
-    """What writes the manifest of a vector anew: a text, or some of its fields."""
+    """A function that writes the manifest of a vector anew: a text, or some of its fields."""
 
     def write(path):
         manifest = json.loads(path.read_text())

@@ -13,9 +13,10 @@ from codec_cases import Counting, encoded, fast, flat, video_format, waves
 
 from gsvc_ref.encoder import IncompleteEncodeError, encode
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import PartialFile
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import StreamWriter, decode
-from gsvc_ref.video import PartialFile, VideoReader
+from gsvc_ref.video import VideoReader
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 5)
@@ -143,10 +144,10 @@ def test_a_fault_of_the_progress_keeps_the_frames_before(tmp_path):
 
 
 def test_a_frame_beyond_the_level_keeps_the_frames_before(tmp_path, monkeypatch):
-    def refuse(self, codes, write=StreamWriter.write_frame):
+    def refuse(self, codes, state=None, *, write=StreamWriter.write_frame):
         if self.frame_count == 3:
             raise UsageError("rendering frame 3 takes too many pairs (R-5-4)")
-        return write(self, codes)
+        return write(self, codes, state)
 
     monkeypatch.setattr(StreamWriter, "write_frame", refuse)
     with pytest.raises(IncompleteEncodeError, match=r"invalid: rendering frame 3 .* saved: 3 complete frames"):

@@ -9,7 +9,7 @@ import pytest
 from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_ref.encoder import encode
-from gsvc_ref.encoder.interrupts import Interrupts
+from gsvc_ref.interrupts import Interrupts
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 5)

@@ -1,13 +1,14 @@
 """DKS: the paper's rule to the letter, its blind spots, and the robust rule for what it cannot see."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.encoder.key_frames import KeyFrameSelector, scene_transitions, select_key_frames
+from gsvc_ref.encoder.key_frames import WINDOW, KeyFrameSelector, exceeds, select_key_frames
 from gsvc_ref.errors import UsageError
 
 FLAT = 0.25
@@ -17,6 +18,12 @@ FLAT = 0.25
 def sequence(frames: int, cuts: dict[int, float]) -> tuple[list[float], list[float]]:
     """Losses I and P of `frames` frames; a cut adds its height to the loss P of its frame (from 0)."""
     return [FLAT] * frames, [FLAT + cuts.get(frame, 0.0) for frame in range(1, frames)]
+
+
+def scene_transitions(differences: list[float], window: int = WINDOW) -> list[bool]:
+    """The paper's rule and nothing else: whether D_t exceeds the mean of its window by more than 3 deviations."""
+    exact = [Fraction(difference) for difference in differences]
+    return [exceeds(d, exact[max(0, t - window) : t + window + 1], Fraction(3)) for t, d in enumerate(exact)]
 
 
 losses = st.floats(0, 1, allow_subnormal=False)

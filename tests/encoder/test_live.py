@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from codec_cases import Counting, complete_frames, encoded, fast, same, video_format, waves
 
-from gsvc_ref.encoder import IncompleteEncodeError, encode, ends
+from gsvc_ref.encoder import IncompleteEncodeError, encode, source_and_target
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream import Stream, StreamWriter, decode
 
@@ -205,13 +205,13 @@ def test_a_file_that_its_encode_removes_is_made_anew(tmp_path, monkeypatch):
     path = tmp_path / "clip.gsvc"
     tries = []
 
-    def lock(file, try_lock=ends.try_lock):
+    def lock(file, try_lock=source_and_target.try_lock):
         tries.append(file)
         if len(tries) == 1:
             path.unlink()
         return try_lock(file)
 
-    monkeypatch.setattr(ends, "try_lock", lock)
+    monkeypatch.setattr(source_and_target, "try_lock", lock)
     encode((CLIP, SMALL), path, fast(), live=True)
     assert len(tries) == 2
     assert len(list(decode(path))) == 5

@@ -40,9 +40,9 @@ def digest(threads: int) -> str:
 @pytest.mark.skipif(not JIT, reason="both processes would be interpreted by the same Python")
 def test_bytes_do_not_depend_on_the_cpu(tmp_path):
     environment = {**os.environ, **GENERIC, "NUMBA_CACHE_DIR": str(tmp_path)}
-    program = "from test_reproducible import digest; print(digest(1))"
+    program = "from encoder.test_reproducible import digest; print(digest(1))"
     other = subprocess.run(
-        [sys.executable, "-c", program], cwd=Path(__file__).parent, env=environment, capture_output=True, text=True,
+        [sys.executable, "-c", program], cwd=Path(__file__).parents[1], env=environment, capture_output=True, text=True,
         check=True,
     )  # fmt: skip
     assert other.stdout.strip() == digest(2)

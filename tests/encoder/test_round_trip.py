@@ -4,18 +4,21 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from io import BytesIO
 
 import numpy as np
 import pytest
 from codec_cases import encoded, fast, video_format, waves
 
-import gsvc_ref.encoder.encode as encoder_module
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.encoder import Settings, encode
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.metrics import psnr
-from gsvc_ref.stream import Stream, decode
+from gsvc_ref.reconstruction import reconstruct
+from gsvc_ref.stream import Stream, StreamWriter, decode
+
+encoder_module = import_module("gsvc_ref.encoder.encode")  # the package has a function of this name
 
 IN_ANOTHER_PROCESS = """
 import hashlib, sys
@@ -66,6 +69,38 @@ def test_decoded_parameters_are_the_encoders_own(states, settings):
     for decoded, state in zip(splats, states, strict=True):
         assert decoded == state.splats
         assert parameter_checksum(decoded) == parameter_checksum(state.splats)
+
+
+@pytest.mark.parametrize("settings", VARIETY.values(), ids=VARIETY)
+def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, settings):
+    """The encoder's state after each frame, what it keeps of the quantisers included, is that of its codes."""
+    taken = []
+
+    class Checking(StreamWriter):
+        def write_frame(self, codes, state=None):
+            again = reconstruct(codes, self.state)
+            assert (state.width, state.height) == (again.width, again.height)
+            assert state.splats.tobytes() == again.splats.tobytes()
+            for kind in ("intra", "inter"):
+                assert state.kept(kind).quantizer is again.kept(kind).quantizer
+                assert state.kept(kind).codebooks is again.kept(kind).codebooks
+            taken.append(codes.type)
+            decoded = super().write_frame(codes, state)
+            assert self.state is state
+            return decoded
+
+    monkeypatch.setattr(encoder_module, "StreamWriter", Checking)
+    clip = waves(frames=4)
+    clip.insert(2, clip[1].copy())
+    _, data = encoded(clip, settings)
+    assert "".join(taken) == "".join(frame.type for frame in Stream(data))
+    target = BytesIO()
+    with Stream(data) as stream:
+        writer = StreamWriter(target, stream.header)
+        for frame in stream:
+            writer.write_frame(frame.codes)
+    writer.finish()
+    assert target.getvalue() == encoded(clip, replace(settings, decisions=False))[1]
 
 
 def test_another_process_decodes_the_same_bits(states, tmp_path):

@@ -1,4 +1,4 @@
-"""Splats at rest: which they are, and that training leaves them alone."""
+"""Static splats: which they are, and that training leaves them alone."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref import Settings, encode, open
-from gsvc_ref.encoder.static import at_rest, changed_pixels
+from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import covered_pixels, render
 from gsvc_ref.splats import Splats
 from gsvc_ref.video import ColorDescription, VideoFormat
@@ -22,32 +22,32 @@ splat = st.tuples(
 
 
 @given(splat, st.integers(0, WIDTH - 1), st.integers(0, HEIGHT - 1))
-def test_a_splat_that_covers_a_changed_pixel_is_not_at_rest(shape, column, row):
+def test_a_splat_that_covers_a_changed_pixel_is_not_static(shape, column, row):
     changed = np.zeros((HEIGHT, WIDTH), bool)
     changed[row, column] = True
     parameters = np.array([[*shape, 1, 1, 1]], np.float32)
     covers = render(Splats.from_array(parameters), WIDTH, HEIGHT)[row, column, 0] > 0
-    assert not (covers and at_rest(parameters, changed)[0])
+    assert not (covers and static_splats(parameters, changed)[0])
 
 
 @given(splat)
-def test_where_nothing_changes_all_rest_and_where_all_changes_none_that_shows(shape):
+def test_where_nothing_changes_all_are_static_and_where_all_changes_none_that_shows(shape):
     parameters = np.array([[*shape, 1, 1, 1]], np.float32)
     if covered_pixels(Splats.from_array(parameters), WIDTH, HEIGHT)[0]:
-        assert at_rest(parameters, np.zeros((HEIGHT, WIDTH), bool)).all()
-        assert not at_rest(parameters, np.ones((HEIGHT, WIDTH), bool)).any()
+        assert static_splats(parameters, np.zeros((HEIGHT, WIDTH), bool)).all()
+        assert not static_splats(parameters, np.ones((HEIGHT, WIDTH), bool)).any()
 
 
-def test_a_splat_that_training_would_widen_is_not_at_rest():
+def test_a_splat_that_training_would_widen_is_not_static():
     parameters = np.array([[10, 10, 0.2, 0, 3, 1, 1, 1], [10, 10, 3, 0, 0.2, 1, 1, 1]], np.float32)
-    assert not at_rest(parameters, np.zeros((HEIGHT, WIDTH), bool)).any()
+    assert not static_splats(parameters, np.zeros((HEIGHT, WIDTH), bool)).any()
 
 
 @pytest.mark.parametrize("place", [(-50, 10), (90, 10), (10, -50), (10, 80)])
-def test_a_splat_that_left_the_frame_is_not_at_rest(place):
+def test_a_splat_that_left_the_frame_is_not_static(place):
     """It would keep its place among the N splats for ever, and a camera that pans would run out of them."""
     parameters = np.array([[*place, 3, 1, 3, 1, 1, 1]], np.float32)
-    assert not at_rest(parameters, np.zeros((HEIGHT, WIDTH), bool)).any()
+    assert not static_splats(parameters, np.zeros((HEIGHT, WIDTH), bool)).any()
 
 
 def test_changed_pixels_differ_in_any_channel():
@@ -92,7 +92,7 @@ def test_what_stands_still_is_coded_as_it_was(tmp_path):
 
 
 def test_constant_quality_trains_everything(tmp_path):
-    """It has a goal for every frame, which splats at rest could keep it from."""
+    """It has a goal for every frame, which static splats could keep it from."""
     first, second, _ = decoded(tmp_path, psnr=20.0)
     survivors = second.codes.origins[second.codes.origins >= 0]
     assert len(survivors)
@@ -103,6 +103,6 @@ def test_a_splat_without_a_place_may_be_anywhere():
     """Infinite minus infinite is no number: no machine's cast of it decides, and no warning."""
     parameters = np.array([[np.inf, 5, np.inf, 0, 1, 0, 0, 0]], np.float32)
     changed = np.zeros((HEIGHT, WIDTH), bool)
-    assert at_rest(parameters, changed).tolist() == [True]
+    assert static_splats(parameters, changed).tolist() == [True]
     changed[5, -1] = True
-    assert at_rest(parameters, changed).tolist() == [False]
+    assert static_splats(parameters, changed).tolist() == [False]

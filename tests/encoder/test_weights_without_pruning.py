@@ -5,8 +5,10 @@ import pytest
 from codec_cases import waves
 
 from gsvc_ref.encoder import Settings
+from gsvc_ref.encoder.blocks import block_errors
 from gsvc_ref.encoder.frame import FrameEncoder
-from gsvc_ref.encoder.prediction import Past, Prediction, block_errors
+from gsvc_ref.encoder.log import FrameLog
+from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.augmentation import random_splats, uniform_numbers
 
@@ -26,7 +28,7 @@ def test_new_splats_are_faint_but_not_held_back_where_nothing_is_pruned():
     reference = random_splats(uniform_numbers(50, rng), 32, 24)
     objective.loss(reference.to_array())
     past = Past(picture, block_errors(objective.residual()))
-    population = Prediction(settings, objective, picture, reference, past, 60, 70, rng).population
+    population = predict(PFrame(settings, picture, objective, reference, past, 60, 70, rng), FrameLog()).population
     assert len(population) == 56
     assert (population.weights == 1).all()
     assert population.parameters()[50:, 5:8].max() <= 0.01

@@ -54,7 +54,7 @@ class HardCase:
 
     @property
     def name(self) -> str:
-        """What the table calls it: the slug of its vector."""
+        """The name in the table: the slug of its vector."""
         return self.vector.rpartition("/")[2]
 
     @property
@@ -64,7 +64,7 @@ class HardCase:
 
     @property
     def naive_name(self) -> str:
-        """What the naive formula does."""
+        """The naive formula in words."""
         return self.naive[0]
 
     def case(self) -> Case:
@@ -80,14 +80,14 @@ class HardCase:
 
 @dataclass(frozen=True)
 class LongRun:
-    """What is hard because it lasts, and has no vector.
+    """A run that is hard because it lasts, and has no vector.
 
     Attributes
     ----------
     name, operation, danger, condition
         As for `HardCase`.
     naive_name
-        What the naive formula does.
+        The naive formula in words.
     run
         Measures everything.
     """
@@ -100,7 +100,7 @@ class LongRun:
     run: Callable[[], Measurement]
 
     def measure(self) -> Measurement:
-        """What the run finds."""
+        """The measurement of the run."""
         return self.run()
 
 

@@ -49,7 +49,7 @@ def scales() -> F4:
 
 
 def scale_learned_itself() -> F4:
-    """The same scale when Adan moves it and not its logarithm, after DOWN steps, (3,) f4."""
+    """The scale when Adan moves it and not its logarithm, after DOWN steps, (3,) f4."""
     state, scale = Adan(1, 3), np.full((1, 3), 0.05, np.float32)
     for _ in range(DOWN):
         state.step(scale, np.ones((1, 3), np.float32), RATE)
@@ -72,7 +72,7 @@ def averages() -> tuple[F8, F8]:
 
 
 def averages_in_binary32() -> tuple[F4, F4]:
-    """The same in binary32, with decay and its complement rounded each for itself."""
+    """The averages in binary32, with decay and its complement rounded each for itself."""
     a, rest = np.float32(RVQ.decay), np.float32(1 - RVQ.decay)
     state = begun()
     counts, sums = state.counts[0].astype(np.float32), state.sums[0].astype(np.float32)

@@ -28,7 +28,7 @@ WIDTH: Final = 64
 HEIGHT: Final = 48
 BITS: Final = 6
 POSITIONS, CHOLESKY, COLORS = 0, 1, 2
-"""What the P-frames have in turn."""
+"""The attributes that the P-frames have in turn."""
 SCALE: Final = np.full(3, 0.01, np.float32)  # pixels; no power of two, so that products are rounded
 HEADER: Final = SequenceHeader(
     level=1, parameter_checksum_flag=True, width=WIDTH, height=HEIGHT, cholesky_bits=BITS, color_stages=2,
@@ -74,7 +74,7 @@ def is_repeated(number: int) -> bool:
 
 
 def attribute(number: int) -> int:
-    """What a P-frame has."""
+    """The attributes of a P-frame."""
     return number // 2 % 3
 
 
@@ -120,7 +120,7 @@ def closed_loop(frames: int = FRAMES) -> Sequence:
 
 @cache
 def decoded() -> tuple[F4, int]:
-    """What a reader has after each frame of the closed loop, (FRAMES, SPLATS, 8) f4.
+    """The reader's splats after each frame of the closed loop, (FRAMES, SPLATS, 8) f4.
 
     Also how many more blocks of memory are in use after the last frame than after frame 100.
     """
@@ -135,7 +135,7 @@ def decoded() -> tuple[F4, int]:
 
 @cache
 def open_loop() -> F4:
-    """What a decoder has of differences of the source, (FRAMES, SPLATS, 8) f4."""
+    """A decoder's splats by differences of the source, (FRAMES, SPLATS, 8) f4."""
     state = reconstruct(first_frame(), State.initial(WIDTH, HEIGHT))
     found, last = [state.splats.to_array()], source()[0].copy()
     for number in range(1, FRAMES):
@@ -149,7 +149,7 @@ def open_loop() -> F4:
 
 
 def accumulated(dtype: Any, *, fused: bool) -> NDArray[np.floating]:
-    """What a decoder has that adds up in another type, or with fused products, (FRAMES, SPLATS, 8)."""
+    """The splats of a decoder that adds up in another type, or with fused products, (FRAMES, SPLATS, 8)."""
     half_size = np.array([WIDTH / 2, HEIGHT / 2])  # f8, in which products are exact
     books = [book.astype(dtype) for book in BOOKS]
     state = closed_loop().parameters[0].astype(dtype)

@@ -41,7 +41,7 @@ def gradients() -> dict[str, F4]:
 
 @dataclass(frozen=True)
 class Run:
-    """What the optimiser did.
+    """The optimiser's trajectory.
 
     Attributes
     ----------

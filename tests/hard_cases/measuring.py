@@ -1,4 +1,4 @@
-"""How far outputs are from the truth, against the bound of that very element."""
+"""Errors of outputs against the truth, as multiples of the bound of that very element."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 FAR: Final = 2.0**-29
-"""How much of a bound the kit's own oracle may use.
+"""Maximum fraction of a bound that the kit's own oracle may use.
 
 Its values are the true ones, rounded once to binary64: off by 2^-53 of themselves at most, where bounds allow for eps =
 2^-23 at least. That is 2^-30 of the bound; 2^-29 leaves a factor 2 for what the bound rounds itself. Nothing is left of
@@ -48,7 +48,7 @@ def precise(function: Callable[P, R]) -> Callable[P, R]:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What an output is.
+    """The truth about an output.
 
     Attributes
     ----------
@@ -97,13 +97,13 @@ class Worst:
 
     @property
     def rank(self) -> tuple[float, float, float]:
-        """What makes it worse than another; without an error anywhere, the largest bound is the one to show."""
+        """The rank of its badness; without an error anywhere, the largest bound is the one to show."""
         return self.ratio, self.error, self.bound
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a case finds.
+    """The measurement of a case.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Measurement:
 
 
 def implementations(operation: str) -> dict[str, Variant]:
-    """What the project has of an operation."""
+    """The project's implementations of an operation."""
     return {"gsvc_ref": operations()[operation].reference, "spec.md": namespace()[operation]}
 
 
@@ -180,7 +180,7 @@ def _errors(expectation: Expectation, truth: Truth, actual: NDArray[Any]) -> lis
 
 
 def outside(expectation: Expectation, actual: NDArray[Any]) -> Worst:
-    """By how much integers, or numbers that are fixed to the bit, are others than the legal ones; the bound is 0."""
+    """The distance of integers, or of numbers that are fixed to the bit, from the legal ones; the bound is 0."""
     assert isinstance(expectation, Exact | Decision | Interval)
     with np.errstate(all="ignore"):
         same_type = actual.astype(expectation.value.dtype)

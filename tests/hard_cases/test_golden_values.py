@@ -22,11 +22,11 @@ TRUTHS = {
     "metrics": metrics.metrics,
 }
 WORK = {"render_sum": 1200, "render_gradients": 1200, "metrics": 2000}
-"""Most work of a case: splats times pixels, or numbers of its inputs; 60 digits are slow."""
+"""Maximum work of a case: splats times pixels, or numbers of its inputs; 60 digits are slow."""
 FEWEST = {"learning_rates": 10, "metrics": 30}
 """Fewest numbers compared, where 100 would take long."""
 NOTHING = 1e-45
-"""What 60 digits leave of terms that cancel, relative to the bound."""
+"""Error of 60 digits in terms that cancel, relative to the bound."""
 
 
 def work(inputs):

@@ -67,7 +67,7 @@ def test_memory_does_not_grow_with_the_frames_that_are_written():
 
 
 def grown(items, first, last):
-    """By how many bytes the memory in use and its peak grow between two items of an iterator."""
+    """The growth of the memory in use and of its peak between two items of an iterator, in bytes."""
     tracemalloc.start()
     try:
         kept = next(islice(items, first - 1, None))

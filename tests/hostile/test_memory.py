@@ -11,7 +11,9 @@ import pytest
 
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
-from gsvc_ref.rendering.fast.workspace import BUFFERS_SIZE, LISTED, SELECTION_SIZE, Workspace, windows_of
+from gsvc_ref.rendering.fast.batches import BATCH_BYTES
+from gsvc_ref.rendering.fast.binning import LISTED, Binning, windows_of
+from gsvc_ref.rendering.fast.rasterizer import BUFFERS_BYTES, Rasterizer
 from gsvc_ref.splats import Splats
 from tests.hostile.__main__ import main
 from tests.hostile.memory import SUPPORTED, measure_level
@@ -71,7 +73,7 @@ def test_bytes_a_splat_at_each_level() -> None:
 
 
 def crowd(count: int, width: int, height: int) -> Splats:
-    """Splats of a few rows through all strips, and some small ones, of all colours."""
+    """Splats of a few rows through all tiles, and some small ones, of all colours."""
     rng = np.random.default_rng(count)
     packed = np.empty((count, 8), np.float32)
     packed[:, 0] = rng.uniform(0, width, count)
@@ -85,12 +87,12 @@ def crowd(count: int, width: int, height: int) -> Splats:
 
 @pytest.fixture
 def short_lists(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Windows of few strips, such as hostile streams lead to."""
-    monkeypatch.setattr("gsvc_ref.rendering.fast.workspace.LISTED", 1)
+    """Windows of few tiles, such as hostile streams lead to."""
+    monkeypatch.setattr("gsvc_ref.rendering.fast.binning.LISTED", 1)
 
 
 def renderings(splats: Splats, width: int, height: int, threads: int) -> list[bytes]:
-    """Everything that goes over strips, as bytes."""
+    """Everything that goes over tiles, as bytes."""
     residual = np.linspace(-1, 1, 3 * width * height, dtype=np.float32).reshape(height, width, 3)
     results = []
     for precision in ("fast", "deterministic"):
@@ -108,7 +110,7 @@ def renderings(splats: Splats, width: int, height: int, threads: int) -> list[by
 
 
 def test_windows_and_blocks_change_no_bit(request: pytest.FixtureRequest) -> None:
-    """5000 splats: more than a window has entries, and in each strip more than a selection has."""
+    """5000 splats: more than a window has intersections, and in each tile more than a batch has."""
     splats, width, height = crowd(5000, 90, 70), 90, 70
     whole = renderings(splats, width, height, threads=1)
     request.getfixturevalue("short_lists")
@@ -124,17 +126,17 @@ def test_windows() -> None:
     assert windows_of(np.zeros(4, np.int64), 1) == [(0, 3)]
 
 
-def test_entries_that_are_held() -> None:
-    """A megabyte of parameters would have 16 million entries."""
+def test_intersections_that_are_held() -> None:
+    """A megabyte of parameters would have 16 million intersections."""
     splats = Splats.from_array(np.tile(np.array([2048, 1.5, 4096, 0, 0.1, 1, 1, 1], np.float32), (1 << 15, 1)))
-    work = Workspace(4096, 4, threads=1)
-    work.load_splats(splats)
-    assert work.lists.base[-1] == 4096 // 16 << 15
-    assert len(work.lists.entries) <= LISTED
+    binning = Binning(4096, 4, threads=1)
+    binning.load_splats(splats)
+    assert binning.intersection_count == 4096 // 16 << 15
+    assert len(binning.bins.intersections) <= LISTED
 
 
 @pytest.mark.parametrize("height", [1, 1080, 65535])
 def test_buffers_of_many_threads(height: int) -> None:
-    work = Workspace(65535, height, threads=1000)
-    assert work.buffers.nbytes + work.threads * SELECTION_SIZE <= BUFFERS_SIZE
-    assert work.threads >= (60 if height < 2000 else 3)
+    rasterizer = Rasterizer(65535, height, threads=1000)
+    assert rasterizer.tiles.nbytes + rasterizer.threads * BATCH_BYTES <= BUFFERS_BYTES
+    assert rasterizer.threads >= (60 if height < 2000 else 3)

@@ -1,8 +1,8 @@
 """Time without a clock: what the renderer and the reader do is counted, and bounded by the level and the bytes.
 
 A splat whose box has c columns and r rows adds c r to the rendering work (5-1). It touches at most (c + 30) / 16
-strips, and never more than c. In each, at most r rows are added, in groups of three and of 16 pixels each: 16 (r + 2)
-pixels. So it takes at most min(16 c, c + 30) (r + 2) pixels, which is at most 16 c r + 64. Tiles of 64 rows break up
+tiles, and never more than c. In each, at most r rows are added, in groups of three and of 16 pixels each: 16 (r + 2)
+pixels. So it takes at most min(16 c, c + 30) (r + 2) pixels, which is at most 16 c r + 64. Regions of 64 rows break up
 groups: that makes it 17 c r + 128.
 """
 
@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.reconstruction import rendering_work
-from gsvc_ref.rendering.fast.lists import row_range
-from gsvc_ref.rendering.fast.strips import ROWS, STRIP_WIDTH
-from gsvc_ref.rendering.fast.workspace import Workspace, windows_of
+from gsvc_ref.rendering import rendering_work
+from gsvc_ref.rendering.fast.binning import Binning, windows_of
+from gsvc_ref.rendering.fast.projection import row_range
+from gsvc_ref.rendering.fast.tiles import ROWS, TILE_WIDTH
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import splat_sets
@@ -27,22 +27,22 @@ PIXELS_PER_SPLAT = 64
 
 
 def pixels_added(splats: Splats, width: int, height: int) -> tuple[int, int]:
-    """The (splat, pixel) pairs that the inner loops of the renderer handle, and the entries of all strips."""
-    work = Workspace(width, height, threads=1)
-    work.load_splats(splats)
+    """The (splat, pixel) pairs that the inner loops of the renderer handle, and the intersections of all tiles."""
+    binning = Binning(width, height, threads=1)
+    binning.load_splats(splats)
     pixels = 0
-    for record, strips in zip(work.lists.records, work.lists.strips, strict=True):
-        for s in range(*strips):
-            top, below = row_range(record, s, height)
-            pixels += -(-(below - top) // ROWS) * ROWS * STRIP_WIDTH
-    return pixels, int(work.lists.base[-1])
+    for splat, tiles in zip(binning.bins.projected, binning.bins.tile_ranges, strict=True):
+        for t in range(*tiles):
+            top, below = row_range(splat, t, height)
+            pixels += -(-(below - top) // ROWS) * ROWS * TILE_WIDTH
+    return pixels, binning.intersection_count
 
 
 def check(splats: Splats, width: int, height: int) -> None:
     work = rendering_work(splats, width, height)
-    pixels, entries = pixels_added(splats, width, height)
+    pixels, intersections = pixels_added(splats, width, height)
     assert pixels <= PIXELS_PER_WORK * work + PIXELS_PER_SPLAT * len(splats)
-    assert entries <= work / STRIP_WIDTH + 2 * len(splats)
+    assert intersections <= work / TILE_WIDTH + 2 * len(splats)
 
 
 def equal(x: float, y: float, l11: float, l21: float, l22: float) -> Splats:
@@ -85,7 +85,7 @@ def test_any_splats(splats: Splats) -> None:
 
 @given(st.lists(st.integers(0, 40), min_size=1, max_size=60), st.integers(1, 60))
 def test_windows_are_few(counts: list[int], most: int) -> None:
-    """Each window costs a pass over the splats: two neighbours have more than `most` entries, so there are few."""
+    """A window costs a pass over the splats: two neighbours have more than `most` intersections, so they are few."""
     offsets = np.concatenate([[0], np.cumsum(counts)])
     windows = windows_of(offsets, most)
     assert [first for first, _ in windows] == [0, *(end for _, end in windows[:-1])]

@@ -25,7 +25,7 @@ NAMED = {
     "needle": single(22.4, 18.2, 6.0, 30.0, 0.6),
     "over the left edge": single(-2.0, 12.0, 4.0, 2.0, 3.0),
     "over the corner": single(44.0, 36.5, 5.0, -3.0, 4.0),
-    "on a strip edge": single(16.0, 16.0, 2.0, 1.0, 2.0),
+    "on a tile edge": single(16.0, 16.0, 2.0, 1.0, 2.0),
     "sub-pixel near a centre": single(10.53, 10.46, 0.2, 0.1, 0.15),
     "sub-pixel off centre": single(10.8, 10.2, 0.35, 0.1, 0.3),
     "sub-pixel between centres": single(11.0, 10.0, 0.1, 0.0, 0.1),

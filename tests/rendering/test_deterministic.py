@@ -1,4 +1,4 @@
-"""The precision ``deterministic``: the bits of its plain form for any threads, tiles and CPU, with and without JIT."""
+"""The precision ``deterministic``: the bits of its plain form for any threads, regions, CPU, with JIT or without."""
 
 import hashlib
 import json
@@ -43,9 +43,9 @@ def rendered(splats, width=WIDTH, height=HEIGHT, **options):
 
 @settings(max_examples=EXAMPLES, deadline=None)
 @given(splat_sets(ANY), st.integers(1, 3), st.sampled_from([None, 1, 8, 9, 16, 31, 64]))
-def test_the_sum_is_that_of_the_plain_form(splats, threads, tile_rows):
+def test_the_sum_is_that_of_the_plain_form(splats, threads, region_rows):
     expected = sum_plain(splats, WIDTH, HEIGHT)
-    assert rendered(splats, threads=threads, tile_rows=tile_rows).tobytes() == expected.tobytes()
+    assert rendered(splats, threads=threads, region_rows=region_rows).tobytes() == expected.tobytes()
 
 
 @settings(max_examples=EXAMPLES, deadline=None)
@@ -66,7 +66,7 @@ def test_named_cases_equal_the_plain_form(name):
 @pytest.mark.parametrize("count", [0, 1, 40])
 def test_any_size_and_number(size, count):
     splats = population(40, *size).take(np.arange(count))
-    assert rendered(splats, *size, tile_rows=8).tobytes() == sum_plain(splats, *size).tobytes()
+    assert rendered(splats, *size, region_rows=8).tobytes() == sum_plain(splats, *size).tobytes()
     C, bound = render_exact_with_bound(splats, *size)
     assert np.all(abs(rendered(splats, *size) - C) <= bound)
 
@@ -79,7 +79,7 @@ def test_thousands_of_splats_on_one_pixel():
     packed = np.concatenate([np.tile(place, (count, 1)), rng.normal(0, 100, (count, 3))], axis=1)
     splats = Splats.from_array(packed.astype(np.float32))
     expected = sum_plain(splats, 20, 20)
-    assert rendered(splats, 20, 20, tile_rows=8).tobytes() == expected.tobytes()
+    assert rendered(splats, 20, 20, region_rows=8).tobytes() == expected.tobytes()
     backwards = splats.take(np.arange(count)[::-1].copy())
     assert rendered(backwards, 20, 20).tobytes() != expected.tobytes()
 
@@ -103,7 +103,7 @@ SPECIAL = {
     "cancellation": single(9.5, 3e38, 1.0, 3e38, 2.0),
     "minus zero": single(-0.0, -0.0, 3.0, -0.0, 3.0, (-0.0, 0.0, 1.0)),
 }
-"""What a machine that flushes subnormals to zero, or orders products otherwise, gets wrong."""
+"""Splats that a machine gets wrong if it flushes subnormals to zero, or orders products otherwise."""
 
 
 @pytest.mark.parametrize("name", SPECIAL)
@@ -183,7 +183,7 @@ def test_the_objective_adds_in_a_stated_order():
     np.testing.assert_allclose(gradient, scaled, rtol=1e-6)  # scaled before it is rounded once, not after
 
 
-# What a process prints of itself: hashes of sums, gradients, loss and frames.
+# A process that prints the hashes of its sums, gradients, loss and frames.
 PROGRAM = """
 import hashlib, json, sys
 import numpy as np
@@ -195,7 +195,7 @@ rng = np.random.default_rng(2)
 e, target = rng.normal(0, 1, (37, 45, 3)).astype(np.float32), rng.random((37, 45, 3), np.float32)
 loss, gradient = Objective(target, {threads}, precision="deterministic").evaluate(splats.to_array())
 arrays = [
-    Renderer(45, 37, precision="deterministic", threads={threads}, tile_rows={tile_rows}).picture(splats, clamp=False),
+    Renderer(45, 37, precision="deterministic", threads={threads}, region_rows={rows}).picture(splats, clamp=False),
     Renderer(45, 37, precision="deterministic", threads={threads}).frame(splats, 10),
     render_gradients(splats, e, precision="deterministic", threads={threads}), np.float64(loss), gradient,
 ]
@@ -212,9 +212,9 @@ GENERIC = {
 }
 
 
-def hashes(folder, environment, threads, tile_rows):
-    """What another process computes."""
-    program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, tile_rows=tile_rows)
+def hashes(folder, environment, threads, region_rows):
+    """The hashes that another process computes."""
+    program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, rows=region_rows)
     result = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder), **environment},
@@ -225,11 +225,11 @@ def hashes(folder, environment, threads, tile_rows):
 
 @pytest.mark.skipif(not JIT, reason="the processes that it starts are compared with and without the JIT")
 @pytest.mark.parametrize(
-    ("environment", "threads", "tile_rows"),
+    ("environment", "threads", "region_rows"),
     [({"NUMBA_DISABLE_JIT": "1"}, 1, 16), (GENERIC, 1, 64), (GENERIC, 2, 8)],
     ids=["interpreted", "generic CPU", "generic CPU, two threads"],
 )
-def test_bits_do_not_depend_on_cpu_and_compiler(environment, threads, tile_rows, tmp_path_factory):
+def test_bits_do_not_depend_on_cpu_and_compiler(environment, threads, region_rows, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp() / f"kernels-{environment.get('NUMBA_CPU_NAME', 'none')}"
     splats = population(25, WIDTH, HEIGHT)
     rng = np.random.default_rng(2)
@@ -238,7 +238,7 @@ def test_bits_do_not_depend_on_cpu_and_compiler(environment, threads, tile_rows,
     frame = render_frame(splats, WIDTH, HEIGHT, 10, precision="deterministic")
     gradients = render_gradients(splats, e, precision="deterministic")
     here = [sum_plain(splats, WIDTH, HEIGHT), frame, gradients, np.float64(loss), gradient]
-    assert hashes(folder, environment, threads, tile_rows) == [hashlib.sha256(a.tobytes()).hexdigest() for a in here]
+    assert hashes(folder, environment, threads, region_rows) == [hashlib.sha256(a.tobytes()).hexdigest() for a in here]
 
 
 def test_render_sum_and_render_agree():

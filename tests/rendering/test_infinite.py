@@ -7,8 +7,14 @@ import pytest
 
 from gsvc_ref import spec
 from gsvc_ref.constants import SUPPORT_SQUARED
-from gsvc_ref.reconstruction import rendering_work
-from gsvc_ref.rendering import SequenceRenderer, covered_pixels, render_exact_with_bound, render_gradients, render_sum
+from gsvc_ref.rendering import (
+    SequenceRenderer,
+    covered_pixels,
+    render_exact_with_bound,
+    render_gradients,
+    render_sum,
+    rendering_work,
+)
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, whitened
 from gsvc_ref.splats import Splats
 

@@ -62,7 +62,7 @@ def test_the_loss_is_summed_over_the_channels():
 
 @pytest.mark.parametrize("width", [1, 15, 16, 17, 45])
 def test_what_lies_outside_the_frame_does_not_count(width):
-    """The last strip has lanes and the last rows have neighbours that are no pixels."""
+    """The last tile has lanes and the last rows have neighbours that are no pixels."""
     target = np.random.default_rng(0).random((5, width, 3), np.float32)
     splats = population(9, width, 5)
     loss, gradient = Objective(target).evaluate(splats.to_array())

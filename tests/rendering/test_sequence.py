@@ -1,4 +1,4 @@
-"""Only what changed is rendered or evaluated again, and nobody can tell from the result."""
+"""Only what changed is rendered or evaluated again, and the result is the same."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 
-WIDE, HIGH = 130, 200  # nine strips of four tiles
+WIDE, HIGH = 130, 200  # nine tiles of four regions
 
 
 @st.composite
@@ -48,7 +48,7 @@ def moved(splats, n, by):
 
 
 @pytest.mark.parametrize("precision", ["fast", "deterministic"])
-def test_a_small_change_renders_few_tiles(precision):
+def test_a_small_change_renders_few_regions(precision):
     count = 400 if JIT else 40
     splats, everyone = population(count, WIDE, HIGH), np.arange(count)
     sequence = SequenceRenderer(WIDE, HIGH, precision=precision)
@@ -188,16 +188,16 @@ def test_a_renderer_s_gradients_are_those_of_the_function(precision):
         renderer.gradients(splats, e[1:])
 
 
-def test_a_tile_size_below_one_is_refused():
+def test_a_region_below_one_row_is_refused():
     with pytest.raises(UsageError, match="at least 1"):
-        Renderer(8, 8, tile_rows=0)
+        Renderer(8, 8, region_rows=0)
 
 
-def test_gradients_through_many_tiles_are_those_of_whole_strips():
+def test_pictures_of_many_regions_are_those_of_whole_tiles():
     splats = population(30 if JIT else 5, WIDE, HIGH)
     e = np.random.default_rng(0).normal(0, 1, (HIGH, WIDE, 3)).astype(np.float32)
     assert np.isfinite(render_gradients(splats, e)).all()
     for precision in ("fast", "deterministic"):
         whole = Renderer(WIDE, HIGH, precision=precision).picture(splats)
         for rows in (8, 16, 33, 64):
-            assert np.array_equal(Renderer(WIDE, HIGH, precision=precision, tile_rows=rows).picture(splats), whole)
+            assert np.array_equal(Renderer(WIDE, HIGH, precision=precision, region_rows=rows).picture(splats), whole)

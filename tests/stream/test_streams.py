@@ -118,7 +118,8 @@ def test_pipe_is_read_once() -> None:
 
 DECODE = """
 import json, sys, zlib
-from gsvc_ref.bitstream import StreamReader, parameter_checksum
+from gsvc_ref.bitstream.crc import parameter_checksum
+from gsvc_ref.stream import StreamReader
 print(json.dumps([[parameter_checksum(f.splats), zlib.adler32(f.splats.tobytes())] for f in StreamReader(sys.argv[1])]))
 """
 

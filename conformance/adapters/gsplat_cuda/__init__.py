@@ -30,7 +30,7 @@ SMALLEST_NORMAL: Final = 2.0**-126
 
 
 def environment() -> dict[str, str]:
-    """What it runs on."""
+    """The device and the versions that it runs on."""
     if not torch.cuda.is_available():
         raise RuntimeError("the rasteriser needs an NVIDIA GPU, and PyTorch with CUDA")
     return {

@@ -92,7 +92,7 @@ def lanes() -> int:
 
 
 def groups(items: int) -> int:
-    """How many work-groups have so many work-items, the last one perhaps more than needed."""
+    """The number of work-groups for a number of work-items; the last one may have more than needed."""
     return -(-items // lanes())
 
 

@@ -96,7 +96,7 @@ def uploaded(
 
 
 def rendering_work(parameters: Floats, width: int, height: int) -> Values:
-    """How many pixels the boxes of splats hold, () i8: (5-1), in binary64."""
+    """The number of pixels in the boxes of splats, () i8: (5-1), in binary64."""
     if not has_binary64():
         raise NotImplementedError("the device has no binary64, which (5-1) asks for")
     partial = buffer(8 * groups(len(parameters)))

@@ -151,7 +151,7 @@ def to_frame(sum: Floats, bit_depth: int) -> Values:
 
 
 def to_frame_deterministic(sum: Floats, bit_depth: int) -> Values:
-    """The same kernel: one product, which (9-7) rounds, and no sum that could be fused with it."""
+    """The kernel of `to_frame`: one product, which (9-7) rounds, and no sum that could be fused with it."""
     return to_frame(sum, bit_depth)
 
 

@@ -34,14 +34,14 @@ def loss(picture: Floats, target: Floats) -> Values:
 
 
 def total(partial: cl.Buffer, count: int, divisor: float) -> Array:
-    """What work-groups left, added up on the device and divided: () f8."""
+    """The sums of work-groups, added up on the device and divided: () f8."""
     result = buffer(4)
     launch("sum_partial", lanes(), partial, count, divisor, result)
     return download(result, (), "f4").astype("f8")
 
 
 def weighted_parameters(values: Floats) -> Values:
-    """What is rendered of splats with weights, (N, 8) f4: (10-10)."""
+    """The parameters that splats with weights are rendered by, (N, 8) f4: (10-10)."""
     parameters = buffer(32 * len(values))
     launch("weighted_parameters", len(values), upload(values, "f4"), len(values), parameters, exact=True)
     return {"parameters": download(parameters, (len(values), 8), "f4")}

@@ -86,7 +86,7 @@ __all__ = [
 
 
 def environment() -> dict[str, str]:
-    """What the results may depend on."""
+    """The device, versions and settings that results may depend on."""
     with_cuda = DEVICE.type == "cuda"
     return {
         "device": torch.cuda.get_device_name(DEVICE) if with_cuda else f"{DEVICE.type} ({platform.machine()})",

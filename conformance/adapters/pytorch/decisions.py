@@ -1,4 +1,4 @@
-"""What training decides on the host, in numbers that no accelerator has (sections 10.7, 10.9 and 10.10).
+"""Decisions of training on the host, in numbers that no accelerator has (sections 10.7, 10.9 and 10.10).
 
 The plan and the key frames are exact: integers of any length, and binary64 where the specification says so.
 """

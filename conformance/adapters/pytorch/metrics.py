@@ -1,4 +1,4 @@
-"""How far two frames are apart (section 11.2), in integers and binary64.
+"""The metrics of two frames (section 11.2), in integers and binary64.
 
 In binary32 the variances of (11-6) would lose digits, and cuDNN convolves with ten bits (TF32) unless told not to.
 """

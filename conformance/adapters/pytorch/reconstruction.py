@@ -126,7 +126,7 @@ def parameter_checksum(parameters: Array) -> Arrays:
 
 
 def _register_of_bytes() -> Tensor:
-    """What each byte leaves in an empty register, (256,) i8."""
+    """The register after each byte from an empty one, (256,) i8."""
     register = torch.arange(256, device=DEVICE)
     for _ in range(8):
         register = (register >> 1) ^ (REFLECTED_POLYNOMIAL * (register & 1))

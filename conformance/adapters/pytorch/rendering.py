@@ -57,7 +57,7 @@ def _batches(lists: TileLists) -> Iterator[tuple[Tensor, Tensor]]:
 
 
 def _batch_sums(splats: Tensor, members: Tensor, columns: Tensor, rows: Tensor) -> Tensor:
-    """What each batch adds to the pixels of its tile, (B, 256, 3).
+    """The sum that each batch adds to the pixels of its tile, (B, 256, 3).
 
     Parameters
     ----------

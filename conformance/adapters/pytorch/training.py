@@ -34,7 +34,7 @@ def loss(picture: Array, target: Array) -> Arrays:
 
 
 def weighted(values: Tensor) -> Tensor:
-    """What is rendered of splats in training (N, 9): (10-10)."""
+    """The parameters that splats in training (N, 9) are rendered by: (10-10)."""
     return torch.cat((values[:, :5], values[:, 5:8] * values[:, 8:]), 1)
 
 

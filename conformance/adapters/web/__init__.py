@@ -19,12 +19,12 @@ Values = dict[str, Any]
 
 
 def environment() -> dict[str, str]:
-    """What is judged: browser, renderer, its adapter, and the version of Playwright."""
+    """The browser, the renderer, its adapter, and the version of Playwright."""
     return {**described(), "playwright": version("playwright")}
 
 
 def read_stream(stream: bytes) -> Values:
-    """What the bytes of a stream say (spec.md section 12.4)."""
+    """The contents of a stream's bytes (spec.md section 12.4)."""
     return ask("read_stream", stream=stream)
 
 
@@ -92,7 +92,7 @@ def parameter_checksum(parameters: Any) -> Values:
 
 
 def rendering_work(parameters: Any, width: int, height: int) -> Values:
-    """How many pixels the boxes of splats hold (5-1)."""
+    """The number of pixels in the boxes of splats (5-1)."""
     return ask("rendering_work", parameters=parameters, width=width, height=height)
 
 

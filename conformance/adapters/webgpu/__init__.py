@@ -26,7 +26,7 @@ Outputs = dict[str, Array]
 
 
 def environment() -> dict[str, str]:
-    """What the operations run on; Metal, for one, does not tell its driver."""
+    """The device that the operations run on; Metal, for one, does not name its driver."""
     info = device().adapter.info
     told = {
         "device": info["device"],
@@ -78,7 +78,7 @@ def render_sum(parameters: Array, width: int, height: int) -> Outputs:
 
 
 def render_sum_deterministic(parameters: Array, width: int, height: int) -> Outputs:
-    """The same sum by the operations of (9-3) to (9-6), f4 (H, W, 3): the same bytes everywhere."""
+    """The sum by the operations of (9-3) to (9-6), f4 (H, W, 3): the same bytes everywhere."""
     bands = rendering.rendered(parameters, width, height, exact=True)
     return {"sum": rendering.read_sums(bands).reshape(height, width, 3)}
 
@@ -121,7 +121,7 @@ _STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols)
 
 
 def read_stream(stream: bytes) -> dict[str, Any]:
-    """What the bytes of a stream say: section 12.4."""
+    """The contents of a stream's bytes: section 12.4."""
     return _STREAM_OPERATIONS["read_stream"](stream)
 
 

@@ -111,5 +111,5 @@ def download(buffer: Any, dtype: npt.DTypeLike, count: int) -> Array:
 
 
 def groups(things: int, size: int) -> int:
-    """How many groups of a size hold all things."""
+    """The number of groups of a size that hold all things."""
     return -(-things // size)

@@ -69,7 +69,7 @@ def block(
 
 
 def each_value(name: str, values: Array, sizes: Sequence[int] = (0, 0, 0, 0), quantizers: Array | None = None) -> Array:
-    """What a pass of values.wgsl makes of each number: u4 of the shape of the values, binary32 patterns or codes.
+    """The result of a pass of values.wgsl for each number: u4 of the values' shape, binary32 patterns or codes.
 
     Parameters
     ----------

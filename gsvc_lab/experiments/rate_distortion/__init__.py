@@ -122,8 +122,8 @@ def result(clips: Sequence[PlanarClip], curves: Sequence[Curve], settings: Run) 
         figures |= draw_clip([c for c in curves if c.clip == clip.title], clip.title, number, settings.folder)
     figures |= draw_seconds(curves, [clip.title for clip in clips], settings)
     numbers = {"curves": [asdict(curve) for curve in curves], "gsvc_against": against, "means": found}
-    told = verdict(found, len({one.clip for one in long})).about(settings, *extent(clips))
-    return Result(setting(clips, settings), numbers, tuple(tables), figures, told)
+    conclusion = verdict(found, len({one.clip for one in long})).about(settings, *extent(clips))
+    return Result(setting(clips, settings), numbers, tuple(tables), figures, conclusion)
 
 
 def extent(clips: Sequence[PlanarClip]) -> tuple[str, str]:

@@ -36,7 +36,7 @@ class BdRate:
     share
         Their part of the test's own range, 0..1.
     reason
-        Why there is no number; None where there is one.
+        Reason for the absence of a number; None where there is one.
     """
 
     percent: float | None

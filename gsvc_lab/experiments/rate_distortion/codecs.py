@@ -24,7 +24,7 @@ class Variant:
     Attributes
     ----------
     name
-        For tables.
+        Name for tables.
     options
         Options of ffmpeg.
     evidence

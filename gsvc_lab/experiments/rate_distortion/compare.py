@@ -15,10 +15,10 @@ ALONE_PAPER: Final = "every frame alone, the paper's settings"
 """The coders that are ours; those of ffmpeg are called by `codec_curves`."""
 
 CLAIMED: Final = ("AVC", "HEVC", "AV1")
-"""With these the paper says GSVC is comparable or better in MS-SSIM and VMAF; VVC it excepts."""
+"""Coders with which the paper calls GSVC comparable or better in MS-SSIM and VMAF; VVC is excepted."""
 
 COMPARABLE: Final = 1.1
-"""Up to so many times the bits at equal quality count as comparable."""
+"""Ratio of bits at equal quality up to which coders count as comparable."""
 
 WORDS: Final = {"psnr": "PSNR", "psnr_y": "PSNR of Y′", "ms_ssim": "MS-SSIM", "vmaf": "VMAF"}
 
@@ -81,7 +81,7 @@ def verdict(found: Ratios, clips: int) -> Verdict:
     found
         BD-rates of GSVC against each coder.
     clips
-        That the means are over.
+        Number of clips that the means are over.
     """
     alone = [ratio for ratio in found.get(ALONE, {}).values() if ratio is not None]
     better = all(ratio < 1 for ratio in alone) if alone else None

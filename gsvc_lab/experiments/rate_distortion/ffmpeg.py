@@ -27,7 +27,7 @@ class Ran:
     Attributes
     ----------
     seconds, cpu_seconds
-        On the wall, and of all its threads; both from the start of the program to its end.
+        Wall time, and CPU time of all its threads, from the start of the program to its end.
     log
         The text of its error stream.
     """
@@ -92,7 +92,7 @@ def run(arguments: Sequence[str], *, loglevel: str = "error", capture: bool = Fa
     Parameters
     ----------
     arguments
-        After the common ones.
+        Arguments after the common ones.
     loglevel
         Level of the messages in the log.
     capture

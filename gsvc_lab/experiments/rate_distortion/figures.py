@@ -21,7 +21,7 @@ ACROSS: Final = 3
 """Panels in a row."""
 
 MAX_MARKS: Final = 9
-"""On a logarithmic axis."""
+"""Maximum number of marks on a logarithmic axis."""
 
 COORDINATE: Final = re.compile(r"(?<=[ \"(])(-?\d+\.\d\d)\d+")
 INDENT: Final = re.compile(r"\n +")

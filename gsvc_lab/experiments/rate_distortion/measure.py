@@ -14,8 +14,9 @@ from gsvc_lab.experiments.rate_distortion import codecs
 from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_ref.arrays import Frame
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
-from gsvc_ref.video import Frame, to_planes, to_rgb
+from gsvc_ref.video import to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 
 METRICS: Final = {
@@ -40,7 +41,7 @@ class Point:
     bytes
         Size of all frames.
     bits_per_pixel
-        Over all pixels of all frames.
+        Bits for each pixel of all frames.
     psnr, psnr_y
         Means over frames in dB; infinite if a frame is equal.
     ms_ssim
@@ -83,11 +84,11 @@ class Curve:
     clip
         The title of the clip.
     points
-        From coarse to fine.
+        Points from coarse to fine.
     notes
         Sentences that a reader must know.
     missing
-        Why there are no points; None where there are.
+        Reason for the absence of points; None where there are some.
     """
 
     coder: str
@@ -162,7 +163,7 @@ def gsvc_curve(
     say: Callable[[str], None],
     **overrides: Any,
 ) -> Curve:
-    """GSVC's curve over numbers of splats; `say` is told of each point."""
+    """GSVC's curve over numbers of splats; `say` gets a sentence for each point."""
     points, notes = [], dict[str, None]()
     for count in counts:
         made, found = gsvc_point(clip, make(splats=count, **overrides), folder)

@@ -1,4 +1,4 @@
-"""Which clips are coded, how long, and with how many splats: small and large."""
+"""The clips to code, with their lengths and numbers of splats: small and large."""
 
 import re
 from collections.abc import Callable, Iterator

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gsvc_lab.clips import as_frame, as_picture
 from gsvc_lab.experiments.rate_distortion import ffmpeg
+from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import Frame, VideoFormat, VideoReader, open_video, to_planes, to_rgb
+from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 from gsvc_ref.video.format import MAX_DIMENSION
 from gsvc_ref.video.y4m_header import planar_format
@@ -30,7 +31,7 @@ class PlanarClip:
     Attributes
     ----------
     title
-        For tables and figures.
+        Title for tables and figures.
     note
         Origin of the planes, and what was done to them.
     path

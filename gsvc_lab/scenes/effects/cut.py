@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gsvc_lab.scenes.base import Base
-from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import TransitionEffect
 from gsvc_lab.scenes.parameters import frame_number, parameter, table
 from gsvc_lab.scenes.paths import begun
+from gsvc_ref.arrays import F4
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
 from gsvc_lab.scenes.sampling import correlated, gaussian
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.draws import Draws
 
 _LUMA: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of Rec. ITU-R BT.709

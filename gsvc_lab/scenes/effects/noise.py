@@ -5,9 +5,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
+from gsvc_ref.arrays import F4
 from gsvc_ref.draws import Draws
 
 

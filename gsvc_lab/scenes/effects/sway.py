@@ -6,9 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, pair, parameter
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import cos, hypot, sin
 
 

@@ -8,9 +8,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gsvc_lab.scenes.canvas import F4, F8, Canvas
+from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, parameter, whole
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.draws import Draws
 from gsvc_ref.portable import cos, power, sin
 

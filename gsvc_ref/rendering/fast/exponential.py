@@ -1,13 +1,8 @@
-"""exp(-m/2) on the covered range, as a polynomial and three squarings: no branch and no bit trick, so it vectorises.
+"""exp(-m/2) on the covered range, as a polynomial and three squarings: no branch and no bit trick, so it vectorises."""
 
-`exp_minus` is exp(-x) in binary64 for the definition and its bounds, by operations that are the same on every machine.
-"""
-
-from math import factorial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel, without_contraction
 from gsvc_ref.constants import ONE
@@ -43,24 +38,3 @@ def exp_minus_half(m: np.float32) -> np.float32:
 
 exp_minus_half_strict = without_contraction(exp_minus_half)
 """The same with every operation rounded, in the order as written: that of spec.md (9-5)."""
-
-
-LN2_HIGH: Final = float.fromhex("0x1.62e42fefa3800p-1")
-LN2_LOW: Final = float.fromhex("0x1.ef35793c76730p-45")
-"""ln 2 in two parts; the first has 42 bits, so that its product with a whole number below 2^11 is exact."""
-TERMS_OF_EXP: Final = 14
-MAX_EXPONENT: Final = 1000.0
-
-
-def exp_minus(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """exp(-x) for x >= 0 in binary64, to 2 units in the last place, by IEEE operations of arrays alone.
-
-    With x = n ln 2 + r it is 2^-n times a Taylor series of -r. What is below 2^-1074 is 0.
-    """
-    x = np.minimum(x, MAX_EXPONENT)
-    n = np.rint(x * (1 / LN2_HIGH))
-    r = (x - n * LN2_HIGH) - n * LN2_LOW
-    p = np.full(x.shape, 1 / factorial(TERMS_OF_EXP))
-    for k in range(TERMS_OF_EXP - 1, -1, -1):
-        p = 1 / factorial(k) - r * p
-    return np.asarray(np.ldexp(p, (-n).astype(np.int64)))

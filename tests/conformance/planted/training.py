@@ -16,6 +16,12 @@ def kept_rows(first, *names):
     return lambda out, i: {name: np.concatenate([out[name][:first], i[name][first:]]) for name in names}
 
 
+def never_reset(losses, patience, tolerance):
+    small = np.cumsum(abs(np.diff(losses, prepend=np.inf)) <= tolerance)
+    ends = np.flatnonzero(small >= patience)
+    return {"iteration": np.array(ends[0] + 1 if len(ends) else 0, np.int64)}
+
+
 PLANTED = (
     after(AREA, "loss of three channels", "loss", "1/3|third|three channels", lambda out, i: {"loss": out["loss"] / 3}),
     after(AREA, "loss halved", "loss", "half", lambda out, i: {"loss": out["loss"] / 2}),
@@ -63,7 +69,7 @@ PLANTED = (
     patched(AREA, "two deviations", "select_key_frames", "threshold|deviation", ("k = Fraction(threshold)", "k = Fraction(threshold) - 1")),
     patched(AREA, "deviation not squared", "select_key_frames", "deviation|threshold", ("above * above > threshold * threshold * variance", "above * above > threshold * variance")),
     patched(AREA, "keys without the first", "select_key_frames", "first", ("    keys = {0}\n", "    keys = set()\n")),
-    patched(AREA, "patience one less", "converged", "early|one", ("if calm >= patience:", "if calm >= patience - 1:")),
+    before(AREA, "patience one less", "converged", "early|one", lambda i: {"patience": i["patience"] - 1}),
     patched(AREA, "counted from 0", "converged", "one|from 0|smaller by 1", ("np.array(j + 1, np.int64)", "np.array(j, np.int64)")),
-    patched(AREA, "not reset", "converged", "in a row|reset", ("        else:\n            calm = 0\n", "        else:\n            calm = max(0, calm)\n")),
+    after(AREA, "not reset", "converged", "in a row|reset", lambda out, i: never_reset(**i)),
 )  # fmt: skip

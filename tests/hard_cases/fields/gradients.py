@@ -35,7 +35,7 @@ BINARY16: Final = ("binary16", naive.in_binary16)
 MOMENTS: Final = (
     "dL/dx and dL/dl11 are differences of two moments, with the condition (S1 + S2 l21/l22) / abs(S1 - S2 l21/l22)"
 )
-"""What (13-12) says of cancellation."""
+"""The condition by (13-12)."""
 
 
 def _case(vector: str, naive: tuple[str, Variant], danger: str, condition: str) -> HardCase:

@@ -36,7 +36,7 @@ def drift(naive: NDArray[np.floating]) -> Measurement:
 
 
 def following() -> Measurement:
-    """How far Cholesky factors are from the source, after frames that have them."""
+    """The distance of Cholesky factors from the source, after frames that have them."""
     # From frame 100 on differences are within the range of codes.
     coded = [n for n in range(100, len(source())) if attribute(n) == CHOLESKY and not is_repeated(n)]
     ours, naive = (

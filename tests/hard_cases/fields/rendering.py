@@ -33,7 +33,7 @@ BINARY16: Final = ("sum in binary16", naive.in_binary16)
 DIVIDING: Final = ("mask by a product", naive.dividing_by_anything)
 
 CONDITION: Final = "Roundings of d_y and l21 u1 count (abs(d_y) + abs(l21 u1)) / l22 times in u2"
-"""What (13-6) says of cancellation."""
+"""The condition by (13-6)."""
 
 
 def _case(vector: str, naive: tuple[str, Variant], danger: str, condition: str) -> HardCase:

@@ -19,7 +19,7 @@ def _pixels(residual: F4) -> tuple[F4, F4]:
 
 
 def by_the_conic(parameters: F4, residual: F4) -> Values:
-    """By way of the inverse covariance ((A, B), (B, C)), whose derivatives divide by the square of the determinant."""
+    """Gradients by the inverse covariance ((A, B), (B, C)), whose derivatives divide by the determinant squared."""
     gradients = np.zeros((len(parameters), 8), np.float32)
     px, py = _pixels(residual)
     for n, splat in enumerate(parameters):

@@ -82,7 +82,7 @@ def lsq_gradients(x: F4, scale: F4, offset: F4, bits: int, grad_output: F4) -> M
 
 
 def stages_of(codebook_sizes: I8, rows: Objects) -> list[Objects]:
-    """What lies one stage after the other."""
+    """Rows that lie one stage after the other, as a list."""
     return np.split(rows, np.cumsum(codebook_sizes)[:-1])
 
 

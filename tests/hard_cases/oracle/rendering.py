@@ -16,7 +16,7 @@ HALF = mpf(1) / 2
 
 
 class Weight(NamedTuple):
-    """What one splat is at one pixel (i, j) that it covers."""
+    """One splat at one pixel (i, j) that it covers."""
 
     i: int
     j: int

@@ -15,8 +15,7 @@ import gsvc_ref
 from conformance.reference import decode_stream_deterministic, read_stream, reconstruct_stream
 from conformance.spec import namespace
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import rendering_work
-from gsvc_ref.rendering import Precision
+from gsvc_ref.rendering import Precision, rendering_work
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter
 
 from .checks import (

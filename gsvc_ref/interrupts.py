@@ -1,16 +1,25 @@
-"""Ctrl-C during an encode or decode: it comes through at once but while a frame is written, and only once."""
+"""Ctrl-C, and the signals that ask a process to end: how they are handled while something is encoded or decoded.
+
+`Interrupts` holds Ctrl-C back while a frame is written. `termination_as_ctrl_c` makes SIGTERM and SIGHUP do what Ctrl-C
+does, for programs that want it.
+"""
 
 import signal
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Final, Self
 
-SIGNALS: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""What may be handled as Ctrl-C is: SIGINT by default, the others where a program such as ``gsvc`` asks for it."""
+TERMINATION: Final = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a process politely; not every system has SIGHUP."""
+
+SIGNALS: Final = (signal.SIGINT, *TERMINATION)
+"""Signals that may be handled as Ctrl-C: SIGINT by default, the others inside of `termination_as_ctrl_c`."""
 
 INSISTING_S: Final = 1.0
-"""A second interrupt so long after the first gets through a hold: a pipe may never take what is being written."""
+"""Seconds from the first interrupt until a second gets through a hold: a pipe may never take what is written."""
 
 
 class Interrupts:
@@ -72,3 +81,19 @@ class Interrupts:
         for number in self._replaced:
             if signal.getsignal(number) == mine:
                 signal.signal(number, signal.default_int_handler)
+
+
+@contextmanager
+def termination_as_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP do what Ctrl-C does inside of the block, unless somebody else handles them."""
+    replaced = []
+    if threading.current_thread() is threading.main_thread():
+        for number in TERMINATION:
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, signal.default_int_handler)
+                replaced.append(number)
+    try:
+        yield
+    finally:
+        for number in replaced:
+            signal.signal(number, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""Both ends of an encode: what frames come from, and the file that the stream goes to."""
+"""The source of an encode, from which frames come, and its target, the file that the stream goes to."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -21,7 +21,7 @@ Target = str | Path | BinaryIO
 
 
 class FrameSource(VideoReader):
-    """Frames that the caller has, as a source; what they raise is passed on as it is."""
+    """A source of frames that the caller has; what they raise is passed on as it is."""
 
     def __init__(self, frames: Iterable[Frame], video: VideoFormat) -> None:
         super().__init__()
@@ -76,6 +76,20 @@ def opened_target(target: Target, *, live: bool) -> Iterator[BinaryIO]:
         raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
     with _live_file(path) if live and not _is_device(path) else complete_file(path, durable=True) as file:
         yield file
+
+
+def is_file(target: Target) -> bool:
+    """Whether a target is a file, or will be, and no pipe or device, which may never take what is written."""
+    return (
+        isinstance(target, str | Path) and str(target) != "-" and (Path(target).is_file() or not Path(target).exists())
+    )
+
+
+def same_file(source: Source, target: Target) -> bool:
+    """Whether both are paths of one file."""
+    if not (isinstance(source, str | Path) and isinstance(target, str | Path)):
+        return False
+    return Path(source).is_file() and Path(target).is_file() and Path(source).samefile(target)
 
 
 def _is_device(path: Path) -> bool:

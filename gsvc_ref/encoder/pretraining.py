@@ -1,0 +1,54 @@
+"""Pre-training of frames, whose losses tell a cut (paper section 3.6)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gsvc_ref.encoder.reduction import reduced
+from gsvc_ref.encoder.settings import FrameSettings, Settings, scaled
+from gsvc_ref.rendering import Objective
+from gsvc_ref.splats import F4, Splats
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.fit import NEW, Population, fit
+
+
+class Pretraining:
+    """Pre-trains frame after frame, from scratch and from the frame before (paper, algorithm 1, steps 1 and 2).
+
+    Attributes
+    ----------
+    iterations
+        The number of iterations made so far.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings, self.detection = settings, settings.detection
+        self.rng = np.random.default_rng([settings.seed, 0x444B53])
+        self.before: Splats | None = None
+        self.iterations = 0
+
+    def losses(self, picture: F4) -> tuple[float, float | None]:
+        """The losses of a picture (H, W, 3) f4 as an I-frame and as a P-frame; the first frame has no second one."""
+        small = reduced(picture, self.detection.longest_side)
+        objective = Objective(small, self.settings.threads, precision=self.settings.precision)
+        height, width = small.shape[:2]
+        count = min(
+            self.settings.splat_count(picture.shape[1], picture.shape[0]), self.detection.splats or width * height
+        )
+        start = image_start(small, count, self.rng) if self.settings.intra.start == "image" else None
+        intra_loss, splats = self._fit(
+            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.settings.intra
+        )
+        inter_loss = None
+        if self.before is not None:
+            inter_loss, _ = self._fit(self.before, objective, self.settings.inter)
+        self.before = splats
+        return intra_loss, inter_loss
+
+    def _fit(self, start: Splats, objective: Objective, frame: FrameSettings) -> tuple[float, Splats]:
+        """A short fit without growth and pruning: its loss and splats."""
+        settings = replace(scaled(frame.fit, self.detection.iterations), growth=None, pruning=None)
+        population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
+        loss, made = fit(population, objective, settings, self.rng)
+        self.iterations += made
+        return loss, population.splats()

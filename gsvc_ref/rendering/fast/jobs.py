@@ -1,0 +1,197 @@
+"""Jobs: the loop over tiles that renders pictures and frames, finds losses, and gathers gradients; loops over splats.
+
+A job is shared among tasks, each a run of neighbouring tiles, or of splats, that one thread works through. A tile's
+sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that all
+results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else.
+"""
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.rendering.fast.batches import Batch, gather_batch, room_for_batch
+from gsvc_ref.rendering.fast.binning import Bins, intersections_of
+from gsvc_ref.rendering.fast.regions import Regions, any_dirty
+from gsvc_ref.rendering.fast.sums import LANE_SUMS, MOMENTS, add_batch, covered_in_tile, grad_add_batch, grad_splat
+from gsvc_ref.rendering.fast.tile_pictures import read_tile, subtract_target, write_frame, write_picture
+from gsvc_ref.rendering.fast.tiles import EMPTY, F4, F8, I8, ROW, SPARE_ROWS, TILE_WIDTH
+
+PICTURE, FRAME, LOSS, LOSS_AND_GRADIENTS, GRADIENTS = range(5)
+"""Kinds of jobs, see `Job`."""
+
+
+class Job(NamedTuple):
+    """The inputs and outputs of a loop over tiles; a kind of job uses some, and the others stay empty.
+
+    `PICTURE`, `FRAME`, `LOSS` and `LOSS_AND_GRADIENTS` sum the splats of each tile, beginning with `base`. The first
+    writes the sum into `picture`, the second rounds it into `frame`, and the others compare it with `target`, tile
+    after tile while it is in the second-level cache. `GRADIENTS` reads dL/dC from `picture`.
+
+    Attributes
+    ----------
+    width, height
+        Size of the frame in pixels.
+    strict
+        Whether the kernels without contraction sum.
+    kind
+        The kind of job.
+    base
+        (tiles, H * ROW) f4; without tiles the sum begins with zero.
+    picture
+        (H, 3 W) f4.
+    clamp
+        Whether the picture is limited to [0, 1].
+    frame
+        (H, 3 W) u1 or u2.
+    peak
+        2^bit_depth - 1.
+    target
+        (tiles, H * ROW) f4, zero outside the frame.
+    losses
+        (tiles,) f8: the sums of the squares of the tiles.
+    moments
+        (intersections, MOMENTS) f4, see `sums`.
+    """
+
+    width: int
+    height: int
+    strict: bool
+    kind: int = PICTURE
+    base: F4 = EMPTY
+    picture: F4 = EMPTY
+    clamp: bool = False
+    frame: Any = np.zeros((0, 0), np.uint8)
+    peak: np.float32 = np.float32(255)
+    target: F4 = EMPTY
+    losses: F8 = np.zeros(0)
+    moments: F4 = EMPTY
+
+
+@kernel(inline=True)
+def tiles_of_task(task: int, tasks: int, bins: Bins) -> tuple[int, int]:
+    """The tiles of a task, the first and the one after the last: neighbours, with about as much work as others have.
+
+    Neighbours share cache lines in every row of a picture, which two threads should not write to in turn. Tiles
+    outside of the window have no work.
+    """
+    first = end = 0
+    for t in range(bins.cursors.size):
+        middle = (bins.work[t] + bins.work[t + 1]) / 2 * tasks
+        if middle < bins.work[-1] * task:
+            first = t + 1
+        if middle < bins.work[-1] * (task + 1):
+            end = t + 1
+    return max(first, bins.window[0]), min(end, bins.window[1])
+
+
+@kernel(inline=True)
+def sum_region(tile: F4, t: int, top: int, end: int, bins: Bins, batch: Batch, count: int, job: Job) -> None:
+    """Sum the splats of the rows top to end - 1 of tile t; the rows below are spoiled as far as `add_batch` says.
+
+    The first `count` intersections of the tile are in the batch. If there are others, the batch is filled with them
+    next, and it is the last region of the tile.
+    """
+    if job.base.shape[0]:
+        tile[top * ROW : end * ROW] = job.base[t, top * ROW : end * ROW]
+    else:
+        tile[top * ROW : end * ROW] = np.float32(0)
+    tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
+    add_batch(tile, t, top, end, batch, count, job.strict)
+    while count < intersections_of(t, bins):
+        gathered = gather_batch(t, count, job.height, bins, batch)
+        add_batch(tile, t, top, end, batch, gathered, job.strict)
+        count += gathered
+
+
+@kernel(inline=True)
+def render_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, regions: Regions, job: Job) -> None:
+    """Sum the dirty regions of tile t, and write them into the picture or the frame.
+
+    If the batch has no room for all intersections, all rows are one region: to render what is not dirty takes time but
+    changes nothing, and to gather the intersections for every region might take more.
+    """
+    rows = regions.rows if count == intersections_of(t, bins) else job.height
+    for top in range(0, job.height, rows):
+        if rows == job.height or regions.dirty[t, top // rows]:
+            end = min(top + rows, job.height)
+            sum_region(tile, t, top, end, bins, batch, count, job)
+            if job.kind == PICTURE:
+                write_picture(tile, t, top, end, job.picture, job.clamp)
+            elif job.kind == FRAME:
+                write_frame(tile, t, top, end, job.frame, job.peak)
+
+
+@kernel(inline=True)
+def grad_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, lane_sums: F4, job: Job) -> None:
+    """`grad_add_batch` for all intersections of tile t, of which `count` are in the batch: all of them, or any."""
+    done = 0
+    while done < intersections_of(t, bins):
+        if count < intersections_of(t, bins):
+            count = gather_batch(t, done, job.height, bins, batch)
+        grad_add_batch(tile, t, batch, count, job.moments, lane_sums, job.strict)
+        done += count
+
+
+@kernel()
+def run_task(task: int, tasks: int, tile: F4, bins: Bins, regions: Regions, job: Job) -> None:
+    """Do the job for the task's tiles that have a dirty region; `tile` is room for one."""
+    lane_sums = np.empty(LANE_SUMS, np.float32)
+    squares = np.empty(TILE_WIDTH, np.float64)
+    first, end = tiles_of_task(task, tasks, bins)
+    batch = room_for_batch(first, end, bins)
+    for t in range(first, end):
+        if any_dirty(regions, t):
+            count = gather_batch(t, 0, job.height, bins, batch)
+            if job.kind == GRADIENTS:
+                read_tile(job.picture, t, tile)
+            else:
+                render_tile(tile, t, bins, batch, count, regions, job)
+            if job.kind == LOSS or job.kind == LOSS_AND_GRADIENTS:
+                lanes = min(TILE_WIDTH, job.width - t * TILE_WIDTH)
+                job.losses[t] = subtract_target(tile, job.target[t], job.height, lanes, squares)
+            if job.kind == GRADIENTS or job.kind == LOSS_AND_GRADIENTS:
+                grad_tile(tile, t, bins, batch, count, lane_sums, job)
+
+
+@kernel(parallel=True)
+def run_tasks(tiles: F4, bins: Bins, regions: Regions, job: Job) -> None:
+    """Do the job in as many tasks as there are rows in `tiles`."""
+    for task in numba.prange(tiles.shape[0]):
+        run_task(task, tiles.shape[0], tiles[task], bins, regions, job)
+
+
+@kernel()
+def gradients_task(first: int, end: int, bins: Bins, moments: F4, parameters: F4, scale: float, gradients: F4) -> None:
+    """The gradients (N, 8) f4 of the splats first to end - 1 from the moments of their intersections, times `scale`."""
+    S = np.empty(MOMENTS, np.float64)
+    for n in range(first, end):
+        own = moments[bins.splat_offsets[n] : bins.splat_offsets[n + 1]]
+        grad_splat(own, parameters[n], scale, S, gradients[n])
+
+
+@kernel(parallel=True)
+def gradients_tasks(tasks: int, bins: Bins, moments: F4, parameters: F4, scale: float, gradients: F4) -> None:
+    """`gradients_task` for all splats, in `tasks` runs."""
+    count = parameters.shape[0]
+    for task in numba.prange(tasks):
+        first, end = count * task // tasks, count * (task + 1) // tasks
+        gradients_task(first, end, bins, moments, parameters, scale, gradients)
+
+
+@kernel()
+def covered_task(first: int, end: int, bins: Bins, width: int, height: int, counts: I8) -> None:
+    """The numbers of covered pixels (N,) i8 of the splats first to end - 1."""
+    for n in range(first, end):
+        pixels = np.int64(0)
+        for t in range(bins.tile_ranges[n, 0], bins.tile_ranges[n, 1]):
+            pixels += covered_in_tile(t, width, height, bins.projected[n])
+        counts[n] = pixels
+
+
+@kernel(parallel=True)
+def covered_tasks(tasks: int, bins: Bins, width: int, height: int, counts: I8) -> None:
+    """`covered_task` for all splats, in `tasks` runs."""
+    for task in numba.prange(tasks):
+        covered_task(counts.size * task // tasks, counts.size * (task + 1) // tasks, bins, width, height, counts)

@@ -1,0 +1,87 @@
+"""The rasterizer: the binning and the buffers of one frame size, and the threads that jobs are run on."""
+
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref.rendering.fast.batches import BATCH_BYTES
+from gsvc_ref.rendering.fast.binning import Binning
+from gsvc_ref.rendering.fast.jobs import (
+    Job,
+    covered_task,
+    covered_tasks,
+    gradients_task,
+    gradients_tasks,
+    run_task,
+    run_tasks,
+)
+from gsvc_ref.rendering.fast.regions import Regions
+from gsvc_ref.rendering.fast.sums import MOMENTS
+from gsvc_ref.rendering.fast.threads import parallel_region, thread_count, usable
+from gsvc_ref.rendering.fast.tiles import F4, I8, ROW, SPARE_ROWS, aligned, tile_count
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT
+
+BUFFERS_BYTES: Final = 40 << 20
+"""Maximum size of the tiles and batches of all threads; there are fewer threads if tiles are very long."""
+
+
+class Rasterizer:
+    """The binning of one frame size and the buffers of every thread, kept between calls.
+
+    Parameters
+    ----------
+    width, height
+        Size of the frame in pixels.
+    threads
+        None for one per CPU.
+
+    Attributes
+    ----------
+    threads
+        The number of threads.
+    binning
+        The splats that jobs are done for.
+    tiles
+        (threads, floats) f4, room for one tile each.
+    """
+
+    def __init__(self, width: int, height: int, threads: int | None = None) -> None:
+        # Padded to whole cache lines, so that every thread's buffer starts on one.
+        floats = -(-(height + SPARE_ROWS) * ROW // 16) * 16
+        most = max(1, BUFFERS_BYTES // (4 * floats + BATCH_BYTES))
+        self.threads = min(thread_count(threads), tile_count(width), most)
+        self.tiles = aligned((self.threads, floats))
+        self.binning = Binning(width, height, self.threads)
+        self._moments = aligned((0, MOMENTS))
+
+    @property
+    def moments(self) -> F4:
+        """Room for the moments of every intersection: (intersections or more, MOMENTS) f4, made when asked for."""
+        total = self.binning.intersection_count
+        if total > len(self._moments):
+            self._moments = aligned((total + total // 4, MOMENTS))
+        return self._moments
+
+    def run(self, job: Job, regions: Regions) -> None:
+        """Do a job for the tiles that have a dirty region."""
+        for bins in self.binning.windows():
+            if usable(self.threads) == 1:
+                run_task(0, 1, self.tiles[0], bins, regions, job)
+            else:
+                with parallel_region(self.threads):
+                    run_tasks(self.tiles, bins, regions, job)
+
+    def gradients(self, scale: float) -> F4:
+        """The gradients (N, 8) f4 from the `moments` that a job has left, times `scale`."""
+        binning = self.binning
+        gradients = np.empty((len(binning), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
+        arguments = binning.bins, self.moments, binning.splats.parameters, scale, gradients
+        binning.over_splats(gradients_task, gradients_tasks, *arguments)
+        return gradients
+
+    def covered_pixels(self) -> I8:
+        """The number of pixels that each splat covers, (N,) i8."""
+        binning = self.binning
+        counts = np.zeros(len(binning), np.int64)  # (N,) i8
+        binning.over_splats(covered_task, covered_tasks, binning.bins, binning.width, binning.height, counts)
+        return counts
