@@ -15,7 +15,7 @@ spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `st
 `quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
 `testing` has Hypothesis strategies for those who test an implementation of their own.
 
-The operations of spec.md are here by their names, as fast functions with the arguments of section 13.9; `spec` has
+The operations of spec.md are here by their names, as fast functions with the arguments of section 4.3; `spec` has
 their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array of its parameters:
 
     frames = gsvc_ref.decode_stream(data)                       # (T, H, W, 3) u1, all at once
