@@ -1,0 +1,105 @@
+"""Imports point one way: no circles of modules or rooms, and the codec knows nothing of what looks at it."""
+
+import ast
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("gsvc_ref", "gsvc_lab", "conformance")
+ROOMS = (
+    "cli", "encoder", "stream", "training", "bitstream", "reconstruction", "quantization",
+)  # fmt: skip
+"""The codec's way from a command to a number, from the top down."""
+
+
+def name_of(path):
+    """The dotted name of a module."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+
+
+def is_for_types(node):
+    """Whether a node is ``if TYPE_CHECKING:``, whose imports never run."""
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id.endswith("TYPE_CHECKING")
+
+
+def imported(tree):
+    """Modules that code imports when it runs, in functions too."""
+    for node in ast.iter_child_nodes(tree):
+        if is_for_types(node):
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else node.module
+        yield from imported(node)
+
+
+@cache
+def arrows():
+    """The modules of the project that each of its modules imports."""
+    found = {name: {*imported(ast.parse(path.read_text(encoding="utf-8")))} for name, path in MODULES.items()}
+    return {name: {other for other in others if other in MODULES and other != name} for name, others in found.items()}
+
+
+def room_of(module):
+    """The package, and the folder in it, that a module lies in."""
+    path = MODULES[module].relative_to(ROOT)
+    return ".".join(path.parts[:2]) if len(path.parts) > 2 else ".".join(path.with_suffix("").parts)
+
+
+def circle(graph):
+    """One circle of a graph, or nothing."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_modules_import_in_no_circle():
+    assert circle(arrows()) == []
+
+
+def test_rooms_import_in_no_circle():
+    rooms = {}
+    for module, others in arrows().items():
+        rooms.setdefault(room_of(module), set()).update(room_of(other) for other in others)
+    assert circle({room: others - {room} for room, others in rooms.items()}) == []
+
+
+@pytest.mark.parametrize(("package", "not_allowed"), [("gsvc_ref", ("gsvc_lab", "conformance")), ("gsvc_lab", ())])
+def test_the_codec_stands_alone(package, not_allowed):
+    wrong = [
+        (module, other)
+        for module, others in arrows().items()
+        for other in others
+        if module.startswith(package) and other.partition(".")[0] in not_allowed
+    ]
+    assert wrong == []
+
+
+def test_rooms_of_the_codec_import_only_those_below():
+    order = {f"gsvc_ref.{room}": place for place, room in enumerate(ROOMS)}
+    wrong = [
+        (module, other)
+        for module, others in arrows().items()
+        for other in others
+        if order.get(room_of(module), -1) > order.get(room_of(other), len(ROOMS))
+    ]
+    assert wrong == []
+    assert all(MODULES[f"gsvc_ref.{room}"].exists() for room in ROOMS)
+
+
+def test_a_circle_is_found():
+    names = ["a", "b", "c", "a"]
+    assert set(circle({name: {other} for name, other in pairwise(names)})) == {"a", "b", "c"}
