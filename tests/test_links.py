@@ -11,7 +11,7 @@ DOCUMENTS = sorted(
     {*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("conformance/*.md"), *ROOT.glob("viewer/*.md")}
 )
 FOLDERS = ("gsvc_ref", "gsvc_lab", "conformance", "tests", "viewer", "vectors", "docs")
-HISTORY = ("CHANGELOG.md", "README.md")
+HISTORY = ("CHANGELOG.md",)
 """Documents whose text, apart from links, names paths of former versions or of a user's machine."""
 
 
