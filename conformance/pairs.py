@@ -1,7 +1,7 @@
 """The functions that gsvc_ref has for the operations of spec.md: the table that ``run --reference`` answers by.
 
-An operation whose name and arguments gsvc_ref has too is a `Twin`, or `OfSplats`: its answer is that function's, as it
-stands. Any other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
+An operation whose name and arguments gsvc_ref has too is a `Twin`: its answer is that function's, as it stands. Any
+other is `Other`, with what gsvc_ref has instead and why; `conformance.operations` translates it.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
-from gsvc_ref.splats import Splats
 
 
 @dataclass(frozen=True)
@@ -21,11 +20,6 @@ class Twin:
     It is an attribute of gsvc_ref. It returns the one output, or a named tuple of all; a `Splats` is an array of its
     parameters. It may have further arguments by keyword.
     """
-
-
-@dataclass(frozen=True)
-class OfSplats(Twin):
-    """A twin that has ``splats``, a `Splats`, in place of the array ``parameters``."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +39,6 @@ class Other:
 
 
 TWIN: Final = Twin()
-OF_SPLATS: Final = OfSplats()
 
 PAIRS: Final[Mapping[str, Twin | Other]] = {
     "read_stream": TWIN,
@@ -60,24 +53,24 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "reconstruct_inter": TWIN,
     "parameter_checksum": TWIN,
     "rendering_work": TWIN,
-    "render_sum": OF_SPLATS,
-    "render_sum_deterministic": Other("gsvc_ref.rendering:render_sum", "the precision is an argument"),
+    "render_sum": TWIN,
+    "render_sum_deterministic": TWIN,
     "to_frame": TWIN,
     "to_frame_deterministic": TWIN,
-    "render_frame": OF_SPLATS,
-    "render_gradients": OF_SPLATS,
+    "render_frame": TWIN,
+    "render_gradients": TWIN,
     "scale_parameters": TWIN,
     "loss": TWIN,
     "weighted_parameters": TWIN,
     "weighted_gradients": TWIN,
-    "learning_rates": Other("gsvc_ref.training.schedule:StepDecay", "a schedule is an object, asked once an iteration"),
-    "adan_step": Other("gsvc_ref.training.adan:Adan.step", "the optimizer keeps its state, and moves rows in place"),
+    "learning_rates": TWIN,
+    "adan_step": TWIN,
     "pruning_plan": TWIN,
     "prune": TWIN,
     "compact": TWIN,
     "augment": TWIN,
     "select_key_frames": TWIN,
-    "converged": Other("gsvc_ref.training.convergence:Convergence", "losses come one at a time, as training goes on"),
+    "converged": TWIN,
     "lsq_quantize": TWIN,
     "lsq_dequantize": TWIN,
     "lsq_gradients": TWIN,
@@ -99,10 +92,7 @@ def twin(name: str) -> Callable[..., Any]:
 
 def answer(name: str, outputs: Mapping[str, str], inputs: Mapping[str, Any]) -> dict[str, Any]:
     """The outputs of an operation that is a `Twin`; `outputs` are their names and types."""
-    given = dict(inputs)
-    if isinstance(PAIRS[name], OfSplats):
-        given["splats"] = Splats.from_array(given.pop("parameters"))
-    found = twin(name)(**given)
+    found = twin(name)(**inputs)
     values = found._asdict() if hasattr(found, "_asdict") else dict(zip(outputs, [found], strict=True))
     return {
         name: value if isinstance(value, np.ndarray | str) else np.asarray(value, outputs[name])

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from gsvc_ref.rendering import render_frame as render_frame
     from gsvc_ref.rendering import render_gradients as render_gradients
     from gsvc_ref.rendering import render_sum as render_sum
+    from gsvc_ref.rendering import render_sum_deterministic as render_sum_deterministic
     from gsvc_ref.rendering import rendering_work as rendering_work
     from gsvc_ref.rendering import to_frame as to_frame
     from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
@@ -65,6 +66,9 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import read_stream as read_stream
     from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
     from gsvc_ref.training.augmentation import augment as augment
+    from gsvc_ref.training.operations import adan_step as adan_step
+    from gsvc_ref.training.operations import converged as converged
+    from gsvc_ref.training.operations import learning_rates as learning_rates
     from gsvc_ref.training.pruning import compact as compact
     from gsvc_ref.training.pruning import prune as prune
     from gsvc_ref.training.pruning import pruning_plan as pruning_plan
@@ -82,9 +86,11 @@ _HOMES: Final = {
     "Settings": "gsvc_ref.encoder",
     "Splats": "gsvc_ref.splats",
     "UsageError": "gsvc_ref.errors",
+    "adan_step": "gsvc_ref.training.operations",
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.quantization",
     "compact": "gsvc_ref.training.pruning",
+    "converged": "gsvc_ref.training.operations",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
@@ -93,6 +99,7 @@ _HOMES: Final = {
     "encode_plane": "gsvc_ref.bitstream.rans",
     "frame_to_planes": "gsvc_ref.video.color",
     "from_half": "gsvc_ref.quantization",
+    "learning_rates": "gsvc_ref.training.operations",
     "loss": "gsvc_ref.rendering",
     "lsq_dequantize": "gsvc_ref.quantization",
     "lsq_gradients": "gsvc_ref.quantization",
@@ -111,6 +118,7 @@ _HOMES: Final = {
     "render_frame": "gsvc_ref.rendering",
     "render_gradients": "gsvc_ref.rendering",
     "render_sum": "gsvc_ref.rendering",
+    "render_sum_deterministic": "gsvc_ref.rendering",
     "rendering_work": "gsvc_ref.rendering",
     "rvq_assign": "gsvc_ref.quantization",
     "rvq_update": "gsvc_ref.quantization",
@@ -131,9 +139,11 @@ __all__ = [
     "Settings",
     "Splats",
     "UsageError",
+    "adan_step",
     "augment",
     "commitment",
     "compact",
+    "converged",
     "decode",
     "decode_plane",
     "decode_stream",
@@ -142,6 +152,7 @@ __all__ = [
     "encode_plane",
     "frame_to_planes",
     "from_half",
+    "learning_rates",
     "loss",
     "lsq_dequantize",
     "lsq_gradients",
@@ -160,6 +171,7 @@ __all__ = [
     "render_frame",
     "render_gradients",
     "render_sum",
+    "render_sum_deterministic",
     "rendering_work",
     "rvq_assign",
     "rvq_update",

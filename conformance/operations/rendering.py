@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expansions import exact
 from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
-from conformance.operation import Values, numbered, operation, paired
+from conformance.operation import numbered, paired
 from conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
-from gsvc_ref import rendering
 from gsvc_ref.constants import LN_255
 from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
 from gsvc_ref.rendering.definition import added
@@ -54,13 +53,16 @@ def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation
     return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
 
 
-@operation(
-    "deterministic", inputs=SPLATS, outputs="sum: f4 (H, W, 3)", equations=("9-3", "9-4", "9-5", "9-6"),
-    rules=("R-9.3-1",), oracle=_plain_sum,
-)  # fmt: skip
-def render_sum_deterministic(parameters: F4, width: int, height: int) -> Values:
-    """The sum of the splats over a frame, before the clamp, with the stated operations in the stated order."""
-    return {"sum": rendering.render_sum(Splats.from_array(parameters), width, height, precision="deterministic")}
+paired(
+    "render_sum_deterministic",
+    "deterministic",
+    "The sum of the splats over a frame, before the clamp, with the stated operations in the stated order.",
+    inputs=SPLATS,
+    outputs="sum: f4 (H, W, 3)",
+    equations=("9-3", "9-4", "9-5", "9-6"),
+    rules=("R-9.3-1",),
+    oracle=_plain_sum,
+)
 
 
 def _rounded(sum: F4, bit_depth: int) -> dict[str, Expectation]:

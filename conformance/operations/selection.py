@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conformance.expectations import Exact, Expectation
-from conformance.operation import Values, operation, paired
-from gsvc_ref.training.convergence import Convergence
+from conformance.operation import paired
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -151,16 +150,13 @@ def converged_oracle(losses: F8, patience: int, tolerance: float) -> Expected:
     return {"iteration": Exact(np.array(ends[0] if ends else 0, np.int64))}
 
 
-@operation(
+paired(
+    "converged",
     "training",
+    "The iteration after which training stops, from 1; 0 if it does not.",
     inputs="losses: f8 (K,); patience: int; tolerance: float",
     outputs="iteration: i8 ()",
     equations=("10-31",),
     rules=("R-10.10-1",),
     oracle=converged_oracle,
 )
-def converged(losses: F8, patience: int, tolerance: float) -> Values:
-    """The iteration after which training stops, from 1; 0 if it does not."""
-    test = Convergence(patience, tolerance).start()
-    stops = (number for number, loss in enumerate(losses.tolist(), 1) if test.update(loss))
-    return {"iteration": np.array(next(stops, 0), np.int64)}

@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 from conformance.distinct import distinct
 from conformance.expansions import Expansion, certain, exact
 from conformance.expectations import Bounded, Exact, Expectation
-from conformance.operation import Values, operation, paired
+from conformance.operation import paired
 from conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
 from gsvc_ref.rendering.bounds import EPS, ETA
-from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.schedule import StepDecay
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -108,18 +106,16 @@ def learning_rates_oracle(iterations: I8, rate: float, factor: float, interval: 
     return {"rates": Bounded(value[inverse], bound[inverse], "<f8")}
 
 
-@operation(
+paired(
+    "learning_rates",
     "training",
+    "The learning rates of iterations, which are counted from 0.",
     inputs="iterations: i8 (K,); rate: float; factor: float; interval: int",
     outputs="rates: f8 (K,)",
     equations=("10-12",),
     rules=("R-10.4-1",),
     oracle=learning_rates_oracle,
 )
-def learning_rates(iterations: I8, rate: float, factor: float, interval: int) -> Values:
-    """The learning rates of iterations, which are counted from 0."""
-    schedule = StepDecay(factor, interval)
-    return {"rates": np.array([rate * schedule(int(iteration)) for iteration in iterations], np.float64)}
 
 
 def adan_oracle(
@@ -186,8 +182,10 @@ def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed
     return Computed(average.number, np.maximum(average.error, interpolated.error))
 
 
-@operation(
+paired(
+    "adan_step",
     "training",
+    "One step of Adan from a given state; every row counts its own steps.",
     inputs="parameters: f4 (N, P); gradients: f4 (N, P); m: f4 (N, P); v: f4 (N, P); n: f4 (N, P); "
     "previous: f4 (N, P); steps: i8 (N,); rates: f4 (P,); units: f4 (P,); "
     "beta1: float; beta2: float; beta3: float; epsilon: float",
@@ -196,33 +194,3 @@ def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed
     rules=("R-10.4-2",),
     oracle=adan_oracle,
 )
-def adan_step(
-    parameters: F4,
-    gradients: F4,
-    m: F4,
-    v: F4,
-    n: F4,
-    previous: F4,
-    steps: I8,
-    rates: F4,
-    units: F4,
-    beta1: float,
-    beta2: float,
-    beta3: float,
-    epsilon: float,
-) -> Values:
-    """One step of Adan from a given state; every row counts its own steps."""
-    rows, columns = parameters.shape
-    state = Adan(rows, columns, AdanSettings(beta1, beta2, beta3, epsilon))
-    state.m, state.v, state.n, state.previous = m.copy(), v.copy(), n.copy(), previous.copy()
-    state.steps = steps.copy()
-    moved = parameters.copy()
-    state.step(moved, gradients, rates, units=units)
-    return {
-        "parameters": moved,
-        "m": state.m,
-        "v": state.v,
-        "n": state.n,
-        "previous": state.previous,
-        "steps": state.steps,
-    }

@@ -19,6 +19,7 @@ from gsvc_ref.rendering.renderer import (
     render_frame,
     render_gradients,
     render_sum,
+    render_sum_deterministic,
 )
 from gsvc_ref.rendering.sequence import SequenceRenderer
 from gsvc_ref.rendering.work import rendering_work
@@ -40,6 +41,7 @@ __all__ = [
     "render_frame",
     "render_gradients",
     "render_sum",
+    "render_sum_deterministic",
     "rendering_work",
     "to_frame",
     "to_frame_deterministic",

@@ -136,17 +136,34 @@ def render(
 
 
 def render_sum(
-    splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
+    parameters: Splats | ArrayLike,
+    width: int,
+    height: int,
+    *,
+    precision: Precision = "fast",
+    threads: int | None = None,
 ) -> NDArray[np.float32] | NDArray[np.float64]:
-    """The same as `render` before the clamp: (H, W, 3), f8 for ``exact`` and f4 for the others."""
-    renderer = Renderer(width, height, precision=precision, threads=threads)
+    """The same as `render` before the clamp: (H, W, 3), f8 for ``exact`` and f4 for the others.
+
+    The parameters are splats, or an array (N, 8) f4 of theirs.
+    """
+    splats, renderer = Splats.of(parameters), Renderer(width, height, precision=precision, threads=threads)
     if precision == "exact":
         return definition.exact_sum(splats, width, height)
     return renderer.picture(splats, clamp=False)
 
 
+def render_sum_deterministic(
+    parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
+) -> NDArray[np.float32]:
+    """What `render_sum` returns for precision ``deterministic``: (H, W, 3) f4 (R-9.3-1)."""
+    return Renderer(width, height, precision="deterministic", threads=threads).picture(
+        Splats.of(parameters), clamp=False
+    )
+
+
 def render_frame(
-    splats: Splats,
+    parameters: Splats | ArrayLike,
     width: int,
     height: int,
     bit_depth: int,
@@ -154,17 +171,22 @@ def render_frame(
     precision: Precision = "fast",
     threads: int | None = None,
 ) -> NDArray[Any]:
-    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2."""
-    return Renderer(width, height, precision=precision, threads=threads).frame(splats, bit_depth)
+    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2.
+
+    The parameters are splats, or an array (N, 8) f4 of theirs.
+    """
+    return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 
 
 def render_gradients(
-    splats: Splats, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
+    parameters: Splats | ArrayLike, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.float32] | NDArray[np.float64]:
     """The gradient of sum(residual * C) for every parameter, coverage held fixed (`definition.Footprint.gradient`).
 
     Parameters
     ----------
+    parameters
+        The splats, or their parameters (N, 8) f4.
     residual
         (H, W, 3), dL/dC; it also gives the size of the frame.
     precision, threads
@@ -181,6 +203,7 @@ def render_gradients(
         The residual has another shape or a value that is not finite, or an option is outside its limits.
     """
     check_precision(precision)
+    splats = Splats.of(parameters)
     if precision == "exact":
         return definition.exact_gradients(splats, residual)
     e = np.ascontiguousarray(residual, np.float32)  # (H, W, 3) f4

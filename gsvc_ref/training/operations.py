@@ -1,0 +1,124 @@
+"""The operations of spec.md that training does step by step, each as one function of its inputs."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsvc_ref.arrays import F4, F8, I8
+from gsvc_ref.training.adan import Adan, AdanSettings
+from gsvc_ref.training.convergence import Convergence
+from gsvc_ref.training.schedule import StepDecay
+
+
+class AdanStep(NamedTuple):
+    """The parameters and the state of the optimiser after a step."""
+
+    parameters: F4
+    """(N, P), as the rest but `steps`."""
+    m: F4
+    v: F4
+    n: F4
+    previous: F4
+    steps: I8
+    """(N,)"""
+
+
+def learning_rates(iterations: ArrayLike, rate: float, factor: float, interval: int) -> F8:
+    """The learning rates of iterations, which are counted from 0, by `StepDecay` (10-12); R-10.4-1.
+
+    Parameters
+    ----------
+    iterations
+        (K,) i8.
+    rate
+        The rate of iteration 0.
+    factor, interval
+        As in `StepDecay`.
+
+    Returns
+    -------
+    F8
+        (K,).
+
+    Raises
+    ------
+    UsageError
+        The factor or the interval is out of its range.
+    """
+    schedule = StepDecay(factor, interval)
+    return np.array([rate * schedule(int(iteration)) for iteration in np.asarray(iterations)], np.float64)
+
+
+def adan_step(
+    parameters: ArrayLike,
+    gradients: ArrayLike,
+    m: ArrayLike,
+    v: ArrayLike,
+    n: ArrayLike,
+    previous: ArrayLike,
+    steps: ArrayLike,
+    rates: ArrayLike,
+    units: ArrayLike,
+    beta1: float,
+    beta2: float,
+    beta3: float,
+    epsilon: float,
+) -> AdanStep:
+    """One step of `Adan` from a given state, which is not changed: (10-13) and (10-14); R-10.4-2.
+
+    Parameters
+    ----------
+    parameters, gradients
+        (N, P) f4.
+    m, v, n, previous
+        (N, P) f4, the averages and the gradient of the step before.
+    steps
+        (N,) i8, the number of steps that each row has taken.
+    rates, units
+        (P,) f4, learning rates, and parameter = unit * learned value.
+    beta1, beta2, beta3, epsilon
+        As in `AdanSettings`.
+
+    Returns
+    -------
+    AdanStep
+        New arrays.
+
+    Raises
+    ------
+    UsageError
+        A shape does not fit, a number is out of its range, or a gradient is NaN or too large.
+    """
+    moved, new_m, new_v, new_n, new_previous = (
+        np.array(part, np.float32, order="C") for part in (parameters, m, v, n, previous)
+    )
+    adan = Adan(0, moved.shape[1], AdanSettings(beta1, beta2, beta3, epsilon))
+    adan = adan.with_state(new_m, new_v, new_n, new_previous, np.array(steps, np.int64))
+    adan.step(moved, np.asarray(gradients, np.float32), rates, units=units)
+    return AdanStep(moved, *adan.state)
+
+
+def converged(losses: ArrayLike, patience: int, tolerance: float) -> int:
+    """The iteration, from 1, after which training stops by `Convergence` (10-31), or 0; R-10.10-1.
+
+    Parameters
+    ----------
+    losses
+        (K,) f8, the loss of each iteration.
+    patience, tolerance
+        As in `Convergence`.
+
+    Returns
+    -------
+    int
+        0 if training goes on.
+
+    Raises
+    ------
+    UsageError
+        A number is out of its range, or a loss is NaN.
+    """
+    test = Convergence(patience, tolerance).start()
+    stops = (number for number, loss in enumerate(np.asarray(losses).tolist(), 1) if test.update(loss))
+    return next(stops, 0)
