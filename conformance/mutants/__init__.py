@@ -1,6 +1,12 @@
 """Mutants: spec.md's code with one plausible mistake each. Vectors must find them all; a report names those it meets.
 
-`mutant` says what one is and runs it; the other modules list them, area by area.
+`mutant` says what one is and runs it; the other modules list them, area by area. To add one:
+
+1. Write `mutant(area, "name", "words that stand after 'looks like'", (text of spec.md's code, text in its place))` into
+   the tuple of its area's module. The old text stands exactly once in the Python blocks of spec.md.
+2. ``python -m conformance mutants --mutant name --all`` prints the vectors that find it, or that it survives. If it
+   survives, add a `case` to a module of `conformance.cases`.
+3. ``make vectors`` writes its name into the manifests and vectors/COVERAGE.md.
 """
 
 from typing import Final

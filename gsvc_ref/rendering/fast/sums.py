@@ -212,12 +212,12 @@ def grad_splat(moments: F4, parameters: F4, scale: float, S: F8, gradient: F4) -
     l21 = np.float64(parameters[3])
     r2 = 1 / np.float64(parameters[4])
     slope = l21 * r1 * r2
-    gradient[0] = scale * (S[U1] * r1 - S[U2] * slope)  # dL/dx = sum q v1
-    gradient[1] = scale * (S[U2] * r2)  # dL/dy = sum q v2
-    gradient[2] = scale * (S[U1U1] * r1 - S[U1U2] * slope)  # dL/dl11 = sum q v1 u1
-    gradient[3] = scale * (S[U1U2] * r2)  # dL/dl21 = sum q v2 u1
-    gradient[4] = scale * (S[U2U2] * r2)  # dL/dl22 = sum q v2 u2
-    gradient[5] = scale * S[E_RED]  # dL/dc' = sum g e
+    gradient[0] = scale * (S[U1] * r1 - S[U2] * slope)  # (10-7) dL/dx = sum q v1
+    gradient[1] = scale * (S[U2] * r2)  # (10-7) dL/dy = sum q v2
+    gradient[2] = scale * (S[U1U1] * r1 - S[U1U2] * slope)  # (10-8) dL/dl11 = sum q v1 u1
+    gradient[3] = scale * (S[U1U2] * r2)  # (10-8) dL/dl21 = sum q v2 u1
+    gradient[4] = scale * (S[U2U2] * r2)  # (10-8) dL/dl22 = sum q v2 u2
+    gradient[5] = scale * S[E_RED]  # (10-9) dL/dc' = sum g e
     gradient[6] = scale * S[E_GREEN]
     gradient[7] = scale * S[E_BLUE]
 
