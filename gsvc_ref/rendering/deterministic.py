@@ -1,7 +1,8 @@
 """The precision ``deterministic`` in its plainest form: every binary32 operation and its place in the order.
 
 NumPy rounds each operation on its own, to nearest with ties to even, keeps subnormal numbers and fuses nothing: this is
-spec.md section 9.3 (R-9.3-1). What runs, with the same bits, are the kernels of `fast.sums` whose names end in ``_strict``.
+spec.md section 9.3 (R-9.3-1). The kernels of `fast.sums` whose names end in ``_strict`` are what runs, with the same
+bits.
 """
 
 from collections.abc import Iterator
