@@ -1,6 +1,6 @@
 """``python -m gsvc_lab.benchmarks.adapters``: the same work on the same machine for every implementation here.
 
-Each implementation runs in a process of its own and is called through its stage functions, as the conformance kit calls
+Each implementation runs in a process of its own and is called through its operations, as the conformance kit calls
 it: copies to a device and back count. One is measured after the other, so only large differences mean something. The
 results are a Markdown table and the file
 
@@ -80,14 +80,14 @@ class Work:
     ----------
     sentence
         Description of it.
-    stage
+    operation
         Whose function is called.
     inputs
         Makes the inputs.
     """
 
     sentence: str
-    stage: str
+    operation: str
     inputs: Callable[[], dict[str, Any]]
 
 
@@ -172,15 +172,15 @@ def measure(
 ) -> None:
     """Measure what there is a function for; what is not done is noted with its reason."""
     for name, work in works.items():
-        function = functions.get(work.stage)
+        function = functions.get(work.operation)
         if function is None:
-            into.missing[name] = f"there is no function {work.stage}"
+            into.missing[name] = f"there is no function {work.operation}"
             continue
         try:
             with np.errstate(all="ignore"):
                 times = seconds_of(function, work.inputs(), seconds)
         except NotImplementedError as error:
-            into.missing[name] = str(error) or f"{work.stage} raises NotImplementedError"
+            into.missing[name] = str(error) or f"{work.operation} raises NotImplementedError"
         except Exception as error:  # whatever a driver or a compiler meets
             into.missing[name] = f"{type(error).__name__}: {error}"
         else:
@@ -238,7 +238,7 @@ def table(machine: Mapping[str, Any], works: Mapping[str, Work], results: Sequen
         cells = [_cell(result.seconds.get(name)) for result in results]
         rows.append([work.sentence, *cells])
     text = (
-        f"Milliseconds, median (quartiles) of calls of stage functions, with all copies; {machine['cpu']}, "
+        f"Milliseconds, median (quartiles) of calls of operations, with all copies; {machine['cpu']}, "
         f"{machine['cores']} cores, {machine['system']}, Python {machine['python']}."
     )
     return Table(text, ["work", *(result.name for result in results)], rows)
