@@ -25,7 +25,7 @@ STAGES: Final = {
     "reconstruct": ("gsvc_ref.stream.chunk_decoder.reconstruct",),
     "work": ("gsvc_ref.stream.chunk_decoder.rendering_work",),
     "chunk": ("gsvc_ref.stream.reader.ChunkDecoder.decode",),
-    "render": ("gsvc_ref.stream.decode.SequenceRenderer.next_frame",),
+    "render": ("gsvc_ref.stream.decoder.SequenceRenderer.next_frame",),
 }
 """The functions that are timed for each stage. Those of the first four are called within `chunk`; the rest of it is
 parsing, and what is in no stage is `other`."""

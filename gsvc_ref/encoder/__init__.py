@@ -1,6 +1,6 @@
 """The encoder: a video in, a stream out, frame after frame.
 
-In reading order: `encode` leads; `frame_types` gives each frame its type, by the rule of `key_frames` (DKS) after
+In reading order: `encoder` leads; `frame_types` gives each frame its type, by the rule of `key_frames` (DKS) after
 `pretraining`; `frame` encodes one frame, an I-frame from nothing, a P-frame from its `prediction`, which rests on the
 errors of its `blocks`, on `static` splats and on `motion`; `rate` and `quantizer_choice` choose numbers of splats and
 quantisers. `settings` and `effects` say what is asked for, `log` and `report` what was done. `source_and_target` opens
@@ -8,7 +8,7 @@ both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects
-from gsvc_ref.encoder.encode import encode
+from gsvc_ref.encoder.encoder import encode
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
 from gsvc_ref.encoder.settings import Settings
 

@@ -2,12 +2,12 @@
 
 In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` decodes one chunk after the other, and
 `reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
-`whole_chunks` it finds. The results are in `decoded`. `decode` renders pictures of them, with the video's format from
+`whole_chunks` it finds. The results are in `decoded`. `decoder` renders pictures of them, with the video's format from
 `formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back.
 """
 
-from gsvc_ref.stream.decode import Stream, decode, scaled_size
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
+from gsvc_ref.stream.decoder import Stream, decode, scaled_size
 from gsvc_ref.stream.formats import video_format
 from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.stream.whole_streams import decode_stream, decode_stream_deterministic, read_stream, reconstruct_stream

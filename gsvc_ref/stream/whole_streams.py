@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import SplatBlock
-from gsvc_ref.stream.decode import decode
+from gsvc_ref.stream.decoder import decode
 from gsvc_ref.stream.reader import StreamReader
 
 Array = NDArray[Any]

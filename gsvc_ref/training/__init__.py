@@ -13,7 +13,7 @@ from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start,
 from gsvc_ref.training.convergence import Convergence, ConvergenceTest
 from gsvc_ref.training.events import new_splats
 from gsvc_ref.training.fine_tuning import fine_tune
-from gsvc_ref.training.fit import fit
+from gsvc_ref.training.fitting import fit
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import MIN_FACTOR, OnIteration
 from gsvc_ref.training.population import NEW, Population

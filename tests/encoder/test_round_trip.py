@@ -4,7 +4,6 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
-from importlib import import_module
 from io import BytesIO
 
 import numpy as np
@@ -13,12 +12,11 @@ from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.encoder import Settings, encode
+from gsvc_ref.encoder import encoder as encoder_module
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import reconstruct
 from gsvc_ref.stream import Stream, StreamWriter, decode
-
-encoder_module = import_module("gsvc_ref.encoder.encode")  # the package has a function of this name
 
 IN_ANOTHER_PROCESS = """
 import hashlib, sys

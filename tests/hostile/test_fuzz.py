@@ -105,30 +105,30 @@ def one_splat_less(codes: FrameCodes, state: State) -> State:
 
 
 PLANTED: dict[str, tuple[str, str, Any]] = {
-    "any chunk may stand anywhere": ("differential", "bitstream.chunk_decoder._check_may_stand", nothing),
+    "any chunk may stand anywhere": ("differential", "stream.chunk_decoder._check_may_stand", nothing),
     "symbols of a plane are not checked": ("planes", "bitstream.planes._check_symbol", nothing),
-    "what is left of a payload is not checked": ("differential", "bitstream.chunk_decoder._check_filled", nothing),
+    "what is left of a payload is not checked": ("differential", "stream.chunk_decoder._check_filled", nothing),
     "intra blocks may leave attributes out": (
         "differential", "bitstream.frames._attribute_flag", lambda s, name, kind, present: s.u(name, 1, int(present)),
     ),
     "parameter checksums are not those of the spec": (
-        "differential", "bitstream.chunk_decoder.parameter_checksum", lambda splats: len(splats),
+        "differential", "stream.chunk_decoder.parameter_checksum", lambda splats: len(splats),
     ),
     "errors do not say where": ("parser", "bitstream.bit_reader.Reader.fail", says_no_bit),
     "another exception comes out": ("parser", "bitstream.frames._colors", raises_key_error),
     "seeking lands at the first frame": (
-        "parser", "bitstream.reader.find_frame", lambda decoder, number: replace(decoder.first, next_number=number),
+        "parser", "stream.reader.find_frame", lambda decoder, number: replace(decoder.first, next_number=number),
     ),
     "bits of the index are not counted": (
-        "parser", "bitstream.reader.CATEGORIES", tuple(name for name in CATEGORIES if name != "index"),
+        "parser", "stream.reader.CATEGORIES", tuple(name for name in CATEGORIES if name != "index"),
     ),
-    "frames lose their last splat": ("reencode", "bitstream.writer.reconstruct", one_splat_less),
+    "frames lose their last splat": ("reencode", "stream.writer.reconstruct", one_splat_less),
     "words are written in the wrong order": ("planes", "bitstream.plane_coding.encode_plane", first_words),
     "pictures lie on their side": (
-        "pictures", "codec.decoder.scaled_size", lambda header, scale: (header.height, header.width),
+        "pictures", "stream.decoder.scaled_size", lambda header, scale: (header.height, header.width),
     ),
     "sizes of videos are not checked": ("videos", "video.y4m_header.check_size", nothing),
-    "settings are not checked": ("settings", "codec.settings._check_range", nothing),
+    "settings are not checked": ("settings", "encoder.settings._check_range", nothing),
 }  # fmt: skip
 """Defects: the target that must find them, and what of gsvc_ref is replaced by what."""
 
