@@ -20,8 +20,8 @@ help:            ## list the commands
 demo: .venv/.ready-progress            ## encode, decode and compare the built-in clip; writes demo/report.html
 	$(BIN)/gsvc demo
 
-test: .venv/.ready-$(EXTRAS)            ## run the tests (EXTRAS=test,peers also compares with PyTorch)
-	$(BIN)/python -m pytest $(WORKERS)
+test: .venv/.ready-$(EXTRAS)            ## run the tests (ALL=1: the exhaustive ones too; EXTRAS=test,peers also compares with PyTorch)
+	$(BIN)/python -m pytest $(WORKERS) $(if $(ALL),,-m 'not exhaustive')
 
 lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest

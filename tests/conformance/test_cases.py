@@ -11,6 +11,7 @@ from conformance.expectations import Refusal
 CASES = [case for case in cases().values() if case.level in LEVELS]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_case(case):
     inputs, expected = case.run()

@@ -28,7 +28,9 @@ def sources():
             code = rest if first == "# mine.py" else f"{code}\n\n{rest}"
         else:
             assert first.startswith(COMMAND)
-            yield pytest.param(code, first.removeprefix(COMMAND), rest.splitlines(), id=first.removeprefix(COMMAND))
+            command = first.removeprefix(COMMAND)
+            marks = [pytest.mark.exhaustive] if "gradients" in command else []
+            yield pytest.param(code, command, rest.splitlines(), id=command, marks=marks)
 
 
 @pytest.mark.parametrize(("code", "command", "printed"), list(sources()))

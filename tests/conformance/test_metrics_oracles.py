@@ -52,6 +52,7 @@ def ms_ssim_in_binary32(a, b, bit_depth, *, by_sums, normalised, in_one_pass):
     return float(np.mean(results, dtype=F4))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("by_sums", "normalised", "in_one_pass"),
     [(False, False, False), (False, True, True), (True, False, True), (True, True, False)],

@@ -54,6 +54,7 @@ def test_gsvc_ref_passes(vectors):
     assert failures(from_namespace("gsvc_ref", reference()), vectors) == []
 
 
+@pytest.mark.exhaustive
 def test_the_code_of_the_spec_passes(vectors):
     assert failures(from_namespace("spec.md", spec.namespace()), vectors) == []
 

@@ -37,6 +37,7 @@ def digest(threads: int) -> str:
     return hashlib.sha256(encoded(waves(48, 40, 3, speed=2.5), settings(threads))[1]).hexdigest()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not JIT, reason="both processes would be interpreted by the same Python")
 def test_bytes_do_not_depend_on_the_cpu(tmp_path):
     environment = {**os.environ, **GENERIC, "NUMBA_CACHE_DIR": str(tmp_path)}

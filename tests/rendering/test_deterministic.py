@@ -223,6 +223,7 @@ def hashes(folder, environment, threads, region_rows):
     return json.loads(result.stdout)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not JIT, reason="the processes that it starts are compared with and without the JIT")
 @pytest.mark.parametrize(
     ("environment", "threads", "region_rows"),
