@@ -51,6 +51,7 @@ WRONG: Final = {
 """What is wrong, the case that finds it, and the patches of spec.md's code."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("sentence", WRONG)
 def test_what_ends_at_a_size_is_found(sentence: str) -> None:
     name, patches = WRONG[sentence]

@@ -74,6 +74,7 @@ def test_every_work_is_measured_or_missing_with_its_reason():
     }
 
 
+@pytest.mark.exhaustive
 def test_the_file_and_the_table_have_what_could_be_measured(module, tmp_path, capsys):
     numbers, text = tmp_path / "speeds" / "numbers.json", tmp_path / "table.md"
     works = ["--work", "adan_step", "--work", "decode_stream_small"]
