@@ -81,7 +81,8 @@ class Axis:
 class Scale:
     """Values of one axis to places between two ends.
 
-    A logarithmic axis has a place of its own for values of 0, below the smallest other one.
+    A logarithmic axis has a place of its own for values of 0, below the smallest other one. It spans a decade or more:
+    values that hardly differ lie beside each other, and there are powers to mark.
     """
 
     def __init__(self, values: Sequence[float], axis: Axis, begin: float, end: float) -> None:
@@ -91,7 +92,9 @@ class Scale:
         low, high = (min(shown), max(shown)) if shown else (1.0, 10.0)
         if axis.log:
             low, high = math.log10(low), math.log10(high)
-        room = MARGIN * (high - low) or (0.3 if axis.log else max(abs(high) * 0.1, 1.0))
+            missing = max(0.0, 1 - (high - low)) / 2
+            low, high = low - missing, high + missing
+        room = MARGIN * (high - low) or max(abs(high) * 0.1, 1.0)
         self.least, self.high = low - room, high + room
         self.low = self.least - (2 * room if self.has_zero else 0.0)
 

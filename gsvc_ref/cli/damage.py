@@ -46,41 +46,6 @@ def _more_frames(stream: "Stream", next_number: int) -> bool:
         return False
 
 
-def describe_gap(gap: "Gap") -> str:
-    """A sentence about a gap: which frames are missing, why, and which bytes were skipped."""
-    fault, others = gap.faults[0], gap.fault_count - 1
-    more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
-    joint = ", but" if gap.missing_count == 0 else f"{_sound_frames(gap)}:"
-    why = str(fault).removeprefix(f"{fault.kind}: ")
-    return f"{_missing_frames(gap)}{joint} {why}{more}; {_skipped_bytes(gap)}"
-
-
-def _missing_frames(gap: "Gap") -> str:
-    first, count = gap.first_missing, gap.missing_count
-    if count is None:
-        return f"frames from {first} on are missing, if there were any"
-    if count == 0:
-        return "no frame is missing"
-    return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
-
-
-def _sound_frames(gap: "Gap") -> str:
-    """The missing frames that are sound; nothing if none is."""
-    begin, last = gap.predicted_from, gap.first_missing + (gap.missing_count or 0) - 1
-    if begin is None or begin > last:
-        return ""
-    which = "" if begin <= gap.first_missing else f" {last}" if begin == last else f" {begin} to {last}"
-    return f",{which} because predicted from missing ones"
-
-
-def _skipped_bytes(gap: "Gap") -> str:
-    if gap.skipped == 0:
-        return "no bytes skipped"
-    last = gap.offset + gap.size - 1
-    part = "" if gap.skipped == gap.size else f"{gap.skipped:,} of the "
-    return f"{part}bytes {gap.offset:,} to {last:,} skipped"
-
-
 class Gaps:
     """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`.
 
@@ -116,7 +81,7 @@ class Gaps:
         """A line for each gap, and one for each other stream that begins inside of one."""
         lines = []
         for gap in self.found:
-            lines.append(describe_gap(gap))
+            lines.append(str(gap))
             lines += [f"  inside: {fault}" for fault in gap.faults[1:] if fault.rule == OTHER_STREAM_RULE]
         others = self.count - len(self.found)
         return [*lines, f"and {plural(others, 'more gap')}"] if others else lines

@@ -73,6 +73,37 @@ class Gap:
     missing_count: int | None
     predicted_from: int | None = None
 
+    def __str__(self) -> str:
+        """A sentence: which frames are missing, why, and which bytes were skipped."""
+        fault, others = self.faults[0], self.fault_count - 1
+        more = f" and {others} more fault{'s' if others > 1 else ''}" if others else ""
+        joint = ", but" if self.missing_count == 0 else f"{self._sound_frames()}:"
+        why = str(fault).removeprefix(f"{fault.kind}: ")
+        return f"{self._missing_frames()}{joint} {why}{more}; {self._skipped_bytes()}"
+
+    def _missing_frames(self) -> str:
+        first, count = self.first_missing, self.missing_count
+        if count is None:
+            return f"frames from {first} on are missing, if there were any"
+        if count == 0:
+            return "no frame is missing"
+        return f"frame {first} is missing" if count == 1 else f"frames {first} to {first + count - 1} are missing"
+
+    def _sound_frames(self) -> str:
+        """The missing frames that are sound; nothing if none is."""
+        begin, last = self.predicted_from, self.first_missing + (self.missing_count or 0) - 1
+        if begin is None or begin > last:
+            return ""
+        which = "" if begin <= self.first_missing else f" {last}" if begin == last else f" {begin} to {last}"
+        return f",{which} because predicted from missing ones"
+
+    def _skipped_bytes(self) -> str:
+        if self.skipped == 0:
+            return "no bytes skipped"
+        last = self.offset + self.size - 1
+        part = "" if self.skipped == self.size else f"{self.skipped:,} of the "
+        return f"{part}bytes {self.offset:,} to {last:,} skipped"
+
     def clipped(self, start: int, stop: int | None) -> "Gap":
         """The gap with only the frames missing that are among `start` to `stop` - 1."""
         if self.missing_count == 0:

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from salvage_checks import Salvaged, salvage
 
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE, PREFIX_SIZE
-from gsvc_ref.cli.damage import describe_gap
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream import Gap, StreamReader
 from gsvc_ref.testing import (
@@ -125,9 +124,7 @@ def test_a_cut_stream_of_unknown_length_says_so() -> None:
     cut = data[: FRAMES[4].offset + 3]
     (gap,) = salvage(cut, TRUTH).gaps
     assert gap.missing_count is None
-    assert describe_gap(gap).startswith(
-        "frames from 4 on are missing, if there were any: the stream ends inside `payload`"
-    )
+    assert str(gap).startswith("frames from 4 on are missing, if there were any: the stream ends inside `payload`")
     whole_frames = data[: -END_CHUNK_SIZE - 1]
     assert [gap.missing_count for gap in salvage(whole_frames, TRUTH).gaps] == [None]
 
@@ -186,7 +183,7 @@ def test_two_damaged_places_are_two_gaps() -> None:
 def test_damage_while_frames_are_skipped_belongs_to_the_same_gap() -> None:
     (gap,) = check(altered(GOOD, *(frame.offset + 5 for frame in FRAMES[5:7]))).gaps
     assert (gap.first_missing, gap.missing_count, gap.fault_count) == (5, 3, 2)
-    assert "and 1 more fault;" in describe_gap(gap)
+    assert "and 1 more fault;" in str(gap)
 
 
 def test_all_i_frames_damaged() -> None:
@@ -307,7 +304,7 @@ def test_ranges_are_parts_of_the_whole() -> None:
 def test_sound_frames_of_a_gap_are_told_apart() -> None:
     def words(data: bytes, start: int = 0, stop: int | None = None) -> str:
         (gap,) = Salvaged(list(StreamReader(data).salvage(start, stop))).gaps
-        return describe_gap(gap).split(":")[0]
+        return str(gap).split(":")[0]
 
     last = altered(GOOD, FRAMES[6].offset + 5)
     assert words(last) == "frames 6 to 7 are missing, 7 because predicted from missing ones"
@@ -354,13 +351,13 @@ def test_the_account_of_a_damaged_stream() -> None:
     data = altered(GOOD, FRAMES[1].offset + 5, FRAMES[9].offset + 5)
     result = check(data)
     reader = StreamReader(data)
-    assert [describe_gap(part) if isinstance(part, Gap) else part.offset for part in reader.salvage()] == [
-        describe_gap(part) if isinstance(part, Gap) else part.offset for part in result.parts
+    assert [str(part) if isinstance(part, Gap) else part.offset for part in reader.salvage()] == [
+        str(part) if isinstance(part, Gap) else part.offset for part in result.parts
     ]
     summary = reader.summary(salvage=True)
     assert summary.error is None
     assert [frame.number for frame in summary.frames] == [frame.number for frame in result.frames]
-    assert [describe_gap(gap) for gap in summary.gaps] == [describe_gap(gap) for gap in result.gaps]
+    assert [str(gap) for gap in summary.gaps] == [str(gap) for gap in result.gaps]
     assert sum(summary.bits.values()) == 8 * len(data)
     assert summary.bits["skipped"] == 8 * sum(gap.skipped for gap in result.gaps)
     assert reader.summary().gaps == []

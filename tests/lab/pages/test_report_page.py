@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_lab.pages import pictures
-from gsvc_lab.pages.charts import color_classes, nice_ticks, share_bar
+from gsvc_lab.pages.charts import Axis, Scale, color_classes, nice_ticks, share_bar
 from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData
 from gsvc_lab.pages.frame_charts import bits_chart, psnr_chart
 from gsvc_lab.pages.report import report_html, write_report
@@ -269,3 +269,11 @@ def test_decisions_about_different_effects_are_refused():
     frames = [record(0, "I", choices=[Choice("gsa", "done", "")]), record(1)]
     with pytest.raises(UsageError, match="different effects"):
         report(frames)
+
+
+def test_a_logarithmic_axis_spans_a_decade():
+    """Values that differ by a hundredth lie beside each other, with marks around them."""
+    scale = Scale([0, 2.36e-5, 2.38e-5], Axis("error", str, log=True), 0, 100)
+    assert 0 < scale(2.38e-5) - scale(2.36e-5) < 1
+    assert scale(0) < scale(2.36e-5) - 20
+    assert len(scale.ticks(5)) >= 3
