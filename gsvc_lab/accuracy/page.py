@@ -1,7 +1,6 @@
 """The measurements as one HTML page: plots of error against time and of PSNR against seconds, and every number."""
 
 import html
-import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -230,13 +229,14 @@ def _title(result: GroupResult, measured: Measurement) -> str:
 
 
 def _power(value: float) -> str:
-    """0.001 and above as it is, below as a power of ten."""
+    """0.001 and above as it is, below as a digit times a power of ten, in SVG; the digit 1 is left out."""
     if value == 0:
         return "0"
     if 1e-3 <= value < 1e4:
         return f"{value:g}"
-    exponent = round(math.log10(value))
-    return f'10<tspan dy="-4" font-size="9">{"−" if exponent < 0 else ""}{abs(exponent)}</tspan>'
+    digit, _, exponent = f"{value:.0e}".partition("e")
+    factor = "" if digit == "1" else f"{digit}·"
+    return f'{factor}10<tspan dy="-4" font-size="9">{"−" if value < 1 else ""}{abs(int(exponent))}</tspan>'
 
 
 def _section(title: str, text: str, chart: str, results: Sequence[GroupResult]) -> str:

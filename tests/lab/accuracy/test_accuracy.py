@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
-from gsvc_lab.accuracy import GROUPS, Source, accuracy_html, accuracy_object, markdown, measure_accuracy
+from gsvc_lab.accuracy import GROUPS, Source, accuracy_html, accuracy_object, markdown, measure_accuracy, page
 from gsvc_lab.accuracy.encoding import Curve, encoding_curve, thinned
 from gsvc_lab.accuracy.measure import pareto
 from gsvc_lab.accuracy.pictures import amplified
@@ -231,3 +231,15 @@ def test_scenes_and_clips(tmp_path):
         scene_source("demo", -1)
     with pytest.raises(FileNotFoundError):
         clip_source(str(tmp_path / "missing.png"))
+
+
+@pytest.mark.parametrize(
+    ("value", "digit", "exponent"), [(5e-5, "5·", "−5"), (1e-5, "", "−5"), (2e-4, "2·", "−4"), (2e4, "2·", "4")]
+)
+def test_marks_of_an_axis_keep_their_digit(value, digit, exponent):
+    assert page._power(value).startswith(f"{digit}10<tspan")
+    assert f">{exponent}</tspan>" in page._power(value)
+
+
+def test_marks_of_an_axis_are_plain_where_they_can():
+    assert [page._power(value) for value in (0, 0.001, 0.5, 20)] == ["0", "0.001", "0.5", "20"]
