@@ -10,6 +10,7 @@
             frame.splats.positions, frame.bits
     for frame in gsvc_ref.decode("damaged.gsvc", on_gap=print): # all that is left, and what is missing
         ...
+    gsvc_ref.concat(["morning.gsvc", "noon.gsvc"], "day.gsvc")  # one stream, without decoding a splat
 
 spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `reconstruction`, `rendering` and
 `quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from gsvc_ref.splats import scale_parameters as scale_parameters
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
+    from gsvc_ref.stream import concat as concat
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -90,6 +92,7 @@ _HOMES: Final = {
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.quantization",
     "compact": "gsvc_ref.training.pruning",
+    "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
@@ -143,6 +146,7 @@ __all__ = [
     "augment",
     "commitment",
     "compact",
+    "concat",
     "converged",
     "decode",
     "decode_plane",

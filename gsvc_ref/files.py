@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 
-from gsvc_ref.errors import naming
+from gsvc_ref.errors import UsageError, naming
 
 MAX_NAME_BYTES: Final = 100
 """Maximum length of the target's name inside the temporary one, which has to fit the system's limit as well."""
@@ -122,6 +122,34 @@ def complete_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
     except BaseException:
         part.discard()
         raise
+
+
+@contextmanager
+def opened_output(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
+    """The file that a stream goes to: a path as by `complete_file`, ``-`` for standard output, or an open file.
+
+    Raises
+    ------
+    UsageError
+        The target is none of these.
+    OSError
+        It cannot be written, see `complete_file`.
+    """
+    if not isinstance(target, str | Path):
+        if not hasattr(target, "write") or hasattr(target, "encoding"):
+            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
+        yield target
+        return
+    if str(target) == "-":
+        output = NamingWriter(sys.stdout.buffer, "standard output")
+        yield cast(BinaryIO, output)
+        output.flush()
+        return
+    path = Path(target)
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
+    with complete_file(path, durable=True) as file:
+        yield file
 
 
 def write_text(text: str, path: str | Path) -> None:

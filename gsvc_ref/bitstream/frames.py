@@ -48,10 +48,7 @@ def frame(
     """
     codes = NO_FRAME if given is None else given.codes
     before = state.forget() if frame_type == "I" else state
-    with s.part("frame_header"):
-        number = s.uv("frame_number", frame_number if given is None else given.frame_number)
-    if number != frame_number:
-        s.fail("R-6.4-1", f"`frame_number` is {number}; it must be {frame_number}")
+    number = frame_number_of(s, frame_number, frame_number if given is None else given.frame_number)
     checksum = None
     if header.parameter_checksum_flag:
         with s.part("checksums"):
@@ -63,6 +60,15 @@ def frame(
     elif frame_type == "P":
         codes = _predicted(s, header, before, codes)
     return Frame(number, checksum, codes)
+
+
+def frame_number_of(s: Coder, due: int, given: int = 0) -> int:
+    """`frame_number`, the first element of every frame, which must be the number that is `due` (R-6.4-1)."""
+    with s.part("frame_header"):
+        number = s.uv("frame_number", given)
+    if number != due:
+        s.fail("R-6.4-1", f"`frame_number` is {number}; it must be {due}")
+    return number
 
 
 def _predicted(s: Coder, header: SequenceHeader, state: State, codes: FrameCodes) -> FrameCodes:

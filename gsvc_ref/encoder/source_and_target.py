@@ -1,6 +1,5 @@
 """The source of an encode, from which frames come, and its target, the file that the stream goes to."""
 
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import FileIO
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.files import NamingWriter, check_parent, complete_file, still_named, try_lock
+from gsvc_ref.files import NamingWriter, check_parent, opened_output, still_named, try_lock
 from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
 from gsvc_ref.video.format import check_frame
 
@@ -61,20 +60,8 @@ def opened_source(source: Source) -> Iterator[VideoReader]:
 @contextmanager
 def opened_target(target: Target, *, live: bool) -> Iterator[BinaryIO]:
     """The file to write to; a path stands under its own name only when the block has ended well, unless `live`."""
-    if not isinstance(target, str | Path):
-        if not hasattr(target, "write") or hasattr(target, "encoding"):
-            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
-        yield target
-        return
-    if str(target) == "-":
-        output = NamingWriter(sys.stdout.buffer, "standard output")
-        yield cast(BinaryIO, output)
-        output.flush()
-        return
-    path = Path(target)
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name the file to write, for instance {path / 'video.gsvc'}")
-    with _live_file(path) if live and not _is_device(path) else complete_file(path, durable=True) as file:
+    in_place = live and isinstance(target, str | Path) and str(target) != "-" and not _is_device(Path(target))
+    with _live_file(Path(str(target))) if in_place else opened_output(target) as file:
         yield file
 
 

@@ -3,9 +3,11 @@
 In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` decodes one chunk after the other, and
 `reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
 `whole_chunks` it finds. The results are in `decoded`. `decoder` renders pictures of them, with the video's format from
-`formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back.
+`formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back, and
+`concatenation` makes one stream of several.
 """
 
+from gsvc_ref.stream.concatenation import ConcatReport, concat
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
 from gsvc_ref.stream.decoder import Stream, decode, scaled_size
 from gsvc_ref.stream.formats import video_format
@@ -14,6 +16,7 @@ from gsvc_ref.stream.whole_streams import decode_stream, decode_stream_determini
 from gsvc_ref.stream.writer import StreamWriter
 
 __all__ = [
+    "ConcatReport",
     "DecodedFrame",
     "FrameSummary",
     "Gap",
@@ -21,6 +24,7 @@ __all__ = [
     "StreamReader",
     "StreamSummary",
     "StreamWriter",
+    "concat",
     "decode",
     "decode_stream",
     "decode_stream_deterministic",

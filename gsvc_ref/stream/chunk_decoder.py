@@ -86,7 +86,7 @@ class ChunkDecoder:
         p = payload_reader(s, payload, trace)
         self.header: SequenceHeader = sequence_header(p)
         if version_minor == chunks.VERSION_MINOR:
-            _check_filled(p)
+            check_filled(p)
         else:  # R-6.1-6
             with p.part("header"):
                 p.raw("unknown", p.bytes_left)
@@ -97,8 +97,12 @@ class ChunkDecoder:
         """Maximum number of bytes of the payload of a chunk of a type (R-5-3)."""
         return LONGEST_HEADER if chunk_type == chunks.HEADER_TYPE else self.header.limits.payload
 
-    def decode(self, place: Place) -> DecodedChunk:
-        """Decode the chunk at a place."""
+    def read(self, place: Place) -> tuple[SourceReader, int, Reader]:
+        """The chunk at a place: what was read around its payload, its type and its payload.
+
+        These are steps 1 to 3 of spec.md section 12.2: the chunk is whole, of a type that is known or skipped, and may
+        stand there.
+        """
         with self.source.lock:
             self.source.seek(place.offset)
             s = SourceReader(self.source, self._trace)
@@ -108,7 +112,11 @@ class ChunkDecoder:
         s.element_bit = 8 * place.offset
         chunks.check_known(s, chunk_type)
         _check_may_stand(s, chunk_type, place)
-        p = payload_reader(s, payload, self._trace)
+        return s, chunk_type, payload_reader(s, payload, self._trace)
+
+    def decode(self, place: Place) -> DecodedChunk:
+        """Decode the chunk at a place."""
+        s, chunk_type, p = self.read(place)
         size = s.position // 8 - place.offset
         after = replace(place, offset=place.offset + size, index_length=0)
         parsed: Frame | None = None
@@ -116,16 +124,15 @@ class ChunkDecoder:
         if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
             parsed = frame(p, self.header, place.state, frame_type, place.next_number)
-            _check_filled(p)
+            check_filled(p)
             state = self._reconstruct(parsed, place, p)
             after = replace(after, state=state, next_number=place.next_number + 1)
         elif chunk_type == chunks.INDEX_TYPE:
             chunks.index(p, place.offset)  # R-6.7-2
-            _check_filled(p)
+            check_filled(p)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
-            self._end(p, place)
-            _check_filled(p)
+            self.end(p, place)
         else:  # R-6.2-5
             with p.part("ancillary"):
                 ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
@@ -164,7 +171,8 @@ class ChunkDecoder:
             raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
         return state
 
-    def _end(self, p: Reader, place: Place) -> None:
+    def end(self, p: Reader, place: Place) -> None:
+        """The payload of the end chunk at a place (R-6.8-1, R-6.3-2, R-6.8-2)."""
         frame_count, index_length = chunks.end(p)
         if frame_count != place.next_number:
             message = f"`frame_count` is {frame_count}; the stream has {place.next_number} frames"
@@ -174,6 +182,7 @@ class ChunkDecoder:
             p.fail("R-6.3-2", message, bit=p.first_bit)
         if index_length != place.index_length:
             p.fail("R-6.8-2", f"`index_length` is {index_length}; {place.index_length} bytes of index stand before it")
+        check_filled(p)
 
 
 def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
@@ -190,7 +199,8 @@ def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
         s.fail("R-6.4-2", f"the first frame is of type {chr(chunk_type)}; it must be an I-frame")
 
 
-def _check_filled(p: Reader) -> None:
+def check_filled(p: Reader) -> None:
+    """R-6.2-3, after the last element of a payload."""
     if p.bits_left:
         p.fail("R-6.2-3", f"{p.bytes_left} bytes of a payload are left over after its last element", bit=p.position)
 

@@ -8,7 +8,7 @@ from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.bitstream.coder import CATEGORIES
+from gsvc_ref.bitstream.coder import CATEGORIES, Bytes
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
@@ -45,6 +45,13 @@ def can_go_back(target: BinaryIO) -> bool:
     except (AttributeError, OSError):
         return False
     return True
+
+
+def write_all(target: BinaryIO, data: Bytes) -> None:
+    """Write everything, also to a raw file that takes less at a time."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[target.write(rest) or 0 :]
 
 
 class StreamWriter:
@@ -228,8 +235,5 @@ class StreamWriter:
         return bits
 
     def _write_all(self, data: bytes) -> None:
-        """Write everything, also to a raw file that takes less at a time."""
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._target.write(rest) or 0 :]
+        write_all(self._target, data)
         self._target.flush()  # whoever reads need not wait for a buffer to fill, and a killed process takes none along
