@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Final, cast
+from typing import Any, BinaryIO, Final
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
@@ -123,23 +123,19 @@ def concat(sources: Sequence[Part], target: str | Path | BinaryIO, *, progress: 
     if isinstance(sources, str | bytes | Path) or len(sources) == 0:
         raise UsageError("give a list of one stream or more to concatenate")
     parts = [_Part(source, number) for number, source in enumerate(sources)]
-    try:
-        opening = _joined_opening(parts)
-        with opened_output(target) as file:
-            result = _Result(file, opening)
-            sizes = [part.size for part in parts]
-            total = None if None in sizes else sum(cast(list[int], sizes))
-            begun = 0
-            for number, part in enumerate(parts):
-                with part.again() as stream:
-                    for offset in result.copy(part.name, stream):
-                        if progress is not None:
-                            progress(number, begun + offset, total)
-                    begun += stream.source.offset
-            return result.finish()
-    finally:
-        for part in parts:
-            part.close()
+    opening = _joined_opening(parts)
+    sizes = [part.size for part in parts if part.size is not None]
+    total = sum(sizes) if len(sizes) == len(parts) else None
+    begun = 0
+    with opened_output(target) as file:
+        result = _Result(file, opening)
+        for number, part in enumerate(parts):
+            with part.again() as stream:
+                for offset in result.copy(part.name, stream):
+                    if progress is not None:
+                        progress(number, begun + offset, total)
+                begun += stream.source.offset
+        return result.finish()
 
 
 class _Part:
@@ -157,34 +153,25 @@ class _Part:
 
     def __init__(self, source: Part, number: int) -> None:
         self.name = str(source) if isinstance(source, str | Path) else f"part {number + 1}"
-        self._path = source if isinstance(source, str | Path) else None
-        self._kept: ChunkDecoder | None = None
         with self._refused():
-            stream, self.opening = _open(Source(source))
-        self.size = stream.source.size
-        if self._path is None:
-            self._kept = stream
-        else:
-            stream.source.close()  # there may be more parts than files may be open
+            self._stream, self.opening = _open(Source(source))
+        self.size = self._stream.source.size
+        self._path = source if isinstance(source, str | Path) else None
+        if self._path is not None:
+            self._stream.source.close()  # there may be more parts than files may be open
 
     @contextmanager
     def again(self) -> Iterator[ChunkDecoder]:
         """The stream, opened, with its faults named after it."""
         with self._refused():
             if self._path is None:
-                assert self._kept is not None
-                yield self._kept
+                yield self._stream
                 return
             stream, opening = _open(Source(self._path))
             with stream.source:
                 if opening != self.opening:
                     raise UsageError(f"{self.name} was written anew while it was read; try again when it is complete")
                 yield stream
-
-    def close(self) -> None:
-        """Let go of what was opened here."""
-        if self._kept is not None:
-            self._kept.source.close()
 
     @contextmanager
     def _refused(self) -> Iterator[None]:
@@ -226,7 +213,7 @@ def _joined_opening(parts: Sequence[_Part]) -> Opening:
 def _check_goes_with(first: _Part, part: _Part) -> None:
     """R-6.10-1."""
     ours, theirs = first.opening, part.opening
-    pairs = [("version_minor", ours.version_minor, theirs.version_minor)]
+    pairs: list[tuple[str, Any, Any]] = [("version_minor", ours.version_minor, theirs.version_minor)]
     for element in fields(SequenceHeader):
         if element.name not in MAY_DIFFER:
             pairs.append((element.name, getattr(ours.header, element.name), getattr(theirs.header, element.name)))

@@ -1,0 +1,168 @@
+"""Annex F of spec.md: its examples are what code makes, and today's decoders answer them as it says."""
+
+import re
+
+import numpy as np
+import pytest
+from growth_examples import (
+    HEADER,
+    OVERVIEW,
+    REORDER_FLAG,
+    SHIFT_FLAG,
+    SPEC,
+    Example,
+    examples,
+    layers,
+    optional_elements,
+    place,
+    private_chunk,
+    reordered,
+    time_stamps,
+    written,
+)
+
+import gsvc_ref
+from conformance import spec
+from gsvc_ref.testing import split_chunks
+
+TEXT = SPEC.read_text(encoding="utf-8")
+EXAMPLES = pytest.mark.parametrize("example", examples(), ids=lambda example: example.clause)
+
+
+def clause(name: str) -> str:
+    return TEXT[TEXT.index(f"### {name} ") :].partition("\n### ")[0]
+
+
+def payload(example: Example, chunk_type: str, occurrence: int = 0) -> bytes:
+    found = [data for letter, data in split_chunks(example.data) if letter == chunk_type.encode()]
+    return found[occurrence]
+
+
+@EXAMPLES
+def test_the_document_has_what_code_makes(example):
+    first, stop = place(TEXT, example)
+    assert TEXT[first:stop] == written(example), "python tests/conformance/growth_examples.py --write"
+
+
+@EXAMPLES
+def test_decoders_of_this_version_answer_as_it_says(example):
+    for decoder in (
+        spec.namespace()["reconstruct_stream"],
+        lambda stream: gsvc_ref.reconstruct_stream(stream)._asdict(),
+    ):
+        answer = decoder(stream=example.data)
+        assert (answer["error"], len(answer["counts"])) == (example.error, example.frames)
+
+
+@EXAMPLES
+def test_the_container_is_the_same(example):
+    """Programs for the container alone find chunks that are whole, the size, and the number of frames."""
+    chunks = split_chunks(example.data)
+    s = spec.namespace()["Bits"](example.data)
+    s.raw(10)
+    read = [spec.namespace()["read_chunk"](s, 2**20) for _ in chunks]  # with their checksums
+    assert [(letter.encode(), bytes(p.data)) for letter, p in read] == chunks
+    header, end = chunks[0][1], chunks[-1][1]
+    assert header[3:7] == HEADER[3:7]
+    frames = [letter for letter, _ in chunks if letter in (b"I", b"P", b"R", b"B")]
+    assert header[19:23] == end[:4] == len(frames).to_bytes(4, "little")
+
+
+def test_what_is_ancillary_changes_no_frame():
+    before = gsvc_ref.reconstruct_stream(OVERVIEW)
+    for example in (layers(), time_stamps(), private_chunk()):
+        answer = gsvc_ref.reconstruct_stream(example.data)
+        assert answer.parameters.tobytes() == before.parameters.tobytes()
+        assert answer.counts.tolist() == before.counts.tolist()
+
+
+def test_a_flag_tells_a_legal_stream_of_tomorrow_from_a_damaged_one():
+    answer = gsvc_ref.reconstruct_stream(reordered(flagged=False).data)
+    assert answer.error.startswith("invalid R-6.4-1 ")
+    assert len(answer.counts) == 1
+    assert "`invalid`, R-6.4-1" in clause("F.5")
+    assert payload(reordered(), "H")[2] == REORDER_FLAG
+
+
+def test_the_shift_does_what_the_differences_did():
+    example = optional_elements()
+    assert payload(example, "H")[2] == SHIFT_FLAG | 1
+    splats = gsvc_ref.reconstruct_stream(OVERVIEW).parameters
+    elements = payload(example, "P")
+    assert int.from_bytes(elements[1:5], "little") == gsvc_ref.parameter_checksum(splats[1:2])
+    shift = np.frombuffer(elements[5:9], "<f2").astype(np.float32) * np.float32([8, 6])  # W/2, H/2
+    assert (splats[0, :2] + shift).tolist() == splats[1, :2].tolist()
+
+
+def read_splats(names, p, kind, count, reference=None):
+    """The splats of a block, by the code of spec.md, in a decoder of tomorrow."""
+    header = dict(zip((name for name, *_ in names["HEADER"]), [0] * 22, strict=True))
+    header |= {"level": 1, "cholesky_bits": 6, "color_stages": 1, "color_codewords": 1, "entropy_precision": 14}
+    state = names["State"](header | {"lane_count": 1})
+    block = names["read_splat_block"](p, state, count, kind)
+    same = {name: block[name] for name in ("positions", "cholesky", "scale", "offset", "color_indices")}
+    same |= {"codebook_sizes": block["codebook_sizes"], "codewords": block["codewords"]}
+    if kind == "intra":
+        return names["reconstruct_intra"](16, 12, **same)["parameters"]
+    return names["reconstruct_inter"](16, 12, reference, np.ones(count, np.uint8), **same)["parameters"]
+
+
+def test_a_layer_holds_the_splat_that_it_is_said_to():
+    names = spec.namespace()
+    p = names["Bits"](payload(layers(), "n"))
+    assert [p.uv(), p.uv()] == [1, 1]
+    assert read_splats(names, p, "intra", 1).tolist() == [[10, 7.5, 1, 0, 1, 0, 0.5, 0]]
+    names["check_filled"](p)
+    assert "a green splat at (10, 7.5) with l11 = l22 = 1" in clause("F.6")
+
+
+def test_a_frame_between_takes_the_splat_of_its_first_reference_half_of_the_way():
+    names = spec.namespace()
+    first, second = gsvc_ref.reconstruct_stream(OVERVIEW).parameters[:2]
+    p = names["Bits"](payload(reordered(), "B"))
+    number, backward_step, forward_step, new_splat_count = (p.uv() for _ in range(4))
+    assert (number - backward_step, number + forward_step, new_splat_count) == (0, 2, 0)
+    lanes = {"entropy_precision": 14, "lane_count": 1}
+    assert names["read_plane"](p, lanes, 2, 2).tolist() == [1, 0]
+    splats = read_splats(names, p, "inter", 1, first[None])
+    names["check_filled"](p)
+    assert (splats[0, :2] - first[:2]).tolist() == ((second - first)[:2] / 2).tolist()
+
+
+def registry() -> list[list[str]]:
+    return [
+        [cell.strip() for cell in row.split("|")[1:-1]]
+        for row in re.findall(r"^\| `[A-Za-z]`.*$", clause("F.10"), re.MULTILINE)
+    ]
+
+
+def test_the_registry_has_every_letter_once_and_in_its_class():
+    letters = [letter for row in registry() for letter in re.findall("`(.)`", row[0])]
+    assert sorted(letters) == sorted(chr(code) for code in range(128) if chr(code).isalpha())
+    for cells, code, _, belongs_to, safe, *_ in registry():
+        for letter in re.findall("`(.)`", cells):
+            assert code in ("", f"{ord(letter):02X}")
+            if letter.isupper():
+                assert belongs_to == safe == ""
+            else:
+                assert (belongs_to == "frame", safe == "yes") == (bool(ord(letter) & 2), bool(ord(letter) & 1))
+
+
+def test_what_is_assigned_is_what_the_decoder_knows():
+    assigned = {row[0].strip("`") for row in registry() if row[5] == "assigned"}
+    assert {letter for letter in assigned if letter.isupper()} == set(spec.namespace()["CRITICAL"])
+    assert {letter for letter in assigned if letter.islower()} == {"x", "d"}
+    rows = re.findall(
+        r"^\| `(profile|level)` \| (\d+)(?: to (\d+))? \| .*?\| ([a-z ]+) \|", clause("F.10"), re.MULTILINE
+    )
+    ranges = {name: (lowest, highest) for name, _, lowest, highest in spec.namespace()["HEADER"]}
+    for element in ("profile", "level"):
+        said = {
+            value: status
+            for name, first, last, status in rows
+            if name == element
+            for value in range(int(first), int(last or first) + 1)
+        }
+        assert sorted(said) == list(range(256))
+        lowest, highest = ranges[element]
+        assert [value for value in said if said[value] == "assigned"] == list(range(lowest, highest + 1))
