@@ -23,11 +23,11 @@ from conformance.vectors import SUMS, VECTORS
 Manifest = Mapping[str, Any]
 
 UNCOVERED: Final[dict[str, str]] = {
+    "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
     **dict.fromkeys(
         (f"R-6.10-{number}" for number in range(1, 8)),
         "binds a program that joins streams, and no operation does: tests/stream/test_concatenation.py checks gsvc_ref",
     ),
-    "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
 }
 """Requirements and equations that no vector can exercise, and why."""
 

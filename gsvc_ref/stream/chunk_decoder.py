@@ -86,7 +86,7 @@ class ChunkDecoder:
         p = payload_reader(s, payload, trace)
         self.header: SequenceHeader = sequence_header(p)
         if version_minor == chunks.VERSION_MINOR:
-            check_filled(p)
+            _check_filled(p)
         else:  # R-6.1-6
             with p.part("header"):
                 p.raw("unknown", p.bytes_left)
@@ -124,15 +124,14 @@ class ChunkDecoder:
         if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
             parsed = frame(p, self.header, place.state, frame_type, place.next_number)
-            check_filled(p)
+            _check_filled(p)
             state = self._reconstruct(parsed, place, p)
             after = replace(after, state=state, next_number=place.next_number + 1)
         elif chunk_type == chunks.INDEX_TYPE:
-            chunks.index(p, place.offset)  # R-6.7-2
-            check_filled(p)
+            self.check_index(p, place)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
-            self.end(p, place)
+            self.check_end(p, place)
         else:  # R-6.2-5
             with p.part("ancillary"):
                 ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
@@ -171,8 +170,13 @@ class ChunkDecoder:
             raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
         return state
 
-    def end(self, p: Reader, place: Place) -> None:
-        """The payload of the end chunk at a place (R-6.8-1, R-6.3-2, R-6.8-2)."""
+    def check_index(self, p: Reader, place: Place) -> None:
+        """Check the payload of an index at a place, wherever that is (R-6.7-1, R-6.7-2)."""
+        chunks.index(p, place.offset)
+        _check_filled(p)
+
+    def check_end(self, p: Reader, place: Place) -> None:
+        """Check the payload of the end chunk at a place (R-6.8-1, R-6.3-2, R-6.8-2)."""
         frame_count, index_length = chunks.end(p)
         if frame_count != place.next_number:
             message = f"`frame_count` is {frame_count}; the stream has {place.next_number} frames"
@@ -182,7 +186,7 @@ class ChunkDecoder:
             p.fail("R-6.3-2", message, bit=p.first_bit)
         if index_length != place.index_length:
             p.fail("R-6.8-2", f"`index_length` is {index_length}; {place.index_length} bytes of index stand before it")
-        check_filled(p)
+        _check_filled(p)
 
 
 def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
@@ -199,8 +203,7 @@ def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
         s.fail("R-6.4-2", f"the first frame is of type {chr(chunk_type)}; it must be an I-frame")
 
 
-def check_filled(p: Reader) -> None:
-    """R-6.2-3, after the last element of a payload."""
+def _check_filled(p: Reader) -> None:
     if p.bits_left:
         p.fail("R-6.2-3", f"{p.bytes_left} bytes of a payload are left over after its last element", bit=p.position)
 

@@ -20,7 +20,7 @@ from gsvc_ref.bitstream.frames import frame_number_of
 from gsvc_ref.bitstream.header import SequenceHeader, sequence_header
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import opened_output
-from gsvc_ref.stream.chunk_decoder import ChunkDecoder, check_filled
+from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all
 
@@ -341,11 +341,10 @@ def _sound_chunks(stream: ChunkDecoder) -> Iterator[tuple[int, Reader]]:
             yield chunk_type, p
             after = replace(after, next_number=place.next_number + 1)
         elif chunk_type == chunks.INDEX_TYPE:
-            chunks.index(p, place.offset)
-            check_filled(p)
+            stream.check_index(p, place)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
-            stream.end(p, place)
+            stream.check_end(p, place)
         else:
             yield chunk_type, p
         place = after
