@@ -92,7 +92,7 @@ class ConcatReport:
 
 
 def concat(sources: Sequence[Part], target: str | Path | BinaryIO, *, progress: OnPart | None = None) -> ConcatReport:
-    """Write the frames of streams one after the other as one stream.
+    """Write the frames of streams one after the other as one stream (R-6.10-7).
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ class _Result:
 
 
 def _sound_chunks(stream: ChunkDecoder) -> Iterator[tuple[int, Reader]]:
-    """The frames of a stream, behind their `frame_number`, and its ancillary chunks; checked is all but splats."""
+    """Frames, behind their `frame_number`, and ancillary chunks of a stream; all but splats is checked (R-6.10-6)."""
     place, chunk_type = stream.first, chunks.HEADER_TYPE
     while chunk_type != chunks.END_TYPE:
         s, chunk_type, p = stream.read(place)
