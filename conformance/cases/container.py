@@ -142,7 +142,8 @@ def frame_count(value: int) -> Inputs:
 def ancillary_chunks() -> Inputs:
     """Chunks of unknown lower-case types stand wherever they may: a decoder skips them."""
     data = stream_of(sequence())
-    extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), (b"p", b"\x07\0" + UUID[2:]), (b"h", b"?"), (b"e", bytes(8))]
+    like_a_frame = b"p", b"\x07\0" + UUID[2:]
+    extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), like_a_frame, (b"h", b"?"), (b"e", bytes(8))]
     expected = yield {"stream": operated(lambda c: [c[0], *extra, *c[1:3], extra[1], *c[3:-1], *extra, c[-1]], data)}
     assert result(expected, "counts").tolist() == [2] * 5
 

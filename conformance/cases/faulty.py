@@ -18,9 +18,9 @@ from conformance.cases.faulty_payload import payload_faults
 from conformance.cases.faulty_versions import version_faults
 from conformance.cases.pace import pace_faults
 
-FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-5-7": "limit", "R-5-8": "limit", "R-6.4-1": "prediction",
-                "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table", "R-6.7-1": "index", "R-6.8-2": "index",
-                "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
+FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-5-7": "limit",
+                "R-5-8": "limit", "R-6.4-1": "prediction", "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table",
+                "R-6.7-1": "index", "R-6.8-2": "index", "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
 """The flag of faults of a rule."""
 
 

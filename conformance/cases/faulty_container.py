@@ -22,7 +22,8 @@ from gsvc_ref.testing import OVERVIEW_HEADER, Lie, split_chunks, write_stream
 
 OUT_OF_RANGE: Final = {
     "width": (0,), "height": (0,), "frame_rate_numerator": (0,), "frame_rate_denominator": (0,),
-    "bit_depth": (7, 17), "cholesky_bits": (0, 13), "color_stages": (0, 9), "color_codewords": (0, 1025), "entropy_precision": (11, 17), "lane_count": (0, 65),
+    "bit_depth": (7, 17), "cholesky_bits": (0, 13), "color_stages": (0, 9),
+    "color_codewords": (0, 1025), "entropy_precision": (11, 17), "lane_count": (0, 65),
 }  # fmt: skip
 """Values beside the ranges of section 6.3."""
 

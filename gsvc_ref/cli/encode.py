@@ -24,7 +24,8 @@ COMMAND: Final = "gsvc encode"
 
 OVERRIDES: Final = (
     "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
-    "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums", "paced",
+    "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
+    "paced",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 

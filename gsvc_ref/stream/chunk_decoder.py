@@ -178,7 +178,7 @@ class ChunkDecoder:
         return state, work
 
     def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
-        """The pace after a frame whose chunk stands at a place and ends at an offset, once R-5-7 and R-5-8 are checked."""
+        """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""
         if place.pace is None or place.pace.next_number != place.next_number:
             return None
         pace = place.pace.after(self.header, frame_type, splats, work, end - place.frame_end)

@@ -1,9 +1,13 @@
 """The limits of a second, which a paced stream keeps (spec.md section 5)."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS, PER_SECOND, Level, SequenceHeader
 from gsvc_ref.reconstruction import FrameType
+
+NOTHING: Final = Level(0, 0, 0, 0)
+"""The sums of a second that has no frame yet."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,7 @@ class Pace:
     """
 
     next_number: int = 0
-    used: Level = Level(0, 0, 0, 0)
+    used: Level = NOTHING
     last_i_frame: int = 0
 
     def after(self, header: SequenceHeader, frame_type: FrameType, splats: int, work: int, size: int) -> "Pace":
@@ -39,7 +43,7 @@ class Pace:
             Bytes of its chunk and of the ancillary chunks directly before it.
         """
         begins = self.next_number % header.frames_of_second == 0
-        used = Level(0, 0, 0, 0) if begins else self.used
+        used = NOTHING if begins else self.used
         return Pace(
             self.next_number + 1,
             Level(

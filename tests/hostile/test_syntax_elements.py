@@ -97,7 +97,8 @@ def always(rule: str) -> Rule:
 def header_rows() -> Iterable[Row]:
     """The sequence header."""
     ranges = {
-        "bit_depth": range(8, 17), "color_stages": range(1, 9), "entropy_precision": range(12, 17), "lane_count": range(1, 65),
+        "bit_depth": range(8, 17), "color_stages": range(1, 9), "entropy_precision": range(12, 17),
+        "lane_count": range(1, 65),
     }  # fmt: skip
     for name, allowed in ranges.items():
         yield Row(name, BYTES, within(allowed, "R-6.3-1"), said(name))
