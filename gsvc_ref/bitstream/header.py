@@ -186,7 +186,7 @@ def check_descriptive(header: SequenceHeader) -> None:
     """
     aspect = header.sample_aspect_numerator, header.sample_aspect_denominator
     if (aspect[0] == 0) != (aspect[1] == 0):
-        raise UsageError(f"the sample aspect ratio is {aspect[0]}:{aspect[1]}; both must be 0 (unknown) or neither")
+        raise UsageError(f"the sample aspect ratio is {aspect[0]}:{aspect[1]}; write 0:0 (unknown), or no 0 (R-6.3-4)")
     for name, highest in {"chroma_format": 3, "video_full_range_flag": 1, "chroma_sample_loc_type": 5}.items():
         if (value := getattr(header, name)) > highest:
             raise UsageError(f"`{name}` is {value}; an encoder must write 0..{highest} (R-6.3-4)")
