@@ -67,7 +67,7 @@ def _flag() -> Syntax:
     return Syntax(0, 1, absent=("splat_count", 0))
 
 
-_REFUSED_TOO: Final = {"profile": (255,), "flags": (128,), "chroma_format": (255,)}
+_REFUSED_TOO: Final = {"profile": (255,), "flags": (128,)}
 _ZERO_IS_UNKNOWN: Final = ("sample_aspect_numerator", "sample_aspect_denominator", "frame_count")
 
 
@@ -83,7 +83,7 @@ _HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in name
 
 ELEMENTS: Final[Mapping[str, Syntax]] = {
     "magic": Syntax(),
-    "version_major": Syntax(1, 1, refused=(0, 2)),
+    "version_major": Syntax(129, 129, refused=(0, 1, 2, 128, 130, 255)),
     "version_minor": Syntax(0, 255),
     "chunk_type": Syntax(refused=tuple(b"ABXZ\x00@[`{\xe9")),
     "chunk_length": Syntax(0, 1 << 28, refused=((1 << 20) + 1, (1 << 28) + 1, MOST)),

@@ -23,7 +23,7 @@ from conformance.runs import pack, unpack
 
 VECTORS: Final = Path(__file__).parents[1] / "vectors"
 SUMS: Final = "SHA256SUMS"
-SPEC_VERSION: Final = "1.0-draft"
+SPEC_VERSION: Final = "1.0-draft.1"
 ERROR_MODEL: Final = "fp32/1"
 CHECK_RULES: Final = {"decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4"}
 """The requirement that each check holds an output against (spec.md section 13.2)."""

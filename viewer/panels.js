@@ -16,7 +16,7 @@ globalThis.GSVC ??= {};
 
   /** How samples that are not square are shown; null: they are, or it is unknown. */
   function aspect({ sample_aspect_numerator: wide, sample_aspect_denominator: high }) {
-    if (wide === high) return null;
+    if (wide === high || wide === 0 || high === 0) return null;
     return ["samples", `${wide}:${high}, shown square`];
   }
 
@@ -36,8 +36,8 @@ globalThis.GSVC ??= {};
       ["of these", `${number(count("I"))} I, ${number(count("P"))} P, ${number(count("R"))} R`],
       ["rate", `${number((8 * used) / pixels, 4)} bits a pixel, ${number(used / 125 / seconds, 1)} kbit/s`],
       ["level", `${header.level}: at most ${number(GSVC.LEVELS[header.level].pixels)} pixels, ` +
-        `${number(GSVC.LEVELS[header.level].splats)} splats`],
-      ["source", `${CHROMA[header.chroma_format]}${header.flags & 1 ? "; splats have checksums" : ""}`],
+        `${number(GSVC.LEVELS[header.level].splats)} splats${header.flags & 2 ? ", and paced" : ""}`],
+      ["source", `${CHROMA[header.chroma_format] ?? CHROMA[0]}${header.flags & 1 ? "; splats have checksums" : ""}`],
       ["quantisers", `shapes ${header.cholesky_bits} bits; colours ${header.color_stages} × ${header.color_codewords}`],
       ["coder", `${header.lane_count} ${header.lane_count === 1 ? "lane" : "lanes"}, ${header.entropy_precision} bits`],
       aspect(header),

@@ -23,7 +23,7 @@ globalThis.GSVC ??= {};
 
   const RULES = { // the most likely rules; the others are about elements with values that they may not have
     "R-6.1-1": "This is no GSVC file: its first bytes are not those of one.",
-    "R-6.1-2": "The file is of a later version of the format, which this viewer does not know.",
+    "R-6.1-2": "The file is of another version of the format, or of another draft of it, which this viewer does not know.",
     "R-6.2-4": "The file breaks off: its end is missing.",
     "R-6.2-2": "Bytes were changed: the checksum of a chunk is wrong.",
     "R-6.2-1": "Bytes were changed: where a chunk should begin there is none.",
@@ -39,6 +39,8 @@ globalThis.GSVC ??= {};
     "R-5-2": "A frame has more splats than the stream's level allows.",
     "R-5-3": "A chunk is longer than the stream's level allows.",
     "R-5-4": "A frame takes more work than the stream's level allows.",
+    "R-5-7": "A second takes more than the stream's level allows of one that keeps pace.",
+    "R-5-8": "A stream that says it keeps pace goes too long without an I-frame.",
     "R-8-1": "A splat has a parameter that is no finite number.",
   };
 

@@ -8,6 +8,7 @@ import numpy as np
 from conformance.case import Inputs, case
 from conformance.cases import container as container  # their cases belong to this group, too
 from conformance.cases import long_streams as long_streams
+from conformance.cases import pace as pace
 from conformance.cases import plane_encoding as plane_encoding
 from conformance.cases import planes as planes
 from conformance.cases import prediction as prediction

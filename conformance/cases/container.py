@@ -22,6 +22,8 @@ from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 STREAM: Final = ("read_stream", "reconstruct_stream")
+UUID: Final = bytes.fromhex("0b3c8f1e5a7d4c2e9f60a1b2c3d4e5f6")
+"""That of the private chunks, of version 4."""
 
 
 def sequence() -> list[FrameCodes]:
@@ -82,7 +84,7 @@ def index(value: str) -> Inputs:
     assert result(expected, "counts").tolist() == [2] * 5
 
 
-@on("uncommon", *STREAM, flags=["index", "unknown"], rules=["R-6.7-2", "R-6.8-2"])
+@on("core", *STREAM, flags=["index", "unknown"], rules=["R-6.7-2", "R-6.8-2"])
 def index_that_is_not_last() -> Inputs:
     """An index in the middle is read and not used; `index_length` is 0, since none stands before the end chunk."""
     entries = entries_of(stream_of(sequence()))[:1]
@@ -104,6 +106,30 @@ def index_behind_an_index() -> Inputs:
     assert len(result(expected, "counts")) == 5
 
 
+DESCRIPTIVE: Final[dict[str, dict[str, int]]] = {
+    "chroma_format_4": {"chroma_format": 4},
+    "chroma_format_255": {"chroma_format": 255},
+    "video_full_range_flag_2": {"video_full_range_flag": 2},
+    "video_full_range_flag_255": {"video_full_range_flag": 255},
+    "chroma_sample_loc_type_6": {"chroma_sample_loc_type": 6},
+    "chroma_sample_loc_type_255": {"chroma_sample_loc_type": 255},
+    "aspect_without_denominator": {"sample_aspect_numerator": 1},
+    "aspect_without_numerator": {"sample_aspect_denominator": 1},
+    "all_of_them": {"sample_aspect_numerator": 65535, "chroma_format": 99, "color_primaries": 254,
+                    "transfer_characteristics": 254, "matrix_coefficients": 254, "video_full_range_flag": 77,
+                    "chroma_sample_loc_type": 200},
+}  # fmt: skip
+
+
+@on("core", *STREAM, "decode_stream_deterministic", flags=["unknown"], rules=["R-6.3-3"], each=DESCRIPTIVE)
+def descriptive(value: dict[str, int]) -> Inputs:
+    """An element that only describes the source is beyond its range, and nothing is refused: {key}."""
+    lies = [Lie(element, said) for element, said in value.items()]
+    expected = yield {"stream": write_stream(HEADER, sequence(), lies=lies)}
+    if "header" in expected:
+        assert set(value.values()) <= set(result(expected, "header").tolist())
+
+
 @on("core", *STREAM, rules=["R-6.3-2"], each={"unknown": 0, "known": 5})
 def frame_count(value: int) -> Inputs:
     """The header's frame count is {key}."""
@@ -116,23 +142,25 @@ def frame_count(value: int) -> Inputs:
 def ancillary_chunks() -> Inputs:
     """Chunks of unknown lower-case types stand wherever they may: a decoder skips them."""
     data = stream_of(sequence())
-    extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), (b"p", b"\x07\0"), (b"h", b"?"), (b"e", bytes(8))]
+    like_a_frame = b"p", b"\x07\0" + UUID[2:]
+    extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), like_a_frame, (b"h", b"?"), (b"e", bytes(8))]
     expected = yield {"stream": operated(lambda c: [c[0], *extra, *c[1:3], extra[1], *c[3:-1], *extra, c[-1]], data)}
     assert result(expected, "counts").tolist() == [2] * 5
 
 
-@on("uncommon", *STREAM, flags=["unknown"], rules=["R-6.2-5"])
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.2-5", "R-6.2-6", "R-6.2-8"])
 def every_ancillary_type() -> Inputs:
-    """All lower-case letters but x."""
+    """All lower-case letters but x; the private ones begin with a UUID."""
     letters = [bytes([c]) for c in range(ord("a"), ord("z") + 1) if c != ord("x")]
-    expected = yield {"stream": operated(lambda c: [*c[:2], *((letter, letter) for letter in letters), *c[2:]])}
+    extra = [(letter, UUID + letter if letter in b"pqrs" else letter) for letter in letters]
+    expected = yield {"stream": operated(lambda c: [*c[:2], *extra, *c[2:]])}
     assert len(result(expected, "counts")) == 3
 
 
-@on("uncommon", "reconstruct_stream", flags=["unknown"])
+@on("core", "reconstruct_stream", flags=["unknown"], rules=["R-6.2-5"])
 def chunk_length_of_three_bytes() -> Inputs:
     """A payload of 16384 bytes: `chunk_length` takes three bytes."""
-    expected = yield {"stream": operated(lambda c: [*c[:2], (b"q", bytes(1 << 14)), *c[2:]])}
+    expected = yield {"stream": operated(lambda c: [*c[:2], (b"q", UUID.ljust(1 << 14, b"\0")), *c[2:]])}
     assert len(result(expected, "counts")) == 3
 
 
@@ -143,7 +171,7 @@ MINORS: Final[dict[str, tuple[int, bytes]]] = {
 }
 
 
-@on("core", *STREAM, flags=["unknown"], rules=["R-6.1-2", "R-6.1-6"], each=MINORS,
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.1-2", "R-6.1-6", "R-6.1-7"], each=MINORS,
     said={"nothing_new": "nothing", "many": "sixty bytes"})  # fmt: skip
 def later_minor_version(value: tuple[int, bytes]) -> Inputs:
     """A later minor version, which adds {key} to the header: what follows the known elements is ignored."""

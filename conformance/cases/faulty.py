@@ -1,7 +1,7 @@
 """Faulty streams: each breaks one rule, its checksums being right, so that the fault itself is reached.
 
 The tables of faults are in `faulty_container`, `faulty_numbers`, `faulty_payload`, `faulty_blocks`, `faulty_limits`,
-`faulty_versions` and `faulty_order`.
+`faulty_versions`, `faulty_order` and `pace`.
 """
 
 from typing import Final
@@ -16,10 +16,11 @@ from conformance.cases.faulty_numbers import number_faults
 from conformance.cases.faulty_order import order_faults
 from conformance.cases.faulty_payload import payload_faults
 from conformance.cases.faulty_versions import version_faults
+from conformance.cases.pace import pace_faults
 
-FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-6.4-1": "prediction",
-                "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table", "R-6.7-1": "index", "R-6.8-2": "index",
-                "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
+FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-5-7": "limit",
+                "R-5-8": "limit", "R-6.4-1": "prediction", "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table",
+                "R-6.7-1": "index", "R-6.8-2": "index", "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
 """The flag of faults of a rule."""
 
 
@@ -37,7 +38,7 @@ def faults() -> list[Broken]:
     """All faulty streams."""
     return [
         *container_faults(), *number_faults(), *payload_faults(), *block_faults(), *limit_faults(),
-        *version_faults(), *order_faults(), *truncations(),
+        *pace_faults(), *version_faults(), *order_faults(), *truncations(),
     ]  # fmt: skip
 
 

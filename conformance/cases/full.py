@@ -4,7 +4,7 @@ import numpy as np
 
 from conformance.case import FULL, Inputs, case
 from conformance.cases.building import on, operated, predicted, result, stream_of
-from conformance.cases.container import equal_splats
+from conformance.cases.container import UUID, equal_splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
@@ -65,7 +65,7 @@ def more_than_65536_splats() -> Inputs:
 @case(FULL, "reconstruct_stream", flags=["limit"], rules=["R-5-3"])
 def payload_as_long_as_allowed() -> Inputs:
     """An ancillary chunk of 2^20 bytes, the most that level 1 allows, behind the first frame."""
-    extra = b"q", bytes(LEVELS[1].payload)
+    extra = b"q", UUID.ljust(LEVELS[1].payload, b"\0")
     expected = yield {"stream": operated(lambda chunks: [*chunks[:2], extra, *chunks[2:]])}
     assert len(expected["counts"].value) == 3
 

@@ -21,10 +21,11 @@ def same_shape(value: tuple[int, int, int, int], rng: Draws) -> Inputs:
 
 
 OTHER_SHAPES = {"wider": (7, 5, 61, 6), "higher": (30, 20, 31, 47), "to_1x1": (19, 23, 1, 1), "from_1x1": (1, 1, 10, 3),
-                "720p": (1920, 1080, 1280, 720), "largest": (3, 7, 65535, 65534)}  # fmt: skip
+                "720p": (1920, 1080, 1280, 720), "largest": (3, 7, 65535, 65534),
+                "widest": (4, 9, 65535, 1)}  # fmt: skip
 
 
-@case("core", "scale_parameters", flags=["transposed", "division"], each=OTHER_SHAPES,
+@case("core", "scale_parameters", flags=["transposed", "division"], rules=["R-9.4-2"], each=OTHER_SHAPES,
       said={key: "From {}x{} to {}x{} pixels".format(*sizes) for key, sizes in OTHER_SHAPES.items()})  # fmt: skip
 def other_shape(value: tuple[int, int, int, int], rng: Draws) -> Inputs:
     """{key}: l11 goes with the width, l21 and l22 with the height."""

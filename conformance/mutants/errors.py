@@ -98,7 +98,7 @@ CHECKS: tuple[Mutant, ...] = (
         ("        p.need(count * w)\n", "")),
     mutant(ERRORS, "kind-always-malformed", "every error reported as malformed", ('    return "invalid"\n', '    return "malformed"\n')),
     mutant(ERRORS, "kind-limit-as-invalid", "exceeded limits reported as invalid",
-        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4"),', '    "limit": (),')),
+        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-9.4-2"),', '    "limit": (),')),
     mutant(ERRORS, "kind-unsupported-as-invalid", "reserved values reported as invalid",
         ('    "unsupported": ("R-3.2-1", "R-6.1-2", "R-6.5-1", "R-6.6-1"),', '    "unsupported": (),')),
     mutant(ERRORS, "limits-one-off", "limits that may not be reached",
@@ -146,4 +146,63 @@ LATER_VERSIONS: tuple[Mutant, ...] = (
          '    if version_minor != 0:\n        p.data = p.data.ljust(36, b"\\1")\n    header = read_sequence_header(p)\n')),
 )  # fmt: skip
 
-MUTANTS: tuple[Mutant, ...] = (*CHECKS, *LATER_VERSIONS)
+OF_A_SECOND = "        if state.second[name] > PER_SECOND[name] * state.limits[name]:"
+
+PACED: tuple[Mutant, ...] = (
+    unchecked("R-5-7", "any sum of a second accepted", (OF_A_SECOND, "        if False:")),
+    unchecked("R-5-8", "I-frames any distance apart accepted",
+              ('if frame["frame_number"] - state.last_i_frame >= I_FRAME_SECONDS * k:', "if False:")),
+    *(
+        mutant(ERRORS, f"{name}-of-a-second-unchecked", f"any {what} of a second accepted",
+            (OF_A_SECOND, OF_A_SECOND.replace("if ", f'if name != "{name}" and ')))
+        for name, what in {"pixels": "number of pixels", "splats": "number of splats", "work": "rendering work",
+                           "payload": "number of bytes"}.items()
+    ),
+    mutant(ERRORS, "second-limit-one-off", "limits of a second that may not be reached",
+        (OF_A_SECOND, OF_A_SECOND.replace(">", ">="))),
+    mutant(ERRORS, "seconds-added-up", "sums of a second that begin with those of the one before",
+        ('    if frame["frame_number"] % k == 0:\n', '    if frame["frame_number"] == 0:\n')),
+    mutant(ERRORS, "second-of-whole-frames", "the frame rate rounded down to the frames of a second",
+        ("    return -(-header[\"frame_rate_numerator\"] // header[\"frame_rate_denominator\"])",
+         "    return max(1, header[\"frame_rate_numerator\"] // header[\"frame_rate_denominator\"])")),
+    mutant(ERRORS, "ancillary-bytes-uncounted", "the bytes of ancillary chunks not counted in a second",
+        ("        state.bytes_waiting += (s.position() - chunk_bit) // 8\n",
+         "        state.bytes_waiting = (s.position() - chunk_bit) // 8\n")),
+    mutant(ERRORS, "repeated-frames-uncounted", "R-frames counted without work in a second",
+        ('"work": work, "payload"', '"work": work * (frame["type"] != "R"), "payload"')),
+    mutant(ERRORS, "i-frame-distance-one-off", "an I-frame demanded one frame too early",
+        ("state.last_i_frame >= I_FRAME_SECONDS * k:", "state.last_i_frame >= I_FRAME_SECONDS * k - 1:")),
+    mutant(ERRORS, "i-frame-distance-from-the-start", "I-frames of a paced stream counted from the first one only",
+        ('        state.last_i_frame = frame["frame_number"]\n', "        state.last_i_frame = 0\n")),
+    mutant(ERRORS, "every-stream-paced", "limits of a second in streams that are not paced",
+        ('    if state.header["flags"] & 2 and frame', "    if frame")),
+    mutant(ERRORS, "paced-flag-reserved", "the paced flag refused as reserved",
+        ('("flags", 1, 0, 3),', '("flags", 1, 0, 1),')),
+    mutant(ERRORS, "pace-before-checksum", "the limits of a second checked before the parameter checksum",
+        ('    stated = frame["parameter_checksum"]\n',
+         '    if state.header["flags"] & 2:\n        frame["parameters"] = parameters\n'
+         '        check_second(frame, int(work), chunk_bit, state)\n    stated = frame["parameter_checksum"]\n')),
+)  # fmt: skip
+
+DESCRIBED: tuple[Mutant, ...] = (
+    mutant(ERRORS, "chroma-format-refused", "an unknown chroma format refused",
+        ('("chroma_format", 1, 0, 255),', '("chroma_format", 1, 0, 3),')),
+    mutant(ERRORS, "full-range-flag-refused", "a full-range flag above 1 refused",
+        ('("video_full_range_flag", 1, 0, 255),', '("video_full_range_flag", 1, 0, 1),')),
+    mutant(ERRORS, "siting-refused", "an unknown chroma siting refused",
+        ('("chroma_sample_loc_type", 1, 0, 255),', '("chroma_sample_loc_type", 1, 0, 5),')),
+    mutant(ERRORS, "aspect-refused", "a sample aspect ratio without one of its terms refused",
+        ('        if name == "height" and header',
+         '        if name == "sample_aspect_denominator" and (value == 0) != (header["sample_aspect_numerator"] == 0):\n'
+         '            raise Fault("R-6.3-1", p.element)\n        if name == "height" and header')),
+)  # fmt: skip
+
+VERSIONS: tuple[Mutant, ...] = (
+    unchecked("R-6.1-2", "streams of any version accepted", ("    if version_major != VERSION_MAJOR:", "    if False:")),
+    mutant(ERRORS, "any-draft-accepted", "streams of any draft accepted",
+        ("    if version_major != VERSION_MAJOR:", "    if version_major < 128:")),
+    mutant(ERRORS, "final-version-accepted", "streams of the final version taken for those of the draft",
+        ("    if version_major != VERSION_MAJOR:", "    if version_major not in (1, VERSION_MAJOR):")),
+)  # fmt: skip
+
+MUTANTS: tuple[Mutant, ...] = (*CHECKS, *LATER_VERSIONS, *PACED, *DESCRIBED, *VERSIONS)

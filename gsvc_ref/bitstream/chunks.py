@@ -11,7 +11,8 @@ from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.errors import UsageError
 
 MAGIC: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
-VERSION_MAJOR: Final = 1
+VERSION_MAJOR: Final = 128 + 1
+"""Draft 1 of version 1.0 (R-6.1-2)."""
 VERSION_MINOR: Final = 0
 PREFIX_SIZE: Final = len(MAGIC) + 2
 END_CHUNK_SIZE: Final = 14
@@ -24,6 +25,12 @@ DECISIONS: Final = "d"
 """The ancillary chunk that an encoder's decisions stand in (spec.md section 6.9)."""
 FRAMES: Final = frozenset(b"IPR")
 """Chunk types of frames."""
+
+PRIVATE: Final = frozenset(b"pqrs")
+"""Ancillary chunk types that anybody may use, behind a UUID."""
+
+UUID_SIZE: Final = 16
+"""Bytes of a UUID (RFC 9562)."""
 
 CRITICAL: Final = FRAMES | {HEADER_TYPE, END_TYPE}
 """Chunk types that a decoder must know."""
@@ -40,8 +47,17 @@ def magic(s: Coder) -> None:
 def version(s: Coder) -> int:
     """`version_major` and `version_minor` of stream(), spec.md section 6.1; the minor one."""
     if (major := s.le("version_major", 1, VERSION_MAJOR)) != VERSION_MAJOR:
-        s.fail("R-6.1-2", f"the stream is of version {major}; this decoder reads version {VERSION_MAJOR}")
+        old = f"; if it is of the first draft, write {VERSION_MAJOR} into its byte 8" if major == 1 else ""
+        s.fail(
+            "R-6.1-2",
+            f"the stream is of {_version_name(major)}; this decoder reads {_version_name(VERSION_MAJOR)}{old}",
+        )
     return s.le("version_minor", 1, VERSION_MINOR)
+
+
+def _version_name(major: int) -> str:
+    """What a `version_major` stands for: bit 7 marks a draft."""
+    return f"draft {major - 128} of the next version ({major})" if major > 128 else f"version {major}"
 
 
 def chunk_head(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, chunk_length: int = 0) -> tuple[int, int]:
@@ -85,10 +101,35 @@ def is_ancillary(chunk_type: int) -> bool:
     return bytes([chunk_type]).islower()
 
 
+def is_safe_to_copy(chunk_type: int) -> bool:
+    """Whether an ancillary chunk stays right when frames are changed, cut, added or renumbered (R-6.2-7)."""
+    return chunk_type & 1 != 0
+
+
+def belongs_to_frame(chunk_type: int) -> bool:
+    """Whether an ancillary chunk belongs to the last frame before it, if there is one, not to the stream (R-6.2-6)."""
+    return chunk_type & 2 != 0
+
+
+def check_private(chunk_type: int, payload: Bytes) -> None:
+    """Refuse a payload of an ancillary chunk that lacks what its type demands (R-6.2-8).
+
+    Raises
+    ------
+    UsageError
+        A private chunk has no UUID.
+    """
+    if chunk_type in PRIVATE and len(payload) < UUID_SIZE:
+        raise UsageError(
+            f"a chunk of the private type {chr(chunk_type)} has {len(payload)} bytes; begin it with a UUID of "
+            f"{UUID_SIZE} bytes, for instance uuid.UUID(...).bytes (R-6.2-8)"
+        )
+
+
 def check_known(s: Coder, chunk_type: int) -> None:
     """Refuse critical types that this version does not define."""
     if chunk_type not in CRITICAL and not is_ancillary(chunk_type):
-        s.fail("R-3.2-1", f"a chunk is of the critical type {chr(chunk_type)}, which version 1.0 reserves")
+        s.fail("R-3.2-1", f"a chunk is of the critical type {chr(chunk_type)}, which is reserved")
 
 
 def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:

@@ -11,7 +11,7 @@ from gsvc_ref.errors import UsageError
 
 @dataclass(frozen=True)
 class Level:
-    """The limits of a level for each frame; the payload is in bytes."""
+    """The limits of a level for each frame; the payload of a chunk is in bytes."""
 
     pixels: int
     splats: int
@@ -26,6 +26,12 @@ LEVELS: Final[dict[int, Level]] = {
     4: Level(1 << 24, 1 << 20, 1 << 32, 1 << 26),
     5: Level(1 << 26, 1 << 22, 1 << 34, 1 << 28),
 }
+
+PER_SECOND: Final = Level(64, 64, 8, 1)
+"""The limits of a second of a paced stream (R-5-7), in those of a frame; that of the payload is one of whole chunks."""
+
+I_FRAME_SECONDS: Final = 4
+"""Seconds from an I-frame of a paced stream to the next one, at most (R-5-8)."""
 
 LONGEST_HEADER: Final = 1024
 """Maximum number of bytes of a sequence header's payload (R-5-3)."""
@@ -53,7 +59,9 @@ def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payloa
 class SequenceHeader:
     """The sequence header, element by element as in spec.md section 6.3.
 
-    `parameter_checksum_flag` is the flag of that name in `flags`; `frame_count` 0 is unknown.
+    `parameter_checksum_flag` and `paced_flag` are the flags of these names in `flags`; `frame_count` 0 is unknown.
+    Descriptive elements are as the stream says them, also beyond their ranges: `sample_aspect_ratio` and
+    `gsvc_ref.stream.formats.video_format` read them (R-6.3-3).
 
     Raises
     ------
@@ -64,6 +72,7 @@ class SequenceHeader:
     profile: int = 0
     level: int
     parameter_checksum_flag: bool = False
+    paced_flag: bool = False
     width: int
     height: int
     frame_rate_numerator: int = 25
@@ -88,14 +97,24 @@ class SequenceHeader:
         _header_elements(Writer(), self)
 
     @property
+    def flags(self) -> int:
+        """The element `flags`."""
+        return self.parameter_checksum_flag | self.paced_flag << 1
+
+    @property
     def frame_rate(self) -> Fraction:
         """Frames per second."""
         return Fraction(self.frame_rate_numerator, self.frame_rate_denominator)
 
     @property
+    def frames_of_second(self) -> int:
+        """The number k of frames of a second (spec.md section 5), the frame rate rounded up."""
+        return -(-self.frame_rate_numerator // self.frame_rate_denominator)
+
+    @property
     def sample_aspect_ratio(self) -> Fraction | None:
-        """Width over height of a sample; None if unknown."""
-        if self.sample_aspect_numerator == 0:
+        """Width over height of a sample; None if unknown, as where one of both elements is 0 (R-6.3-3)."""
+        if 0 in (self.sample_aspect_numerator, self.sample_aspect_denominator):
             return None
         return Fraction(self.sample_aspect_numerator, self.sample_aspect_denominator)
 
@@ -103,6 +122,10 @@ class SequenceHeader:
     def limits(self) -> Level:
         """The limits of the level."""
         return LEVELS[self.level]
+
+
+HEADER_ELEMENTS: Final = ("profile", "level", "flags", *[field.name for field in fields(SequenceHeader)][4:])
+"""The names of the elements of the sequence header, in their order; `SequenceHeader` has each."""
 
 
 def sequence_header(s: Coder, header: SequenceHeader | None = None) -> SequenceHeader:
@@ -125,31 +148,45 @@ def _header_elements(s: Coder, header: SequenceHeader | None) -> dict[str, Any]:
 
     element("profile", 1, 0, 0, others_reserved=True)
     level = element("level", 1, 1, max(LEVELS), others_reserved=True)
-    flags = s.le("flags", 1, int(given["parameter_checksum_flag"]))
-    if flags > 1:
-        s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last are reserved")
-    elements["parameter_checksum_flag"] = flags == 1
+    flags = s.le("flags", 1, header.flags if header else 0)
+    if flags > 3:
+        s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last two are reserved")
+    elements["parameter_checksum_flag"], elements["paced_flag"] = flags & 1 != 0, flags & 2 != 0
     width = element("width", 2, 1, 0xFFFF)
     height = element("height", 2, 1, 0xFFFF)
     if width * height > LEVELS[level].pixels:
         s.fail("R-5-1", f"a frame has {width}x{height} pixels; level {level} allows {LEVELS[level].pixels}")
     element("frame_rate_numerator", 4, 1, 0xFFFFFFFF)
     element("frame_rate_denominator", 4, 1, 0xFFFFFFFF)
-    numerator = element("sample_aspect_numerator", 2, 0, 0xFFFF)
-    denominator = element("sample_aspect_denominator", 2, 0, 0xFFFF)
-    if (numerator == 0) != (denominator == 0):
-        s.fail("R-6.3-1", f"the sample aspect ratio is {numerator}:{denominator}; both must be 0 (unknown) or neither")
+    element("sample_aspect_numerator", 2, 0, 0xFFFF)
+    element("sample_aspect_denominator", 2, 0, 0xFFFF)
     element("frame_count", 4, 0, 0xFFFFFFFF)
     element("bit_depth", 1, 8, 16)
-    element("chroma_format", 1, 0, 3, others_reserved=True)
+    element("chroma_format", 1, 0, 0xFF)
     element("color_primaries", 1, 0, 0xFF)
     element("transfer_characteristics", 1, 0, 0xFF)
     element("matrix_coefficients", 1, 0, 0xFF)
-    element("video_full_range_flag", 1, 0, 1)
-    element("chroma_sample_loc_type", 1, 0, 5)
+    element("video_full_range_flag", 1, 0, 0xFF)
+    element("chroma_sample_loc_type", 1, 0, 0xFF)
     element("cholesky_bits", 1, 1, 12)
     element("color_stages", 1, 1, 8)
     element("color_codewords", 2, 1, 1024)
     element("entropy_precision", 1, 12, 16)
     element("lane_count", 1, 1, 64)
     return elements
+
+
+def check_descriptive(header: SequenceHeader) -> None:
+    """Refuse what an encoder must not say of its source (R-6.3-4), though every decoder reads it.
+
+    Raises
+    ------
+    UsageError
+        A descriptive element is not in its range; the message names it.
+    """
+    aspect = header.sample_aspect_numerator, header.sample_aspect_denominator
+    if (aspect[0] == 0) != (aspect[1] == 0):
+        raise UsageError(f"the sample aspect ratio is {aspect[0]}:{aspect[1]}; write 0:0 (unknown), or no 0 (R-6.3-4)")
+    for name, highest in {"chroma_format": 3, "video_full_range_flag": 1, "chroma_sample_loc_type": 5}.items():
+        if (value := getattr(header, name)) > highest:
+            raise UsageError(f"`{name}` is {value}; an encoder must write 0..{highest} (R-6.3-4)")

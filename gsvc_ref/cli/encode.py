@@ -25,6 +25,7 @@ COMMAND: Final = "gsvc encode"
 OVERRIDES: Final = (
     "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
+    "paced",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -96,6 +97,11 @@ def add_command(commands: Any) -> None:
         "frame, also if the encoder is killed; for the least delay add --low-latency",
     )  # fmt: skip
     stream.add_argument("--checksums", action="store_true", default=None, help="add a checksum of each frame's splats")
+    stream.add_argument(
+        "--paced", action="store_true", default=None,
+        help="keep the limits of a second, so that a player can promise to keep pace: an I-frame at least every four "
+        "seconds; where a second has too much, the encode ends with an error",
+    )  # fmt: skip
     other = parser.add_argument_group("other")
     other.add_argument(
         "--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file"

@@ -145,10 +145,11 @@ def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
     siting = f", chroma siting {SITING_NAMES[color.chroma_location]}" if video.chroma_format in ("420", "422") else ""
     promised = plural(header.frame_count, "frame") if header.frame_count else "number of frames left open"
     checksums = ", a checksum of each frame's splats" if header.parameter_checksum_flag else ""
+    paced = ", paced" if header.paced_flag else ""
     return [
         f"  video       {describe_format(replace(video, frame_count=None))}",
         f"  colour      primaries {color.primaries}, transfer {color.transfer}, matrix {color.matrix} (H.273){siting}",
-        f"  header      profile {header.profile}, level {header.level}, {promised}{checksums}",
+        f"  header      profile {header.profile}, level {header.level}{paced}, {promised}{checksums}",
         f"  quantisers  Cholesky {header.cholesky_bits} bits; colours up to {plural(header.color_stages, 'stage')} of "
         f"up to {plural(header.color_codewords, 'codeword')}",
         f"  entropy     {header.entropy_precision}-bit frequencies, {plural(header.lane_count, 'lane')}",

@@ -9,8 +9,9 @@ from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.bitstream.header import I_FRAME_SECONDS
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
-from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames
+from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.log import FrameLog, write_log
 from gsvc_ref.encoder.quantizer_choice import quantizer_fields
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
@@ -20,6 +21,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
+from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 
 MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
@@ -133,16 +135,32 @@ class _Encode:
         # P-frames may pass N while they add before they prune.
         self.level = level_for(width, height, splats=min(most + most // 4, MAX_SPLATS))
         self.encoder = FrameEncoder(settings, width, height, self.format.bit_depth)
+        if settings.paced:
+            self.level = self._paced_level(most if settings.psnr is None else 0)  # with a quality to hold, nobody knows
         self.file = file
         self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
         self.fault: BaseException | None = None
         self.target_failed = False
+
+    def _paced_level(self, splats: int) -> int:
+        """The least level, not below that of a frame, that allows a second of frames of so many splats."""
+        width, height = self.format.width, self.format.height
+        for level in range(self.level, max(LEVELS) + 1):
+            header = replace(self._header(), level=level)
+            frames, allowed = header.frames_of_second, second_limits(header)
+            if frames * width * height <= allowed.pixels and frames * splats <= allowed.splats:
+                return level
+        raise UsageError(
+            f"no level allows {frames} frames of {width}x{height} pixels and {splats} splats in a second of a paced "
+            "stream (R-5-7); encode at a lower frame rate, smaller, with fewer splats, or without pacing"
+        )
 
     def _header(self) -> SequenceHeader:
         settings, video = self.encoder.settings, self.format
         return SequenceHeader(
             level=self.level,
             parameter_checksum_flag=settings.checksums,
+            paced_flag=settings.paced,
             **header_fields(video),
             **quantizer_fields(settings),
         )
@@ -198,6 +216,9 @@ class _Encode:
         typed = typed_frames(
             self._frames(), self.settings, self.format.peak, lambda number: self._show_progress("detect", number)
         )
+        if self.settings.paced:
+            rate = self.format.frame_rate
+            typed = with_i_frames(typed, I_FRAME_SECONDS * -(-rate.numerator // rate.denominator))
         while True:
             with self._timed("read and detect"):
                 item = next(typed, None)

@@ -87,6 +87,20 @@ def typed_frames(
         before = frame
 
 
+def with_i_frames(frames: Iterable[TypedFrame], distance: int) -> Iterator[TypedFrame]:
+    """The frames, where an I-frame follows the one before after `distance` frames at most (R-5-8)."""
+    last = 0
+    for item in frames:
+        frame = item
+        if item.type != "I" and item.number - last >= distance:
+            why = Decision("frames", True, "a paced stream needs an I-frame here")
+            others = tuple(decision for decision in item.decisions if decision.effect != "frames")
+            frame = replace(item, type="I", reason="paced", decisions=(why, *others))
+        if frame.type == "I":
+            last = frame.number
+        yield frame
+
+
 def _with_key_frames(
     frames: Iterable[Frame], settings: Settings, peak: int, on_pretraining: OnPretraining | None
 ) -> Iterator[_Judged]:

@@ -162,6 +162,9 @@ class Settings:
         The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
     lane_count, entropy_precision, index, checksums
         The stream's: rANS lanes, bits of its frequencies, an index for seeking, a checksum of each frame's parameters.
+    paced
+        Keep the limits of a second (spec.md section 5), so that a live player can promise to keep pace: an I-frame at
+        least every four seconds, and an error where a second has too much.
     """
 
     preset: str
@@ -182,6 +185,7 @@ class Settings:
     entropy_precision: int = 14
     index: bool = True
     checksums: bool = False
+    paced: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -12,9 +12,10 @@ from gsvc_ref.bitstream.frames import Frame, frame
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.reconstruction import FrameType, State, reconstruct
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
+from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.source import Source, SourceReader
 
 
@@ -32,12 +33,22 @@ class Place:
         The number that the next frame must have.
     index_length
         Bytes of the chunk directly before, if that is an index; else 0.
+    frame_end
+        Offset of the end of the last frame's chunk, or of the sequence header.
+    work
+        The rendering work of the frame before in pairs.
+    pace
+        What a paced stream has used of its second. It counts for as long as it expects the frame that comes next: not
+        after seeking, nor behind a gap. None: not checked.
     """
 
     offset: int
     state: State
     next_number: int = 0
     index_length: int = 0
+    frame_end: int = 0
+    work: int = 0
+    pace: Pace | None = None
 
 
 @dataclass(frozen=True)
@@ -87,11 +98,12 @@ class ChunkDecoder:
         self.header: SequenceHeader = sequence_header(p)
         if version_minor == chunks.VERSION_MINOR:
             _check_filled(p)
-        else:  # R-6.1-6
+        else:  # R-6.1-6; by R-6.1-7 all else is as with minor version 0
             with p.part("header"):
                 p.raw("unknown", p.bytes_left)
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
-        self.first = Place(s.position // 8, State.initial(self.header.width, self.header.height))
+        state, begin = State.initial(self.header.width, self.header.height), s.position // 8
+        self.first = Place(begin, state, frame_end=begin, pace=Pace() if self.header.paced_flag else None)
 
     def longest_payload(self, chunk_type: int) -> int:
         """Maximum number of bytes of the payload of a chunk of a type (R-5-3)."""
@@ -125,8 +137,9 @@ class ChunkDecoder:
             frame_type = chunks.frame_type_of(chunk_type)
             parsed = frame(p, self.header, place.state, frame_type, place.next_number)
             _check_filled(p)
-            state = self._reconstruct(parsed, place, p)
-            after = replace(after, state=state, next_number=place.next_number + 1)
+            state, work = self._reconstruct(parsed, place, p)
+            pace = self._pace(place, frame_type, len(state.splats), work, after.offset)
+            after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
@@ -154,21 +167,30 @@ class ChunkDecoder:
             chunk_type, payload = chunks.chunk(s, self.longest_payload)
         return chunk_type, payload_reader(s, payload)
 
-    def _reconstruct(self, parsed: Frame, place: Place, p: Reader) -> State:
-        """The checks that follow parsing: R-8-1, R-5-4 and R-6.4-3."""
+    def _reconstruct(self, parsed: Frame, place: Place, p: Reader) -> tuple[State, int]:
+        """The checks that follow parsing: R-8-1, R-5-4 and R-6.4-3; the state, and the rendering work in pairs."""
         try:
             state = reconstruct(parsed.codes, place.state)
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
-        repeated = state is place.state  # an R-frame's work has been checked already
-        work = 0 if repeated else rendering_work(state.splats, self.header.width, self.header.height)
+        repeated = state is place.state  # an R-frame has the work of the frame before
+        work = place.work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
             raise broken("R-5-4", message, 8 * place.offset)
         if parsed.parameter_checksum is not None and parsed.parameter_checksum != parameter_checksum(state.splats):
             checksum_bit = p.first_bit + 8 * len(encode_uv(parsed.frame_number))
             raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
-        return state
+        return state, work
+
+    def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
+        """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""
+        if place.pace is None or place.pace.next_number != place.next_number:
+            return None
+        pace = place.pace.after(self.header, frame_type, splats, work, end - place.frame_end)
+        if (fault := pace.fault(self.header)) is not None:
+            raise broken(*fault, 8 * place.offset)
+        return pace
 
     def check_index(self, p: Reader, place: Place) -> None:
         """Check the payload of an index at a place, wherever that is (R-6.7-1, R-6.7-2)."""

@@ -25,10 +25,6 @@ from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all
 
 I_TYPE: Final = ord("I")
-SAFE_TO_COPY: Final = 1
-"""The bit of an ancillary `chunk_type` that says: it stays true whatever happens to frames (R-6.2-7)."""
-OF_A_FRAME: Final = 2
-"""The bit that says: it belongs to the last frame before it, not to the stream (R-6.2-6)."""
 
 MAY_DIFFER: Final = ("level", "frame_count", "paced_flag")
 """Elements of the sequence header that need not be the same in all parts (R-6.10-1)."""
@@ -201,13 +197,9 @@ def _joined_opening(parts: Sequence[_Part]) -> Opening:
     counts = [header.frame_count for header in headers]
     if sum(counts) >= UV_LIMIT:
         raise UsageError(f"together the parts have {sum(counts)} frames; a stream may have {UV_LIMIT - 1}: join fewer")
-    joined: dict[str, Any] = {
-        "level": max(header.level for header in headers),
-        "frame_count": sum(counts) if all(counts) else 0,
-    }
-    if hasattr(headers[0], "paced_flag"):
-        joined["paced_flag"] = False  # a second may have frames of two parts
-    return replace(first.opening, header=replace(headers[0], **joined))
+    level, frame_count = max(header.level for header in headers), sum(counts) if all(counts) else 0
+    header = replace(headers[0], level=level, frame_count=frame_count, paced_flag=False)  # R-6.10-2
+    return replace(first.opening, header=header)
 
 
 def _check_goes_with(first: _Part, part: _Part) -> None:
@@ -297,8 +289,8 @@ class _Result:
 
     def _may_stay(self, chunk_type: int, first: int) -> bool:
         """Whether an ancillary chunk of a part whose first frame gets the number `first` stays true (R-6.10-4)."""
-        without_frame = bool(chunk_type & OF_A_FRAME) and self._frame_count == first > 0
-        return bool(chunk_type & SAFE_TO_COPY) and not without_frame
+        without_frame = chunks.belongs_to_frame(chunk_type) and self._frame_count == first > 0
+        return chunks.is_safe_to_copy(chunk_type) and not without_frame
 
     def _write_frame(self, name: str, chunk_type: int, rest: Bytes) -> None:
         number = encode_uv(self._frame_count)

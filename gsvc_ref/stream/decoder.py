@@ -5,22 +5,25 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, BinaryIO, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
-from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import Precision, SequenceRenderer
-from gsvc_ref.splats import scale_parameters
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
+from gsvc_ref.splats import Splats, scale_parameters
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.video import VideoFormat
 
 Frame = NDArray[np.unsignedinteger[Any]]
+HIGHEST: Final = LEVELS[max(LEVELS)]
+"""The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
+
 Source = str | Path | bytes | bytearray | memoryview | BinaryIO
 
 
@@ -136,7 +139,8 @@ def decode(
     ------
     GsvcError
         The stream is damaged; all complete frames before the damage have been yielded. With `on_gap` only if not even
-        the sequence header is sound.
+        the sequence header is sound. Or ``limit``, R-9.4-2: at this scale a frame takes more rendering work than the
+        highest level allows.
     UsageError
         An argument is out of range, or a pipe is to be salvaged.
     """
@@ -167,6 +171,8 @@ def _rendered(
         if last is None or decoded.type != "R":
             origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
             splats = scale_parameters(decoded.splats, header.width, header.height, width, height)
+            if (width, height) != (header.width, header.height):
+                _check_scaled_work(splats, width, height, decoded.number)
             last = renderer.next_frame(splats, header.bit_depth, origins)
         yield last.copy()  # the renderer changes it, and an R-frame shows it again
 
@@ -177,11 +183,30 @@ def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:
     Raises
     ------
     UsageError
-        The scale is not a positive number, or a side would exceed 65535.
+        The scale is not a positive number, a side would exceed 65535, or there would be more pixels than the highest
+        level allows (R-9.4-2).
     """
     if not 0 < scale <= 65535:
         raise UsageError(f"scale is {scale}; it must be a positive number, for instance 2")
     width, height = max(1, round(header.width * scale)), max(1, round(header.height * scale))
     if max(width, height) > 65535:
         raise UsageError(f"scale {scale} gives {width}x{height} pixels; at most 65535 on a side")
+    if width * height > HIGHEST.pixels:
+        most = (HIGHEST.pixels / (header.width * header.height)) ** 0.5
+        raise UsageError(
+            f"scale {scale} gives {width}x{height} pixels; at most {HIGHEST.pixels} can be rendered (R-9.4-2): "
+            f"take a scale of at most {int(100 * most) / 100}"
+        )
     return width, height
+
+
+def _check_scaled_work(splats: Splats, width: int, height: int, number: int) -> None:
+    """R-9.4-2 of a frame at another size than the coded one."""
+    work = rendering_work(splats, width, height)
+    if work > HIGHEST.work:
+        raise GsvcError(
+            "limit",
+            f"rendering frame {number} at {width}x{height} takes {work} pairs; at most {HIGHEST.work} can be rendered: "
+            "take a smaller scale",
+            rule="R-9.4-2",
+        )

@@ -1,5 +1,6 @@
 """The video format of a source in the sequence header, and back."""
 
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Final
 
@@ -8,7 +9,10 @@ from gsvc_ref.video import ChromaFormat, ColorDescription, VideoFormat
 from gsvc_ref.video.format import MAX_RATIO_TERM
 
 CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("rgb", "420", "422", "444")
-"""`chroma_format` 0 to 3 (spec.md section 6.3)."""
+"""`chroma_format` 0 to 3 (spec.md section 6.3); greater values have no planes, like 0 (R-6.3-3)."""
+
+CHROMA_LOCATIONS: Final = 6
+"""Values of `chroma_sample_loc_type` that have a meaning; greater ones are read as 0 (R-6.3-3)."""
 
 LARGEST_ASPECT: Final = 65535
 
@@ -43,11 +47,12 @@ def _nearest_aspect(ratio: Fraction) -> Fraction:
 
 def video_format(header: SequenceHeader) -> VideoFormat:
     """The format of the source that a header describes, or the nearest that a file can have: see `format_notes`."""
+    location = header.chroma_sample_loc_type
     color = ColorDescription(
         header.color_primaries, header.transfer_characteristics, header.matrix_coefficients,
-        bool(header.video_full_range_flag), header.chroma_sample_loc_type,
+        header.video_full_range_flag > 0, location if location < CHROMA_LOCATIONS else 0,
     )  # fmt: skip
-    chroma_format = "444" if _subsamples_identity(header) else CHROMA_FORMATS[header.chroma_format]
+    chroma_format = "444" if _subsamples_identity(header) else _chroma_format(header)
     return VideoFormat(
         header.width, header.height, _nearest_rate(header.frame_rate), header.bit_depth, chroma_format,
         color, header.sample_aspect_ratio or Fraction(1), header.frame_count or None,
@@ -56,7 +61,7 @@ def video_format(header: SequenceHeader) -> VideoFormat:
 
 def format_notes(header: SequenceHeader) -> list[str]:
     """Sentences without a full stop on where `video_format` differs from a header."""
-    notes = []
+    notes = [f"the header says {said}: taken as {read}" for said, read in _beyond_their_ranges(header)]
     if _subsamples_identity(header):
         notes.append("the header says subsampled chroma and matrix 0, which has none: taken as 4:4:4")
     if (rate := header.frame_rate) != (nearest := _nearest_rate(rate)):
@@ -65,7 +70,24 @@ def format_notes(header: SequenceHeader) -> list[str]:
 
 
 def _subsamples_identity(header: SequenceHeader) -> bool:
-    return header.matrix_coefficients == 0 and CHROMA_FORMATS[header.chroma_format] in ("420", "422")
+    return header.matrix_coefficients == 0 and _chroma_format(header) in ("420", "422")
+
+
+def _chroma_format(header: SequenceHeader) -> ChromaFormat:
+    return CHROMA_FORMATS[header.chroma_format] if header.chroma_format < len(CHROMA_FORMATS) else "rgb"
+
+
+def _beyond_their_ranges(header: SequenceHeader) -> Iterator[tuple[str, str]]:
+    """What descriptive elements beyond their ranges say, and how they are read (R-6.3-3)."""
+    aspect = header.sample_aspect_numerator, header.sample_aspect_denominator
+    if (aspect[0] == 0) != (aspect[1] == 0):
+        yield f"a sample aspect ratio of {aspect[0]}:{aspect[1]}", "unknown"
+    if header.chroma_format >= len(CHROMA_FORMATS):
+        yield f"chroma format {header.chroma_format}", "R'G'B'"
+    if header.video_full_range_flag > 1:
+        yield f"video_full_range_flag {header.video_full_range_flag}", "1"
+    if header.chroma_sample_loc_type >= CHROMA_LOCATIONS:
+        yield f"chroma siting {header.chroma_sample_loc_type}", "0"
 
 
 def _nearest_rate(rate: Fraction) -> Fraction:

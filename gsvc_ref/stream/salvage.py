@@ -15,6 +15,8 @@ from gsvc_ref.stream.whole_chunks import CRC_SIZE, WholeChunks
 
 I_TYPE: Final = ord("I")
 P_AND_R: Final = frozenset(b"PR")
+OF_A_SECOND: Final = ("R-5-7", "R-5-8")
+"""Rules about the pace of a stream: a frame that breaks one of them, and no other, is sound."""
 
 
 @dataclass
@@ -68,6 +70,8 @@ class Salvage:
     - with a P- or R-frame that has the number that was due, if no frame is known to be missing before it;
     - with an I-frame that has this number or a greater one;
     - with an end chunk whose `frame_count` is possible.
+
+    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is said and decoded all the same.
 
     What follows a second sequence header, up to its end chunk, belongs to another stream and is skipped.
 
@@ -152,6 +156,8 @@ class Salvage:
                 return self._decoder.decode(place)
             except GsvcError as fault:
                 self._note(fault)
+                if fault.rule in OF_A_SECOND:
+                    return self._decoder.decode(replace(place, pace=None))
         return None
 
     def _place_behind_gap(self, head: _Head) -> Place | None:
@@ -205,7 +211,7 @@ class Salvage:
         assert self._gap is not None
         self._gap.skipped += offset - self._place.offset
         self._gap.end = offset
-        self._place = replace(self._place, offset=offset, index_length=0)
+        self._place = replace(self._place, offset=offset, index_length=0, pace=None)
 
     def _closed_gap(self, missing_count: int | None) -> Iterator[Gap]:
         if self._gap is not None:

@@ -1,11 +1,11 @@
 """Whole streams as arrays: what section 12.4 of spec.md asks of them."""
 
-from dataclasses import astuple
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.bitstream.header import HEADER_ELEMENTS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import SplatBlock
 from gsvc_ref.stream.decoder import decode
@@ -86,7 +86,7 @@ def read_stream(stream: bytes) -> StreamCodes:
     quantizers = [block.quantizer for block in blocks if block.quantizer is not None]
     books = [book for block in blocks for book in block.codebooks or ()]
     return StreamCodes(
-        header=np.array(astuple(reader.header), np.int64),
+        header=np.array([getattr(reader.header, name) for name in HEADER_ELEMENTS], np.int64),
         frame_types=np.frombuffer("".join(frame.type for frame in frames).encode(), np.uint8),
         counts=np.array([len(frame.splats) for frame in frames], np.int64),
         survivors=_joined([frame.codes.survivors for frame in frames], np.zeros(0, np.uint8)),

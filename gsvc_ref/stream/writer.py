@@ -11,13 +11,20 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import CATEGORIES, Bytes
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
-from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, sequence_header
 from gsvc_ref.errors import UsageError
 from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
+from gsvc_ref.stream.pace import Pace
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10
+
+REMEDIES: Final = {
+    "R-5-7": "write fewer splats, or a higher level, or a stream that is not paced",
+    "R-5-8": "write an I-frame here, or a stream that is not paced",
+}
+"""How a frame that comes too fast for a paced stream may be written."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +114,11 @@ class StreamWriter:
         self._entries: list[_IndexEntry] | None = [] if index else None
         self.frame_count = 0
         self._finished = False
+        check_descriptive(header)
         self.header = header if self.goes_back else replace(header, frame_count=0)
         self.state = State.initial(header.width, header.height)
+        self._pace = Pace()
+        self._work = 0  # of the frame before, in pairs
         self.bits: Counter[str] = Counter()
         self.offset = 0
         s = make_writer(0)
@@ -117,6 +127,7 @@ class StreamWriter:
         self._append(s, Counter())
         self._header_offset = self.offset
         self._write_chunk(chunks.HEADER_TYPE, lambda p: sequence_header(p, self.header))
+        self._frame_end = self.offset
 
     def write_frame(self, codes: FrameCodes, state: State | None = None) -> DecodedFrame:
         """Write a frame: what a reader will make of it, with the bits that each of `CATEGORIES` took.
@@ -140,26 +151,37 @@ class StreamWriter:
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
         if state is None:
             state = reconstruct(codes, self.state)
-        work = rendering_work(state.splats, self.header.width, self.header.height)
+        repeated = state is self.state
+        work = self._work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"
             raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
         checksum = parameter_checksum(state.splats) if self.header.parameter_checksum_flag else None
         given = Frame(self.frame_count, checksum, codes)
         offset = self.offset
-        bits = self._write_chunk(
+        s, payload_bits = self._chunk(
             ord(codes.type), lambda p: frame(p, self.header, self.state, codes.type, self.frame_count, given)
         )
+        size = offset + len(s.getvalue()) - self._frame_end
+        pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
+        if self.header.paced_flag and (fault := pace.fault(self.header)) is not None:
+            rule, said = fault
+            raise UsageError(f"{said} ({rule}); {REMEDIES[rule]}")
+        bits = self._append(s, payload_bits)
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offset))
         self.frame_count += 1
-        self.state = state
+        self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
         spent = {category: bits[category] for category in CATEGORIES if bits[category]}
         return DecodedFrame(given.frame_number, codes.type, codes, state.splats, spent, offset, self.offset - offset)
 
     def write_ancillary(self, chunk_type: str, payload: bytes) -> None:
-        """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x."""
+        """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x.
+
+        Private data have the types p, q, r and s (spec.md section 6.2) and begin with a UUID of 16 bytes.
+        """
         code = chunks.check_ancillary_type(chunk_type)
+        chunks.check_private(code, payload)
 
         def content(p: Writer) -> None:
             with p.part("ancillary"):
@@ -218,13 +240,17 @@ class StreamWriter:
 
     def _write_chunk(self, chunk_type: int, content: Callable[[Writer], object]) -> Counter[str]:
         """Write a chunk whose payload `content` writes; its bits by category."""
+        return self._append(*self._chunk(chunk_type, content))
+
+    def _chunk(self, chunk_type: int, content: Callable[[Writer], object]) -> tuple[Writer, Counter[str]]:
+        """A chunk whose payload `content` writes, and the bits of the payload by category."""
         if self._finished:
             raise UsageError("the stream is finished; make a new StreamWriter for another one")
         p = self._make_writer(0)
         content(p)
         s = self._make_writer(8 * self.offset)
         chunks.chunk(s, self._longest_payload, chunk_type, p.getvalue())
-        return self._append(s, p.bits_by_category())
+        return s, p.bits_by_category()
 
     def _append(self, s: Writer, payload_bits: Counter[str]) -> Counter[str]:
         data = s.getvalue()

@@ -1,12 +1,14 @@
 """Random legal streams with what they stand for, from any `Choices`; nothing here needs Hypothesis."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from gsvc_ref.arrays import U2
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
+from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.half import EXPONENT_MASK
 from gsvc_ref.reconstruction import (
     BlockKind,
@@ -65,7 +67,8 @@ def make_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels
     """A legal stream with anything that the syntax allows.
 
     Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,
-    parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version.
+    parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version;
+    paced where it keeps the limits of a second.
     """
     header = make_header(choices, max_pixels=max_pixels)
     state = State.initial(header.width, header.height)
@@ -84,8 +87,12 @@ def make_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels
     if choices.integer(0, 7) == 7:
         elements.append(Lie("version_minor", choices.integer(1, 255)))
         elements.append(Lie("lane_count", bytes([header.lane_count]) + choices.binary(5)))
-    data = write_stream(header, codes, index=choices.boolean(), ancillary=ancillary, lies=elements)
-    return Stream(data, header, codes, splats)
+    parts: dict[str, Any] = {"index": choices.boolean(), "ancillary": ancillary, "lies": elements}
+    paced = replace(header, paced_flag=choices.boolean())
+    try:
+        return Stream(write_stream(paced, codes, **parts), paced, codes, splats)
+    except UsageError:  # it does not keep the limits of a second
+        return Stream(write_stream(header, codes, **parts), header, codes, splats)
 
 
 def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:

@@ -68,7 +68,18 @@ def test_encode_json_is_all_there_is(clip, tmp_path, capsys):
 def test_encode_options_reach_the_stream(clip, tmp_path):
     path = tmp_path / "out.gsvc"
     options = ["--iterations", "2", "--splats", "6", "--key-frames", "0,1", "--frames", "1:4", "--checksums", "--quiet"]
-    options += ["--lanes", "3", "--no-index", "--cholesky-bits", "5", "--color-stages", "2", "--color-codewords", "4"]
+    options += [
+        "--lanes",
+        "3",
+        "--no-index",
+        "--paced",
+        "--cholesky-bits",
+        "5",
+        "--color-stages",
+        "2",
+        "--color-codewords",
+        "4",
+    ]
     assert main(["encode", str(clip), str(path), *options, "--seed", "3", "--threads", "1"]) == 0
     with gsvc_ref.open(path) as stream:
         info = stream.info()
@@ -76,6 +87,7 @@ def test_encode_options_reach_the_stream(clip, tmp_path):
     assert [frame.type for frame in info.frames] == ["I", "I", "P"]
     assert header.lane_count == 3
     assert header.parameter_checksum_flag
+    assert header.paced_flag
     assert (header.cholesky_bits, header.color_stages, header.color_codewords) == (5, 2, 4)
     assert info.bits["index"] == 0
     assert max(frame.splats for frame in info.frames) <= 6

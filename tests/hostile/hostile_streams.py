@@ -11,7 +11,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.header import sequence_header
 
-PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 01 00")
+PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 81 00")
 STAGES: Final = 8
 CODEWORDS: Final = 1024
 CHOLESKY_BITS: Final = 12

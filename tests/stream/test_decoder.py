@@ -12,9 +12,9 @@ from codec_cases import encoded, fast, video_format, waves
 from gsvc_ref.encoder import encode
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes
-from gsvc_ref.rendering import render, to_frame
+from gsvc_ref.rendering import render, rendering_work, to_frame
 from gsvc_ref.splats import scale_parameters
-from gsvc_ref.stream import Gap, Stream, decode, scaled_size
+from gsvc_ref.stream import Gap, Stream, decode, decoder, scaled_size
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
 
@@ -136,6 +136,20 @@ def test_at_an_odd_multiple_the_middle_pixels_are_those_of_the_coded_size(stream
 def test_scales_out_of_range_are_refused(stream, scale):
     with pytest.raises(UsageError, match="scale"):
         next(decode(stream, scale=scale))
+
+
+def test_a_scale_beyond_the_highest_level_is_refused_with_one_that_is_not(stream):
+    with pytest.raises(UsageError, match=r"12800x9600 pixels.*R-9\.4-2.*at most 295\.6"):
+        next(decode(stream, scale=400))
+    assert scaled_size(Stream(stream).header, 295.6) == (9459, 7094)
+
+
+def test_more_work_at_a_scale_than_the_highest_level_allows_is_refused(stream, monkeypatch):
+    most = max(rendering_work(frame.splats, 32, 24) for frame in Stream(stream))
+    monkeypatch.setattr(decoder, "HIGHEST", replace(decoder.HIGHEST, work=most))
+    assert len(list(decode(stream, scale=1))) == len(list(Stream(stream)))
+    with pytest.raises(GsvcError, match=r"limit: rendering frame \d+ at 64x48 takes .*smaller scale \[R-9\.4-2\]"):
+        list(decode(stream, scale=2))
 
 
 def test_exact_rendering_is_within_one_step_of_fast(stream):

@@ -2,15 +2,20 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from io import BytesIO
 
+import numpy as np
 import pytest
 from codec_cases import video_format
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.errors import UsageError
+from gsvc_ref.stream import Stream, StreamWriter, decode
 from gsvc_ref.stream import video_format as format_of_header
 from gsvc_ref.stream.formats import CHROMA_FORMATS, format_notes, header_fields
+from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 points = st.integers(0, 255)
@@ -72,3 +77,34 @@ def test_a_frame_rate_of_large_terms_is_taken_as_the_nearest(numerator, denomina
     )
     assert format_of_header(header).frame_rate == nearest
     assert len(format_notes(header)) == (nearest != Fraction(numerator, denominator))
+
+
+BEYOND = {
+    "chroma_format": (9, "chroma format 9: taken as R'G'B'"),
+    "video_full_range_flag": (2, "video_full_range_flag 2: taken as 1"),
+    "chroma_sample_loc_type": (6, "chroma siting 6: taken as 0"),
+    "sample_aspect_numerator": (4, "a sample aspect ratio of 4:0: taken as unknown"),
+    "sample_aspect_denominator": (3, "a sample aspect ratio of 0:3: taken as unknown"),
+}
+"""Descriptive elements beyond their ranges, and what is said of each."""
+
+
+@pytest.mark.parametrize("element", BEYOND)
+def test_what_only_describes_is_read_beyond_its_range_and_never_written(element):
+    said, note = BEYOND[element]
+    plain = SequenceHeader(level=1, width=16, height=12, chroma_format=0, matrix_coefficients=1)
+    header = replace(plain, **{element: said})
+    assert format_of_header(header) == format_of_header(plain)  # in all of these the value read is the default
+    assert format_notes(header) == [f"the header says {note}"]
+    with pytest.raises(UsageError, match=r"R-6\.3-4"):
+        StreamWriter(BytesIO(), header)
+
+
+def test_a_stream_is_decoded_whatever_describes_it():
+    lies = [Lie(element, said) for element, (said, _) in BEYOND.items() if element != "sample_aspect_denominator"]
+    data = write_stream(OVERVIEW_HEADER, overview_frames(), lies=lies)
+    plain = write_stream(OVERVIEW_HEADER, overview_frames())
+    assert all(np.array_equal(a, b) for a, b in zip(decode(data), decode(plain), strict=True))
+    with Stream(data) as stream:
+        assert stream.format.chroma_format == "rgb"
+        assert len(stream.notes) == 4

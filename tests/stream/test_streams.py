@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.bitstream import CATEGORIES, SequenceHeader, crc32c
+from gsvc_ref.bitstream import CATEGORIES, SequenceHeader, chunks, crc32c
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes, SplatBlock
@@ -159,7 +159,7 @@ def test_overview_stream_byte_by_byte() -> None:
     """The bytes that an implementer can check by hand: I at (6, 4.5), P moved by (1, -0.75), R."""
     data = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
     assert data.hex(" ") == (
-        "89 47 53 56 43 0d 0a 1a 01 00 "
+        "89 47 53 56 43 0d 0a 1a 81 00 "
         "48 24 00 01 00 10 00 0c 00 19 00 00 00 01 00 00 00 00 00 00 00 03 00 00 00 "
         "08 01 01 01 01 01 00 06 01 01 00 0e 01 0c bc 8d 86 "
         "49 30 00 01 f8 2d 00 00 00 2d 00 00 00 "
@@ -263,6 +263,10 @@ def test_writer_refuses_what_no_reader_accepts() -> None:
     for name in ("x", "A", "ab", "", "é", "1"):
         with pytest.raises(UsageError, match="ancillary"):
             writer.write_ancillary(name, b"")
+    for name in "pqrs":
+        with pytest.raises(UsageError, match=r"begin it with a UUID of 16 bytes.*R-6\.2-8"):
+            writer.write_ancillary(name, bytes(15))
+    writer.write_ancillary("q", bytes(16))
     writer.write_frame(repeated)
     assert writer.finish() == writer.finish()
     with pytest.raises(UsageError, match="finished"):
@@ -334,3 +338,9 @@ def test_a_file_opened_to_append_holds_a_whole_stream(tmp_path):
     with StreamReader(path) as reader:
         assert reader.header.frame_count == 0  # nothing behind the end of the file can be corrected
         assert len(list(reader)) == len(overview_frames())
+
+
+def test_bits_of_an_ancillary_type_tell_what_becomes_of_its_chunk() -> None:
+    letters = "abdnpqrstxz"
+    assert "".join(letter for letter in letters if chunks.is_safe_to_copy(ord(letter))) == "aqs"
+    assert "".join(letter for letter in letters if chunks.belongs_to_frame(ord(letter))) == "bnrsz"

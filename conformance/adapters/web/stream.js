@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 {
   const { Fault, Bits, LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame } = GSVC;
-  const { checkIndex, checkEnd, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
+  const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
   const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
 
@@ -14,6 +14,10 @@ globalThis.GSVC ??= {};
       this.limits = LEVELS[header.level];
       this.nextNumber = 0;
       this.indexLength = 0; // bytes of the chunk directly before, if it is an index
+      this.framesCounted = 0; // how many frames have been decoded from the first one on
+      this.second = {}; // sums of the second so far
+      this.bytesWaiting = 0; // bytes of the chunks behind the frame before
+      this.lastIFrame = 0; // its number
       this.forget();
     }
 
@@ -57,6 +61,7 @@ globalThis.GSVC ??= {};
     for (let type = "H"; type !== "E"; ) {
       const chunk = readChunk(s, state.limits.payload);
       const { bit, payload } = chunk;
+      state.bytesWaiting += (s.position() - bit) / 8;
       type = chunk.type;
       checkKnown(type, bit);
       checkMayStand(type, bit, state);
@@ -86,11 +91,13 @@ globalThis.GSVC ??= {};
     const { width, height } = state.header;
     const parameters = reconstructFrame(frame, state);
     if (!parameters.every(Number.isFinite)) throw new Fault("R-8-1", bit);
-    if (renderingWork(parameters, width, height) > state.limits.work) throw new Fault("R-5-4", bit);
+    const work = renderingWork(parameters, width, height);
+    if (work > state.limits.work) throw new Fault("R-5-4", bit);
     if (frame.checksum !== null && frame.checksum !== parameterChecksum(parameters)) {
       throw new Fault("R-6.4-3", frame.checksumBit);
     }
     state.parameters = frame.parameters = parameters;
+    if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
     state.nextNumber += 1;
     return frame;
   }

@@ -4,6 +4,7 @@ globalThis.GSVC ??= {};
 {
   const { Bits, Fault, crc32c, readPlane } = GSVC;
   const MAGIC = [0x89, 0x47, 0x53, 0x56, 0x43, 0x0d, 0x0a, 0x1a];
+  const VERSION_MAJOR = 128 + 1; // draft 1
   const LONGEST_HEADER = 1024;
   const SMALLEST_NORMAL = 2 ** -126;
 
@@ -15,10 +16,13 @@ globalThis.GSVC ??= {};
     5: { pixels: 2 ** 26, splats: 2 ** 22, work: 2 ** 34, payload: 2 ** 28 },
   };
 
-  const HEADER = [ // element, bytes, lowest and highest value
+  const PER_SECOND = { pixels: 64, splats: 64, work: 8, payload: 1 }; // limits of a second, in those of a frame or payload
+  const I_FRAME_SECONDS = 4; // from an I-frame to the next one
+
+  const HEADER = [ // element, bytes, lowest and highest value that a decoder accepts
     ["profile", 1, 0, 0],
     ["level", 1, 1, 5],
-    ["flags", 1, 0, 1],
+    ["flags", 1, 0, 3],
     ["width", 2, 1, 65535],
     ["height", 2, 1, 65535],
     ["frame_rate_numerator", 4, 1, 2 ** 32 - 1],
@@ -27,26 +31,26 @@ globalThis.GSVC ??= {};
     ["sample_aspect_denominator", 2, 0, 65535],
     ["frame_count", 4, 0, 2 ** 32 - 1],
     ["bit_depth", 1, 8, 16],
-    ["chroma_format", 1, 0, 3],
+    ["chroma_format", 1, 0, 255], // R-6.3-3
     ["color_primaries", 1, 0, 255],
     ["transfer_characteristics", 1, 0, 255],
     ["matrix_coefficients", 1, 0, 255],
-    ["video_full_range_flag", 1, 0, 1],
-    ["chroma_sample_loc_type", 1, 0, 5],
+    ["video_full_range_flag", 1, 0, 255], // R-6.3-3
+    ["chroma_sample_loc_type", 1, 0, 255], // R-6.3-3
     ["cholesky_bits", 1, 1, 12],
     ["color_stages", 1, 1, 8],
     ["color_codewords", 2, 1, 1024],
     ["entropy_precision", 1, 12, 16],
     ["lane_count", 1, 1, 64],
   ];
-  const OTHERS_RESERVED = ["profile", "level", "flags", "chroma_format"];
+  const OTHERS_RESERVED = ["profile", "level", "flags"];
 
   /** Reads `magic` and version; the bits behind them, and version_minor. */
   function readPrefix(stream) {
     const s = new Bits(stream, 0, "R-6.1-1");
     if (s.raw(8).some((byte, i) => byte !== MAGIC[i])) throw new Fault("R-6.1-1", s.element);
     s.endRule = "R-6.2-4";
-    if (s.le(1) !== 1) throw new Fault("R-6.1-2", s.element); // version_major
+    if (s.le(1) !== VERSION_MAJOR) throw new Fault("R-6.1-2", s.element);
     return { s, versionMinor: s.le(1) };
   }
 
@@ -73,11 +77,30 @@ globalThis.GSVC ??= {};
         throw new Fault(OTHERS_RESERVED.includes(name) ? "R-3.2-1" : "R-6.3-1", p.element);
       }
       if (name === "height" && header.width * value > LEVELS[header.level].pixels) throw new Fault("R-5-1", p.element);
-      if (name === "sample_aspect_denominator" && (header.sample_aspect_numerator === 0) !== (value === 0)) {
-        throw new Fault("R-6.3-1", p.element);
-      }
     }
     return header;
+  }
+
+  /**
+   * The limits of a second of a paced stream, of a frame that is sound, with its parameters and its work in pairs.
+   *
+   * `state` has header, limits, second (sums so far), bytesWaiting (of the chunks behind the frame before) and lastIFrame.
+   */
+  function checkSecond(frame, work, bit, state) {
+    const { header, limits } = state;
+    const k = Math.ceil(header.frame_rate_numerator / header.frame_rate_denominator);
+    const before = frame.number % k === 0 ? {} : state.second;
+    const pixels = header.width * header.height;
+    const amounts = { pixels, splats: frame.parameters.length / 8, work, payload: state.bytesWaiting };
+    state.bytesWaiting = 0;
+    state.framesCounted += 1;
+    state.second = {}; // copies of a state share the one before
+    for (const [name, amount] of Object.entries(amounts)) {
+      state.second[name] = (before[name] ?? 0) + amount;
+      if (state.second[name] > PER_SECOND[name] * limits[name]) throw new Fault("R-5-7", bit);
+    }
+    if (frame.type === "I") state.lastIFrame = frame.number;
+    if (frame.number - state.lastIFrame >= I_FRAME_SECONDS * k) throw new Fault("R-5-8", bit);
   }
 
   /**
@@ -248,6 +271,6 @@ globalThis.GSVC ??= {};
   }
 
   Object.assign(GSVC, {
-    LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame, checkIndex, checkEnd,
+    LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame, checkIndex, checkEnd, checkSecond,
   });
 }
