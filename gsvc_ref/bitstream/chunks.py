@@ -48,10 +48,8 @@ def version(s: Coder) -> int:
     """`version_major` and `version_minor` of stream(), spec.md section 6.1; the minor one."""
     if (major := s.le("version_major", 1, VERSION_MAJOR)) != VERSION_MAJOR:
         old = f"; if it is of the first draft, write {VERSION_MAJOR} into its byte 8" if major == 1 else ""
-        s.fail(
-            "R-6.1-2",
-            f"the stream is of {_version_name(major)}; this decoder reads {_version_name(VERSION_MAJOR)}{old}",
-        )
+        names = _version_name(major), _version_name(VERSION_MAJOR)
+        s.fail("R-6.1-2", f"the stream is of {names[0]}; this decoder reads {names[1]}{old}")
     return s.le("version_minor", 1, VERSION_MINOR)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from conformance.cases.building import HEADER
 from conformance.cases.container import equal_splats
-from conformance.cases.pace import BYTES, LARGEST, heavy, padded, paced, repeated, two_seconds
+from conformance.cases.pace import BYTES, LARGEST, heavy, paced, padded, repeated, two_seconds
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes
@@ -108,7 +108,7 @@ def test_a_writer_refuses_what_is_too_much_for_a_second(
 def test_a_writer_counts_ancillary_chunks_with_the_frame_behind_them() -> None:
     writer = written([EMPTY], frame_rate_numerator=2)
     writer.write_ancillary("a", bytes(LEVELS[1].payload - 10))
-    with pytest.raises(UsageError, match="second 0 has .* bytes"):
+    with pytest.raises(UsageError, match=r"second 0 has .* bytes"):
         writer.write_frame(REPEATED)
     writer = written([EMPTY, REPEATED], frame_rate_numerator=2)
     writer.write_ancillary("a", bytes(LEVELS[1].payload - 20))
