@@ -166,3 +166,5 @@ def test_what_is_assigned_is_what_the_decoder_knows():
         assert sorted(said) == list(range(256))
         lowest, highest = ranges[element]
         assert [value for value in said if said[value] == "assigned"] == list(range(lowest, highest + 1))
+    flags = re.findall(r"^\| `flags` \| bit (\d) \| `\w+` \| assigned", clause("F.10"), re.MULTILINE)
+    assert sum(2 ** int(bit) for bit in flags) == ranges["flags"][1]

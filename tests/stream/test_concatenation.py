@@ -204,6 +204,16 @@ def test_levels_and_unknown_counts():
     assert StreamReader(unknown).frame_count == 6  # which the end chunk says
 
 
+@pytest.mark.parametrize("paced", [(True, True), (True, False), (False, True)])
+def test_the_result_is_not_paced(paced):
+    """Each part keeps its seconds; those of the result would have frames of two."""
+    parts = [write_stream(replace(OVERVIEW_HEADER, paced_flag=flag), overview_frames()) for flag in paced]
+    assert [StreamReader(part).header.paced_flag for part in parts] == list(paced)
+    result = joined(*parts)
+    assert not StreamReader(result).header.paced_flag
+    assert gsvc_ref.reconstruct_stream(result).error == ""
+
+
 def test_more_frames_than_a_stream_may_have_are_refused_at_once():
     many = write_stream(OVERVIEW_HEADER, overview_frames(), lies=[Lie("frame_count", 2**31)])
     with pytest.raises(UsageError, match="together the parts have 4294967296 frames"):
