@@ -23,6 +23,7 @@ from conformance.vectors import SUMS, VECTORS
 Manifest = Mapping[str, Any]
 
 UNCOVERED: Final[dict[str, str]] = {
+    "R-1.1-1": "is about the names of files and how they are sent, which no operation sees",
     "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
 }
 """Requirements and equations that no vector can exercise, and why."""
