@@ -23,6 +23,10 @@ FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "
                 "R-6.7-1": "index", "R-6.8-2": "index", "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
 """The flag of faults of a rule."""
 
+NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_3_17_zeros", "r_6_2_3_before_codewords",
+                  "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
+"""Faults that are found before the value of an element or of a run is looked at (R-3.1-6)."""
+
 
 def faulty(value: Broken) -> Inputs:
     """A decoder reports the kind of the fault, and yields the frames before it."""
@@ -49,7 +53,7 @@ for entry in faults():
         entry.slug,
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.complete == 0 else f"Frames before the fault: {entry.complete}.",
-        rules=[entry.rule, *entry.also],
+        rules=[entry.rule, *entry.also, *(["R-3.1-6"] if entry.slug in NO_ROOM else [])],
         flags=(["check-order"] if entry.also else []) + ([FLAGS[entry.rule]] if entry.rule in FLAGS else []),
         fault=Fault(entry.lie, entry.truth),
         function=faulty,

@@ -25,7 +25,7 @@ paired(
     outputs="header: i8 (22,); frame_types: u1 (T,); counts: i8 (T,); survivors: u1 (S,); blocks: i8 (K, 8); "
     "positions: u2 (P, 2); cholesky: u2 (C, 3); quantizers: f4 (Q, 3, 2); codebook_sizes: i8 (M,); "
     "codewords: u2 (W, 3); color_indices: u2 (I,)",
-    rules=CONTAINER_RULES,
+    rules=("R-3.1-5", *CONTAINER_RULES),
 )
 
 
@@ -36,7 +36,7 @@ paired(
     inputs="data: u1 (n,); count: int; alphabet: int; entropy_precision: int; lane_count: int",
     outputs="symbols: u2 (count,)",
     equations=("7-1",),
-    rules=("R-6.6-2",),
+    rules=("R-3.1-5", "R-6.6-2", "R-7-2"),
 )
 
 
@@ -47,7 +47,7 @@ paired(
     inputs="symbols: u2 (count,); frequencies: i8 (alphabet,); entropy_precision: int; lane_count: int",
     outputs="lane_states: u4 (lanes,); words: u2 (n,)",
     equations=("7-2",),
-    rules=("R-6.6-5", "R-7-1"),
+    rules=("R-6.6-5", "R-7-1", "R-7-3"),
 )
 
 
@@ -64,7 +64,7 @@ paired(
     inputs="stream: stream",
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
     equations=("8-1", "8-2", "8-3", "8-4"),
-    rules=("R-6.1-1", "R-6.1-2"),
+    rules=("R-3.1-5", "R-6.1-1", "R-6.1-2", "R-8-2"),
     oracle=_refused,
 )
 
@@ -87,7 +87,7 @@ paired(
     inputs="stream: stream",
     outputs="frames: u1|u2 (T, H, W, 3)",
     equations=("9-1", "9-2"),
-    rules=("R-9.1-1",),
+    rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
     oracle=_intervals,
 )
 
@@ -99,5 +99,5 @@ paired(
     inputs="stream: stream",
     outputs="frames: u1|u2 (T, H, W, 3)",
     equations=("9-3", "9-4", "9-5", "9-6", "9-7"),
-    rules=("R-9.3-1",),
+    rules=("R-9.1-4", "R-9.3-1"),
 )

@@ -158,7 +158,7 @@ paired(
     "sums: f8 (K, 3); uniforms: f8 (D,); decay: float; smoothing: float; dead_count: float",
     outputs="counts: f8 (K,); sums: f8 (K, 3); codebooks: f4 (K, 3)",
     equations=("10-22", "10-23", "10-24", "13-17"),
-    rules=("R-10.6-3",),
+    rules=("R-10.6-3", "R-10.6-4"),
     oracle=rvq_update_oracle,
 )
 

@@ -23,6 +23,7 @@ paired(
     inputs="bits: u2 (N,)",
     outputs="values: f4 (N,)",
     equations=("8-5",),
+    rules=("R-8-3",),
     oracle=exactly(spec.from_half),
 )
 
@@ -34,6 +35,7 @@ paired(
     inputs="values: f4 (N,)",
     outputs="bits: u2 (N,)",
     equations=("8-6",),
+    rules=("R-8-3",),
     oracle=exactly(spec.to_half),
 )
 
@@ -87,7 +89,7 @@ paired(
     "color_indices: u2 (N, M); codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
     outputs="parameters: f4 (N, 8)",
     equations=("8-1", "8-2", "8-3", "8-4"),
-    rules=("R-3.3-1", "R-3.3-2"),
+    rules=("R-3.3-1", "R-3.3-2", "R-8-2"),
     oracle=_intra_plain,
 )
 
@@ -101,7 +103,7 @@ paired(
     "codebook_sizes: i8 (M,); codewords: u2 (B, 3)",
     outputs="parameters: f4 (n, 8)",
     equations=("8-1", "8-2", "8-3", "8-4"),
-    rules=("R-3.3-1", "R-3.3-2"),
+    rules=("R-3.3-1", "R-3.3-2", "R-8-2"),
     oracle=_inter_plain,
 )
 

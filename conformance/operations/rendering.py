@@ -44,6 +44,7 @@ paired(
     inputs=SPLATS,
     outputs="sum: f4 (H, W, 3)",
     equations=("9-1", "9-2", *numbered(13, 1, 11)),
+    rules=("R-9.1-4", "R-9.2-1"),
     oracle=_bounded_sum,
 )
 
@@ -60,7 +61,7 @@ paired(
     inputs=SPLATS,
     outputs="sum: f4 (H, W, 3)",
     equations=("9-3", "9-4", "9-5", "9-6"),
-    rules=("R-9.3-1",),
+    rules=("R-9.1-4", "R-9.3-1"),
     oracle=_plain_sum,
 )
 
@@ -137,7 +138,7 @@ paired(
     inputs=SPLATS + "; bit_depth: int",
     outputs="frame: u1|u2 (H, W, 3)",
     equations=("9-1", "9-2", *numbered(13, 1, 11), "13-18"),
-    rules=("R-9.1-1",),
+    rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
     oracle=_frames_of_bounded_sums,
 )
 

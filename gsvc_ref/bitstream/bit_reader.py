@@ -63,7 +63,7 @@ class Reader(Coder):
         raise broken(rule, message, self.element_bit if bit is None else bit)
 
     def _need(self, bits: int, name: str, start: int | None = None) -> None:
-        """Make sure that `bits` follow for the element that starts here, or at the bit `start`."""
+        """Make sure that `bits` follow for the element or run that starts here, or at the bit `start` (R-3.1-6)."""
         if bits > self.bits_left:
             self._underflow(name, self.position if start is None else start)
 

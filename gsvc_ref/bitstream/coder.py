@@ -70,7 +70,7 @@ class Element:
 
 
 class Coder(ABC):
-    """Bits in the making or under examination, and an account of them.
+    """Bits in the making or under examination by descriptors (R-3.1-5), and an account of them.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ LOWEST_STATE: Final = 1 << 16
 
 @kernel()
 def decode_kernel(frequencies: I8, first_symbol: int, precision: int, states: I8, words: U2, symbols: U2) -> int:
-    """Decode `symbols` (count,) u2 by (7-1), and update `states` (lanes,) i8; the words taken, or -1 if one lacks."""
+    """Decode `symbols` (count,) u2: (7-1), R-7-2. Update `states` (lanes,) i8; the words taken, or -1 if one lacks."""
     symbol_of_slot = np.empty(1 << precision, np.uint16)
     cumulative = np.empty(len(frequencies), np.int64)
     total: int | np.int64 = 0
@@ -75,7 +75,7 @@ class EncodedPlane(NamedTuple):
 def encode_plane(
     symbols: ArrayLike, frequencies: ArrayLike, entropy_precision: int, lane_count: int, first_symbol: int = 0
 ) -> EncodedPlane:
-    """The states and words with which a decoder finds symbols again (7-2); R-7-1.
+    """The states and words with which a decoder finds symbols again (7-2); R-7-1, R-7-3.
 
     Parameters
     ----------

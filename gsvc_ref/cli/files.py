@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 STDIO: Final = "-"
 STREAM_SUFFIX: Final = ".gsvc"
+"""The end of the name of a file that holds a stream (R-1.1-1)."""
 CUT_RULE: Final = "R-6.2-4"
 """The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"

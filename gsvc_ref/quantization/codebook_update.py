@@ -47,7 +47,7 @@ def rvq_update(
     smoothing: float,
     dead_count: float,
 ) -> RvqUpdate:
-    """One step of the moving averages, and new codewords for dead ones: (10-22) to (10-24), R-10.6-3.
+    """One step of the moving averages, and new codewords for dead ones: (10-22) to (10-24), R-10.6-3, R-10.6-4.
 
     Parameters
     ----------

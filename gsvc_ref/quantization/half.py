@@ -25,7 +25,7 @@ EXPONENT_MASK: Final = 0x7C00
 
 
 def to_half(values: ArrayLike) -> NDArray[np.uint16]:
-    """Patterns of the binary16 nearest to each value, ties to even (8-6).
+    """Patterns of the binary16 nearest to each value, ties to even (8-6), R-8-3.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def to_half(values: ArrayLike) -> NDArray[np.uint16]:
 
 
 def from_half(bits: ArrayLike) -> NDArray[np.float32]:
-    """Values of 16-bit patterns, exactly (8-5).
+    """Values of 16-bit patterns, exactly (8-5), R-8-3.
 
     The patterns of infinities and NaN give just these: test `half_is_finite` first where they are not allowed.
 

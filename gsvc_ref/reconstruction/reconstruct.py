@@ -254,7 +254,7 @@ def _codes(block: SplatBlock | None, kept: Kept) -> Codes:
 
 
 def _intra(width: int, height: int, codes: Codes) -> Columns:
-    """The intra column of section 8."""
+    """The intra column of section 8 (R-8-2)."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         mu = _scaled_halves(codes.positions, np.float32(1), width, height)  # (8-1), (8-2)
         L = _dequantized(codes)  # (8-3)
@@ -263,7 +263,7 @@ def _intra(width: int, height: int, codes: Codes) -> Columns:
 
 
 def _inter(width: int, height: int, reference: Splats, survivors: NDArray[np.bool_], codes: Codes) -> Columns:
-    """The inter column of section 8: survivors (R-6.4-5) with the bits of what is not present (R-6.5-10)."""
+    """The inter column of section 8 (R-8-2): survivors (R-6.4-5) with the bits of what is not present (R-6.5-10)."""
     mu, L, c = _columns(reference if survivors.all() else reference.take(survivors))
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         if len(codes.positions):

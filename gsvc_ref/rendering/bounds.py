@@ -1,4 +1,4 @@
-"""Bounds of the error of a correct binary32 renderer, per pixel and per gradient, by the error model fp32/1.
+"""Bounds of the error of a correct binary32 renderer, per pixel (R-9.2-1) and gradient, by the error model fp32/1.
 
 The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
 relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps (13-3); terms

@@ -133,7 +133,7 @@ def footprints(splats: Splats, width: int, height: int) -> Iterator[tuple[int, F
 
 
 def exact_sum(splats: Splats, width: int, height: int) -> F8:
-    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order: spec.md (9-2).
+    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order: spec.md (9-2), R-9.1-4.
 
     Returns
     -------
