@@ -23,6 +23,7 @@ from conformance.vectors import SUMS, VECTORS
 Manifest = Mapping[str, Any]
 
 UNCOVERED: Final[dict[str, str]] = {
+    "R-5-6": "no vector says what a decoder claims: tests/stream/test_levels.py shows the refusal",
     "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
 }
 """Requirements and equations that no vector can exercise, and why."""
