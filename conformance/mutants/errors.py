@@ -101,6 +101,8 @@ CHECKS: tuple[Mutant, ...] = (
         ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4"),', '    "limit": (),')),
     mutant(ERRORS, "kind-unsupported-as-invalid", "reserved values reported as invalid",
         ('    "unsupported": ("R-3.2-1", "R-5-6", "R-6.1-2", "R-6.5-1", "R-6.6-1"),', '    "unsupported": (),')),
+    mutant(ERRORS, "highest-level-refused", "streams of the highest level refused",
+        ("def open_stream(stream, max_level=5):", "def open_stream(stream, max_level=4):")),
     mutant(ERRORS, "limits-one-off", "limits that may not be reached",
         ('header["width"] * value > LEVELS', 'header["width"] * value >= LEVELS')),
     mutant(ERRORS, "splats-limit-one-off", "a limit of splats that may not be reached",
