@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from conformance.case import Fault, Inputs, add, case
-from conformance.cases.building import HEADER, Chunks, intra_block, inter_block, operated, predicted, result, stream_of
+from conformance.cases.building import HEADER, Chunks, inter_block, intra_block, operated, predicted, result, stream_of
 from conformance.cases.container import entries_of, indices, sequence, with_index
 from conformance.cases.faults import end_of
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE

@@ -48,8 +48,9 @@ OTHERS: Final = {
 
 NOT_BREAKABLE = {
     "R-3.3-1", "R-3.3-2", "R-6.1-6", "R-6.2-5", "R-6.4-4", "R-6.4-5", "R-6.5-8", "R-6.5-9", "R-6.5-10", "R-6.7-2",
+    "R-5-5", "R-5-6", "R-6.7-3",
 }  # fmt: skip
-"""These bind a decoder; no stream can break them."""
+"""These bind a decoder; no stream can break them, whatever the decoder claims."""
 
 
 def test_without_lies_the_streams_are_legal():
@@ -73,7 +74,7 @@ def test_kinds_are_those_of_the_spec():
         named = set(re.findall(r"R-[\d.]+-\d+", row))
         if kind == "limit":  # written as a range
             named |= {"R-5-2", "R-5-3"}
-        assert {fault.rule for fault in faults() if fault.kind == kind} == named
+        assert {fault.rule for fault in faults() if fault.kind == kind} == named - NOT_BREAKABLE
 
 
 def test_slugs_say_the_rule():
