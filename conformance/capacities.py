@@ -57,6 +57,8 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("decode_stream", "T"): _PICTURES,
     ("decode_stream_deterministic", "T"): _PICTURES,
     ("reconstruct_stream", "T"): (1 << 14, "numbers of frames have any length from the third byte on"),
+    ("seek", "T"): (0, "`reconstruct_stream` has more frames"),
+    ("seek", "N"): (0, "`reconstruct_stream` has more splats"),
     ("read_stream", "T"): (1 << 8, "`reconstruct_stream` has more frames"),
     ("read_stream", "K"): _ONE_BLOCK,
     ("read_stream", "Q"): _ONE_BLOCK,

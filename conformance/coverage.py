@@ -26,6 +26,7 @@ UNCOVERED: Final[dict[str, str]] = {
     "R-6.2-7": "binds editors: which chunks they copy no decoder can tell",
     "R-6.3-4": "binds encoders: decoders read what it forbids (R-6.3-3)",
     "R-1.1-1": "is about the names of files and how they are sent, which no operation sees",
+    "R-5-6": "no vector says what a decoder claims: tests/stream/test_levels.py shows the refusal",
     "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
     **dict.fromkeys(
         (f"R-6.10-{number}" for number in range(1, 8)),

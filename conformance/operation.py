@@ -15,8 +15,8 @@ Values = dict[str, Any]
 """Inputs or outputs of an operation by name: arrays, int, float, bytes (streams) or str (errors)."""
 
 Group = Literal[
-    "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
-    "metrics",
+    "bitstream", "reconstruction", "rendering", "deterministic", "seeking", "gradients", "training", "quantization",
+    "colour", "metrics",
 ]  # fmt: skip
 """The conformance class that an operation belongs to (spec.md section 13)."""
 

@@ -45,6 +45,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "decode_plane": TWIN,
     "encode_plane": TWIN,
     "reconstruct_stream": TWIN,
+    "seek": TWIN,
     "decode_stream": TWIN,
     "decode_stream_deterministic": TWIN,
     "from_half": TWIN,

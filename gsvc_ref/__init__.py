@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
     from gsvc_ref.stream import read_stream as read_stream
     from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
+    from gsvc_ref.stream import seek as seek
     from gsvc_ref.training.augmentation import augment as augment
     from gsvc_ref.training.operations import adan_step as adan_step
     from gsvc_ref.training.operations import converged as converged
@@ -126,6 +127,7 @@ _HOMES: Final = {
     "rvq_assign": "gsvc_ref.quantization",
     "rvq_update": "gsvc_ref.quantization",
     "scale_parameters": "gsvc_ref.splats",
+    "seek": "gsvc_ref.stream",
     "select_key_frames": "gsvc_ref.encoder.key_frames",
     "to_frame": "gsvc_ref.rendering",
     "to_frame_deterministic": "gsvc_ref.rendering",
@@ -180,6 +182,7 @@ __all__ = [
     "rvq_assign",
     "rvq_update",
     "scale_parameters",
+    "seek",
     "select_key_frames",
     "to_frame",
     "to_frame_deterministic",

@@ -94,7 +94,7 @@ def header_of(value: dict[str, Any]) -> Inputs:
         assert value["height"] in result(expected, "header").tolist()
 
 
-@on("core", *STREAM, flags=["limit"], rules=["R-5-1"], each={str(level): level for level in LEVELS})
+@on("core", *STREAM, flags=["limit"], rules=["R-5-1", "R-5-5"], each={str(level): level for level in LEVELS})
 def level(value: int) -> Inputs:
     """Level {key}, and as many pixels as it allows."""
     width = 1 << (8 + value)

@@ -20,6 +20,7 @@ from conformance.mutants import (
     reconstruction,
     reductions,
     rendering,
+    seeking,
     training,
 )
 from conformance.mutants.mutant import Mutant, answer, called, judge, killed_by, kills, mutant, time_limit
@@ -29,6 +30,7 @@ __all__ = ["MUTANTS", "Mutant", "answer", "called", "judge", "killed_by", "kills
 MUTANTS: Final[tuple[Mutant, ...]] = (
     *bitstream.MUTANTS,
     *errors.MUTANTS,
+    *seeking.MUTANTS,
     *reconstruction.MUTANTS,
     *rendering.MUTANTS,
     *gradients.MUTANTS,

@@ -1,5 +1,6 @@
 """Streams: what their bytes say, the splats that they stand for, and their frames (spec.md sections 5 to 9 and 12)."""
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -7,7 +8,8 @@ import numpy as np
 from conformance.expectations import Exact, Expectation, Interval, Refusal
 from conformance.operation import operations, paired
 from conformance.spec import namespace
-from gsvc_ref.stream import StreamReader, reconstruct_stream
+from gsvc_ref.stream import StreamReader, reconstruct_stream, seek
+from gsvc_ref.stream.whole_streams import StreamSplats
 
 HEADER_ELEMENTS: Final = tuple(name for name, *_ in namespace()["HEADER"])
 """The elements of the sequence header, in order."""
@@ -51,10 +53,14 @@ paired(
 )
 
 
-def _refused(**inputs: Any) -> dict[str, Expectation]:
-    """The parameters exactly; the error in full."""
-    counts, parameters, error = reconstruct_stream(**inputs)
-    return {"counts": Exact(counts), "parameters": Exact(parameters), "error": Refusal(error, in_full=True)}
+def _refused(function: Callable[..., StreamSplats]) -> Callable[..., dict[str, Expectation]]:
+    """The oracle of an operation that does not fail: the parameters exactly; the error in full."""
+
+    def oracle(**inputs: Any) -> dict[str, Expectation]:
+        counts, parameters, error = function(**inputs)
+        return {"counts": Exact(counts), "parameters": Exact(parameters), "error": Refusal(error, in_full=True)}
+
+    return oracle
 
 
 paired(
@@ -65,7 +71,18 @@ paired(
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
     equations=("8-1", "8-2", "8-3", "8-4"),
     rules=("R-3.1-5", "R-6.1-1", "R-6.1-2", "R-8-2"),
-    oracle=_refused,
+    oracle=_refused(reconstruct_stream),
+)
+
+
+paired(
+    "seek",
+    "seeking",
+    "The splats of some frames of a stream, decoded from the last I-frame at or before them, and what is met on the way.",
+    inputs="stream: stream; first: int; last: int",
+    outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
+    rules=("R-6.7-3", "R-12.6-2", "R-12.6-3", "R-12.6-4", "R-12.6-5"),
+    oracle=_refused(seek),
 )
 
 

@@ -5,7 +5,7 @@ from typing import Final, Literal, NoReturn, cast
 
 import numpy as np
 
-from gsvc_ref.arrays import I8, U4
+from gsvc_ref.arrays import U4
 from gsvc_ref.bitstream.coder import Bytes, Coder, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.errors import UsageError
@@ -135,7 +135,7 @@ def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:
     return cast(Literal["I", "P", "R"], chr(chunk_type))
 
 
-def index(s: Coder, index_offset: int, steps: U4 | None = None, *, visit: Callable[[I8], object] | None = None) -> None:
+def index(s: Coder, index_offset: int, steps: U4 | None = None) -> None:
     """index() of spec.md section 6.7.
 
     Parameters
@@ -146,9 +146,6 @@ def index(s: Coder, index_offset: int, steps: U4 | None = None, *, visit: Callab
         The offset in bytes of the index chunk, before which all offsets lie.
     steps
         (entry_count, 2) u4 with columns `frame_number_step`, `offset_step`: what a Writer writes.
-    visit
-        Called with block after block of the I-frames that the index names, (n, 2) i8 with columns frame number and
-        offset in bytes. All of them together may need many times the memory of the chunk.
     """
     last = np.zeros(2, np.int64)  # frame number and offset
     with s.part("index"):
@@ -161,8 +158,6 @@ def index(s: Coder, index_offset: int, steps: U4 | None = None, *, visit: Callab
                 s.fail(
                     "R-6.7-1", "frame numbers and offsets of the index must grow, and end before the index", bit=first
                 )
-            if visit is not None:
-                visit(entries)
 
 
 def index_steps(entries: list[tuple[int, int]]) -> U4:

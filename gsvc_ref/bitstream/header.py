@@ -27,6 +27,8 @@ LEVELS: Final[dict[int, Level]] = {
     5: Level(1 << 26, 1 << 22, 1 << 34, 1 << 28),
 }
 
+HIGHEST_LEVEL: Final = max(LEVELS)
+
 PER_SECOND: Final = Level(64, 64, 8, 1)
 """The limits of a second of a paced stream (R-5-7), in those of a frame; that of the payload is one of whole chunks."""
 
@@ -128,14 +130,16 @@ HEADER_ELEMENTS: Final = ("profile", "level", "flags", *[field.name for field in
 """The names of the elements of the sequence header, in their order; `SequenceHeader` has each."""
 
 
-def sequence_header(s: Coder, header: SequenceHeader | None = None) -> SequenceHeader:
-    """sequence_header() of spec.md section 6.3."""
+def sequence_header(
+    s: Coder, header: SequenceHeader | None = None, *, max_level: int = HIGHEST_LEVEL
+) -> SequenceHeader:
+    """sequence_header() of spec.md section 6.3; levels above `max_level` are refused (R-5-6)."""
     with s.part("header"):
-        elements = _header_elements(s, header)
+        elements = _header_elements(s, header, max_level)
     return header or SequenceHeader(**elements)
 
 
-def _header_elements(s: Coder, header: SequenceHeader | None) -> dict[str, Any]:
+def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = HIGHEST_LEVEL) -> dict[str, Any]:
     given = {field.name: getattr(header, field.name, 0) for field in fields(SequenceHeader)}
     elements: dict[str, Any] = {}
 
@@ -147,7 +151,9 @@ def _header_elements(s: Coder, header: SequenceHeader | None) -> dict[str, Any]:
         return value
 
     element("profile", 1, 0, 0, others_reserved=True)
-    level = element("level", 1, 1, max(LEVELS), others_reserved=True)
+    level = element("level", 1, 1, HIGHEST_LEVEL, others_reserved=True)
+    if level > max_level:
+        s.fail("R-5-6", f"the stream is of level {level}; this decoder was told to read level {max_level} at most")
     flags = s.le("flags", 1, header.flags if header else 0)
     if flags > 3:
         s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last two are reserved")

@@ -2,7 +2,15 @@
 
 import math
 import re
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError
+
+
+def add_max_level(parser: ArgumentParser) -> None:
+    """Add ``--max-level`` to a command that reads streams."""
+    parser.add_argument(
+        "--max-level", type=int, choices=range(1, 6), default=5, metavar="L",
+        help="refuse streams of a level above L, 1 to 5 (default), before anything is taken for their frames",
+    )  # fmt: skip
 
 
 def frame_range(text: str) -> tuple[int, int | None]:

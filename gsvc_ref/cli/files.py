@@ -22,6 +22,8 @@ CUT_RULE: Final = "R-6.2-4"
 """The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"
 """The requirement that a file of another type breaks."""
+LEVEL_RULE: Final = "R-5-6"
+"""The requirement by which a level above ``--max-level`` is refused."""
 
 
 def display_name(name: str, standard: str = "standard input") -> str:
@@ -103,8 +105,8 @@ def holds_stream(name: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def open_stream(name: str, *, salvage: bool = False) -> "Stream":
-    """Open a GSVC stream, or standard input, which is read as it comes.
+def open_stream(name: str, *, salvage: bool = False, max_level: int = 5) -> "Stream":
+    """Open a GSVC stream of a level up to `max_level`, or standard input, which is read as it comes.
 
     Raises
     ------
@@ -120,7 +122,7 @@ def open_stream(name: str, *, salvage: bool = False) -> "Stream":
             "--salvage goes back and forth in a file, and standard input is a pipe; save it to a file first"
         )
     try:
-        return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name)
+        return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name, max_level=max_level)
     except GsvcError as error:
         if name != STDIO and Path(name).is_file() and Path(name).stat().st_size == 0:
             message = f"{name} is empty; if it is still being written, try again later"
@@ -137,6 +139,8 @@ def _advice(error: GsvcError, name: str) -> str:
         return "if it is still being written, try again later; otherwise fetch it again"
     if error.rule == MAGIC_RULE:
         return f"if it is a video, encode it first: gsvc encode {name} OUT.gsvc"
+    if error.rule == LEVEL_RULE:
+        return "a greater --max-level reads it"
     if error.kind == "unsupported":
         return "a newer version of gsvc may read it"
     return "without its header nothing can be decoded: fetch the file again if you can"

@@ -4,6 +4,7 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_ref.cli.arguments import add_max_level
 from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
 from gsvc_ref.cli.errors import EXIT_DATA, say
@@ -37,6 +38,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--salvage", action="store_true", help="of a damaged file tell all that is left, and every gap in it"
     )
+    add_max_level(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -48,7 +50,7 @@ def run(arguments: Namespace) -> int:
     try:
         with (
             compilation_notice(COMMAND, silent=arguments.json),
-            open_stream(arguments.input, salvage=arguments.salvage) as stream,
+            open_stream(arguments.input, salvage=arguments.salvage, max_level=arguments.max_level) as stream,
         ):
             video, notes, summary = stream.format, stream.notes, stream.info(salvage=arguments.salvage)
             damage = _damage(name, stream, summary)

@@ -12,7 +12,13 @@ from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSumma
 from gsvc_ref.stream.decoder import Stream, decode, scaled_size
 from gsvc_ref.stream.formats import video_format
 from gsvc_ref.stream.reader import StreamReader
-from gsvc_ref.stream.whole_streams import decode_stream, decode_stream_deterministic, read_stream, reconstruct_stream
+from gsvc_ref.stream.whole_streams import (
+    decode_stream,
+    decode_stream_deterministic,
+    read_stream,
+    reconstruct_stream,
+    seek,
+)
 from gsvc_ref.stream.writer import StreamWriter
 
 __all__ = [
@@ -31,5 +37,6 @@ __all__ = [
     "read_stream",
     "reconstruct_stream",
     "scaled_size",
+    "seek",
     "video_format",
 ]

@@ -3,13 +3,14 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import CATEGORIES, Bytes, Element, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
-from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import FrameType, State, reconstruct
@@ -17,6 +18,10 @@ from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.source import Source, SourceReader
+
+
+CRC_SIZE: Final = chunks.CRC_BITS // 8
+"""Bytes of `chunk_crc`."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +85,10 @@ class ChunkDecoder:
         The number of bits before that place by category.
     """
 
-    def __init__(self, source: Source, trace: Callable[[Element], None] | None = None) -> None:
-        """Read all that precedes the first frame."""
+    def __init__(
+        self, source: Source, trace: Callable[[Element], None] | None = None, *, max_level: int = HIGHEST_LEVEL
+    ) -> None:
+        """Read all that precedes the first frame; a level above `max_level` is refused (R-5-6)."""
         self.source = source
         self._trace = trace
         m = SourceReader(source, trace, end_rule="R-6.1-1")
@@ -95,7 +102,7 @@ class ChunkDecoder:
         if chunk_type != chunks.HEADER_TYPE:
             s.fail("R-6.1-3", f"the first chunk is of type {chr(chunk_type)}; it must be the sequence header, H")
         p = payload_reader(s, payload, trace)
-        self.header: SequenceHeader = sequence_header(p)
+        self.header: SequenceHeader = sequence_header(p, max_level=max_level)
         if version_minor == chunks.VERSION_MINOR:
             _check_filled(p)
         else:  # R-6.1-6; by R-6.1-7 all else is as with minor version 0
@@ -159,8 +166,29 @@ class ChunkDecoder:
             if self.source.read(1):
                 raise broken("R-6.1-4", "something follows the end chunk; cut the file there", 8 * place.offset)
 
+    def hop(self, place: Place) -> tuple[int, Place]:
+        """The type of the chunk at a place of a file, and the place after it.
+
+        What R-12.6-1 says is checked: no payload is read, and no checksum compared.
+        """
+        with self.source.lock:
+            self.source.seek(place.offset)
+            s = SourceReader(self.source)
+            chunk_type, chunk_length = chunks.chunk_head(s, self.longest_payload)
+        end = s.position // 8 + chunk_length + CRC_SIZE
+        check_complete(s, end, self.source.size or 0)
+        s.element_bit = 8 * place.offset
+        chunks.check_known(s, chunk_type)
+        _check_may_stand(s, chunk_type, place)
+        return chunk_type, replace(
+            place,
+            offset=end,
+            next_number=place.next_number + (chunk_type in chunks.FRAMES),
+            index_length=end - place.offset if chunk_type == chunks.INDEX_TYPE else 0,
+        )
+
     def chunk_at(self, offset: int) -> tuple[int, Reader]:
-        """The type of the chunk at an offset, and its payload; of use for seeking, so nothing else is checked."""
+        """The type of the chunk at an offset, and its payload; nothing else is checked."""
         with self.source.lock:
             self.source.seek(offset)
             s = SourceReader(self.source)
@@ -214,6 +242,14 @@ class ChunkDecoder:
 def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
     """The Reader of the payload of the chunk that `s` has just read."""
     return Reader(payload, first_bit=s.position - chunks.CRC_BITS - 8 * len(payload), trace=trace)
+
+
+def check_complete(s: Reader, end: int, size: int) -> None:
+    """R-6.2-4, of a chunk that ends at the byte `end`, and whose payload `s` has not read; the source has `size`."""
+    if end > size:
+        payload_cut = end - CRC_SIZE > size
+        name, bit = ("payload", s.position) if payload_cut else ("chunk_crc", 8 * (end - CRC_SIZE))
+        s.fail("R-6.2-4", f"the stream ends inside `{name}`: it was cut, or a length is wrong", bit=bit)
 
 
 def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
 from gsvc_ref.splats import Splats, scale_parameters
@@ -34,6 +35,13 @@ class Stream:
     damage, then raises GsvcError. Several threads may read one open file, each with an iterator of its own; a pipe
     takes one.
 
+    Parameters
+    ----------
+    source
+        A path, bytes, or a binary file.
+    max_level
+        Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
+
     Attributes
     ----------
     header
@@ -43,10 +51,12 @@ class Stream:
     ------
     GsvcError
         The stream breaks a rule of spec.md.
+    UsageError
+        There is no such level.
     """
 
-    def __init__(self, source: Source) -> None:
-        self._reader = StreamReader(source)
+    def __init__(self, source: Source, *, max_level: int = HIGHEST_LEVEL) -> None:
+        self._reader = StreamReader(source, max_level=max_level)
         self.header: SequenceHeader = self._reader.header
 
     @property
@@ -68,7 +78,10 @@ class Stream:
         return self._reader.frames()
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
-        """Frames `start` to `stop` - 1 with their splats, beginning to decode at the nearest I-frame."""
+        """Frames `start` to `stop` - 1 with their splats, beginning to decode at the last I-frame at or before `start`.
+
+        It is found by hopping from chunk to chunk; the index is not believed (spec.md section 12.6).
+        """
         return self._reader.frames(start, stop)
 
     def salvage(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame | Gap]:
@@ -114,6 +127,7 @@ def decode(
     precision: Precision = "fast",
     threads: int | None = None,
     on_gap: Callable[[Gap], None] | None = None,
+    max_level: int = HIGHEST_LEVEL,
 ) -> Iterator[Frame]:
     """Decode a stream to frames, lazily.
 
@@ -130,6 +144,8 @@ def decode(
     on_gap
         Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
+    max_level
+        Highest level that is decoded, as in `Stream`; an open Stream keeps its own.
 
     Yields
     ------
@@ -144,7 +160,7 @@ def decode(
     UsageError
         An argument is out of range, or a pipe is to be salvaged.
     """
-    with nullcontext(source) if isinstance(source, Stream) else Stream(source) as stream:
+    with nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level) as stream:
         frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
         yield from _rendered(frames, stream.header, scale, precision, threads)
 

@@ -7,12 +7,12 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 from gsvc_ref.bitstream.coder import CATEGORIES, Element
-from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, SequenceHeader
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
 from gsvc_ref.stream.salvage import Salvage
-from gsvc_ref.stream.seeking import find_by_index, find_frame, read_end
+from gsvc_ref.stream.seeking import find_frame, find_whole_frame, read_end
 from gsvc_ref.stream.source import PIECE, Source
 
 
@@ -29,13 +29,15 @@ class StreamReader:
         A path, bytes, or a binary file that stands at the start of the stream; it may be a pipe, which is read once.
     trace
         Called with each syntax element read, chunk by chunk (a chunk's type, length and checksum come first).
+    max_level
+        Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
 
     Raises
     ------
     GsvcError
         The stream breaks a rule of spec.md; `kind`, `rule` and `bit` say which one and where.
     UsageError
-        The source is of no use.
+        The source is of no use, or there is no such level.
     """
 
     def __init__(
@@ -43,10 +45,13 @@ class StreamReader:
         source: str | Path | bytes | bytearray | memoryview | BinaryIO,
         *,
         trace: Callable[[Element], None] | None = None,
+        max_level: int = HIGHEST_LEVEL,
     ) -> None:
+        if max_level not in LEVELS:
+            raise UsageError(f"max_level is {max_level}; it must be 1 to {HIGHEST_LEVEL}")
         self._source = Source(source)
         try:
-            self._decoder = ChunkDecoder(self._source, trace)
+            self._decoder = ChunkDecoder(self._source, trace, max_level=max_level)
         except BaseException:
             self._source.close()
             raise
@@ -61,8 +66,7 @@ class StreamReader:
         """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
         if self.header.frame_count:
             return self.header.frame_count
-        ending = read_end(self._decoder)
-        return ending[0] if ending else None
+        return read_end(self._decoder)
 
     @property
     def has_end(self) -> bool:
@@ -75,8 +79,9 @@ class StreamReader:
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
         """Frames `start` to `stop` - 1 (to the last, if None); fewer if the stream has fewer.
 
-        Decoding begins at the last I-frame at or before `start`, which the index tells, or else hopping from chunk to
-        chunk; a pipe is decoded from its start.
+        Decoding begins at the last I-frame at or before `start`, which is found by hopping from chunk to chunk: payloads
+        before it are not looked at, and a fault of a chunk's type or length on the way is raised (spec.md section
+        12.6). A pipe is decoded from its start.
         """
         _check_range(start, stop)
         return self._frames(start, stop)
@@ -103,8 +108,7 @@ class StreamReader:
     def _salvaged(self, start: int, stop: int | None) -> Iterator[DecodedFrame | Gap]:
         if stop == start:
             return
-        first = find_by_index(self._decoder, start) if start else None
-        for part in Salvage(self._decoder, first or self._decoder.first):
+        for part in Salvage(self._decoder, find_whole_frame(self._decoder, start)):
             if isinstance(part, Gap):
                 if part.reaches(start):
                     yield part.clipped(start, stop)

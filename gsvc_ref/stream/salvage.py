@@ -8,10 +8,10 @@ from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
+from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, DecodedChunk, Place, check_complete
 from gsvc_ref.stream.decoded import MAX_FAULTS, Gap
 from gsvc_ref.stream.source import SourceReader
-from gsvc_ref.stream.whole_chunks import CRC_SIZE, WholeChunks
+from gsvc_ref.stream.whole_chunks import WholeChunks
 
 I_TYPE: Final = ord("I")
 P_AND_R: Final = frozenset(b"PR")
@@ -131,10 +131,7 @@ class Salvage:
                 if size is not None:
                     return _head(chunk_type, size, bytes(source.read(min(chunk_length, 8))))
             end = s.position // 8 + chunk_length + CRC_SIZE
-            if end > self._whole.end:
-                payload_cut = end - CRC_SIZE > self._whole.end
-                name, bit = ("payload", s.position) if payload_cut else ("chunk_crc", 8 * (end - CRC_SIZE))
-                s.fail("R-6.2-4", f"the stream ends inside `{name}`: it was cut, or a length is wrong", bit=bit)
+            check_complete(s, end, self._whole.end)
             chunks.wrong_checksum(s, chunk_type, bit=8 * (end - CRC_SIZE))
         except GsvcError as fault:
             self._note(fault)

@@ -1,94 +1,120 @@
-"""Finding an I-frame: through the index, or hopping from chunk to chunk (spec.md sections 4 and 6.7)."""
+"""Finding the I-frame that a frame is decoded from, by hopping from chunk to chunk (spec.md section 12.6).
+
+The index is not read: hopping is fast enough, and cannot be deceived.
+"""
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8
+from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream import chunks
-from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.stream.chunk_decoder import ChunkDecoder, Place
-from gsvc_ref.stream.source import SourceReader
+from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, Place
+from gsvc_ref.stream.whole_chunks import payload_end
 
-I_TYPE = ord("I")
-
-
-def find_frame(decoder: ChunkDecoder, number: int) -> Place:
-    """A place at or before frame `number` from which it can be decoded."""
-    if number == 0 or not decoder.source.seekable:
-        return decoder.first
-    return find_by_index(decoder, number) or find_by_hopping(decoder, number)
+I_TYPE: Final = ord("I")
+P_TYPE: Final = ord("P")
+R_TYPE: Final = ord("R")
+WINDOW: Final = 1 << 16
+"""Bytes that are read at once in search of the heads of chunks."""
 
 
-def read_end(decoder: ChunkDecoder) -> tuple[int, int] | None:
-    """`frame_count` and `index_length`, if the last bytes of a seekable source are an end chunk."""
+def read_end(decoder: ChunkDecoder) -> int | None:
+    """`frame_count` of the end chunk, if the last bytes of a seekable source are one."""
     size = decoder.source.size
     if size is None or size < decoder.first.offset + chunks.END_CHUNK_SIZE:
         return None
     try:
         chunk_type, p = decoder.chunk_at(size - chunks.END_CHUNK_SIZE)
-        return chunks.end(p) if chunk_type == chunks.END_TYPE else None
+        return chunks.end(p)[0] if chunk_type == chunks.END_TYPE else None
     except GsvcError:
         return None
 
 
-def find_by_index(decoder: ChunkDecoder, number: int) -> Place | None:
-    """The last I-frame at or before a frame that the index names; None without an index that is right."""
-    ending, size = read_end(decoder), decoder.source.size
-    if ending is None or size is None:
-        return None
-    index_offset = size - chunks.END_CHUNK_SIZE - ending[1]
-    if not decoder.first.offset <= index_offset < size - chunks.END_CHUNK_SIZE:
-        return None
-    try:
-        chunk_type, p = decoder.chunk_at(index_offset)
-        if chunk_type != chunks.INDEX_TYPE:
-            return None
-        frame_number, offset = last_entry(p, index_offset, number)
-        if offset < decoder.first.offset:
-            return None
-        chunk_type, p = decoder.chunk_at(offset)
-        if chunk_type != I_TYPE or p.uv("frame_number") != frame_number:
-            return None
-    except GsvcError:
-        return None
-    return replace(decoder.first, offset=offset, next_number=frame_number)
+def find_frame(decoder: ChunkDecoder, number: int) -> Place:
+    """The last I-frame at or before frame `number`, or the end chunk if there are fewer frames.
 
+    Frame 0, and any frame of a pipe, is decoded from the start (R-12.6-3).
 
-def last_entry(p: Reader, index_offset: int, number: int) -> tuple[int, int]:
-    """Frame number and offset of the last I-frame at or before a frame that an index names; an offset of -1 if none."""
-    found = 0, -1
-
-    def look(entries: I8) -> None:
-        nonlocal found
-        before = int(np.searchsorted(entries[:, 0], number, side="right"))
-        if before > 0:
-            found = int(entries[before - 1, 0]), int(entries[before - 1, 1])
-
-    chunks.index(p, index_offset, visit=look)
-    return found
-
-
-def find_by_hopping(decoder: ChunkDecoder, number: int) -> Place:
-    """The last I-frame at or before a frame, found from the heads of the chunks.
-
-    A fault on the way ends the search: decoding from the I-frame before it will come to the fault and report it.
+    Raises
+    ------
+    GsvcError
+        A chunk on the way breaks a rule that a hop checks (R-12.6-1).
     """
-    place, next_number, offset = decoder.first, 0, decoder.first.offset
+    place = here = decoder.first
+    if number == 0 or not decoder.source.seekable:
+        return place
+    while here.next_number <= number:
+        i_frame, after = _hop_over_window(decoder, here, number)
+        if after.offset == here.offset:  # anything but frames and ancillary chunks, or a fault
+            chunk_type, after = decoder.hop(here)
+            if chunk_type == chunks.END_TYPE:
+                return here
+            i_frame = here if chunk_type == I_TYPE else None
+        if i_frame is not None:
+            place = replace(i_frame, index_length=0)
+        here = after
+    return place
+
+
+def find_whole_frame(decoder: ChunkDecoder, number: int) -> Place:
+    """The place that `find_frame` finds in a damaged file, if a whole I-frame of the right number is there; else the first."""
     try:
-        while next_number <= number:
-            with decoder.source.lock:
-                decoder.source.seek(offset)
-                s = SourceReader(decoder.source)
-                chunk_type, chunk_length = chunks.chunk_head(s, decoder.longest_payload)
-            chunks.check_known(s, chunk_type)
-            if chunk_type in (chunks.HEADER_TYPE, chunks.END_TYPE):
-                break
-            if chunk_type == I_TYPE:
-                place = replace(decoder.first, offset=offset, next_number=next_number)
-            next_number += chunk_type in chunks.FRAMES
-            offset = (s.position + chunks.CRC_BITS) // 8 + chunk_length
+        place = find_frame(decoder, number)
+        chunk_type, p = decoder.chunk_at(place.offset)
+        if chunk_type == I_TYPE and p.uv("frame_number") == place.next_number:
+            return place
     except GsvcError:
         pass
-    return place
+    return decoder.first
+
+
+def _hop_over_window(decoder: ChunkDecoder, here: Place, number: int) -> tuple[Place | None, Place]:
+    """The last I-frame in a window, and the place after all chunks whose heads are in it, or after frame `number`."""
+    source = decoder.source
+    with source.lock:
+        source.seek(here.offset)
+        data = np.frombuffer(source.read(WINDOW), np.uint8)
+    left = (source.size or 0) - here.offset
+    at, next_number, i_at, i_number = _hop(data, left, decoder.header.limits.payload, here.next_number, number)
+    i_frame = replace(here, offset=here.offset + i_at, next_number=i_number) if i_at >= 0 else None
+    return i_frame, replace(here, offset=here.offset + at, next_number=next_number, index_length=0)
+
+
+@kernel()
+def _hop(data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int) -> tuple[int, int, int, int]:
+    """Hop over frames and ancillary chunks, but indices, up to and with frame `number`, or the first other chunk.
+
+    Parameters
+    ----------
+    data
+        Bytes from the first chunk on.
+    left
+        The number of bytes from there to the end of the source.
+    longest
+        Maximum number of bytes of a payload.
+    next_number, number
+        The number of the next frame, and of the last one to hop over.
+
+    Returns
+    -------
+    Offset in `data` and number of what comes next; the same of the last I-frame, with offset -1 if there was none.
+    """
+    at, i_at, i_number = 0, -1, 0
+    while next_number <= number and at < len(data):
+        chunk_type = data[at]
+        predicted = chunk_type in (P_TYPE, R_TYPE)
+        ancillary = chunk_type >= 0x61 and chunk_type != chunks.INDEX_TYPE
+        end = payload_end(data, at, longest)
+        if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == I_TYPE):
+            break
+        if predicted and next_number == 0:  # R-6.4-2
+            break
+        if chunk_type == I_TYPE:
+            i_at, i_number = at, next_number
+        next_number += not ancillary
+        at = end + CRC_SIZE
+    return at, next_number, i_at, i_number

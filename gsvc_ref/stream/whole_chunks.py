@@ -6,14 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.bitstream.chunks import CRC_BITS, HEADER_TYPE
+from gsvc_ref.bitstream.chunks import HEADER_TYPE
 from gsvc_ref.bitstream.crc import ZERO_TABLES, crc32c_of_part, registers
 from gsvc_ref.bitstream.header import LONGEST_HEADER
+from gsvc_ref.stream.chunk_decoder import CRC_SIZE
 from gsvc_ref.stream.source import PIECE, Source
 
-CRC_SIZE: Final = CRC_BITS // 8
 LONGEST_FRAME: Final = 1 + 5 + CRC_SIZE
 """Maximum number of bytes of a chunk around its payload."""
+
+
+@kernel()
+def payload_end(data: NDArray[np.uint8], at: int, longest: int) -> int:
+    """Where the payload of the chunk at `at` ends, be it beyond `data`; -1 without a letter and a legal length."""
+    letter = data[at] | 0x20
+    if letter < 0x61 or letter > 0x7A:
+        return -1
+    length = 0
+    shift, body = 0, at + 1
+    while body < len(data) and data[body] >= 0x80 and shift < 28:
+        length |= int(data[body] & 0x7F) << shift
+        shift += 7
+        body += 1
+    if body >= len(data) or data[body] >= 0x80 or (data[body] == 0 and shift > 0):  # R-3.1-1
+        return -1
+    length |= int(data[body]) << shift
+    if length > (LONGEST_HEADER if data[at] == HEADER_TYPE else longest):
+        return -1
+    return body + 1 + length
 
 
 @kernel()
@@ -27,20 +47,8 @@ def _first_whole(
 ) -> tuple[int, int]:
     """Offset and size of the first whole chunk that begins in first..stop-1; -1 and 0 if there is none."""
     for at in range(first, stop):
-        letter = data[at] | 0x20
-        if letter < 0x61 or letter > 0x7A:
-            continue
-        length = 0
-        shift, body = 0, at + 1
-        while body < len(data) and data[body] >= 0x80 and shift < 28:
-            length |= int(data[body] & 0x7F) << shift
-            shift += 7
-            body += 1
-        if body >= len(data) or data[body] >= 0x80 or (data[body] == 0 and shift > 0):  # R-3.1-1
-            continue
-        length |= int(data[body]) << shift
-        end = body + 1 + length
-        if length > (LONGEST_HEADER if data[at] == HEADER_TYPE else longest) or end + CRC_SIZE > len(data):
+        end = payload_end(data, at, longest)
+        if end < 0 or end + CRC_SIZE > len(data):
             continue
         stated = 0
         for byte in range(CRC_SIZE):

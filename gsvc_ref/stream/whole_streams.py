@@ -1,5 +1,6 @@
 """Whole streams as arrays: what section 12.4 of spec.md asks of them."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from gsvc_ref.bitstream.header import HEADER_ELEMENTS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import SplatBlock
+from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.decoder import decode
 from gsvc_ref.stream.reader import StreamReader
 
@@ -43,7 +45,7 @@ class StreamCodes(NamedTuple):
 
 
 class StreamSplats(NamedTuple):
-    """The splats of all complete frames of a stream."""
+    """The splats of the complete frames of a stream, or of those that were asked for."""
 
     counts: Array
     """(T,) i8, the number of splats of each frame."""
@@ -120,10 +122,37 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
     StreamSplats
         `counts`, `parameters` and `error`.
     """
+    return _splats_of(_frames_between(stream, 0, None))
+
+
+def seek(stream: bytes, first: int, last: int) -> StreamSplats:
+    """The splats of frames `first` to `last`, decoded from the last I-frame at or before `first` (spec.md section 12.6).
+
+    Parameters
+    ----------
+    stream
+        Any bytes.
+    first, last
+        Numbers of frames, 0 <= first <= last.
+
+    Returns
+    -------
+    StreamSplats
+        `counts`, `parameters` and `error`, which is the first fault that was met on the way.
+    """
+    return _splats_of(_frames_between(stream, first, last + 1))
+
+
+def _frames_between(stream: bytes, start: int, stop: int | None) -> Iterator[DecodedFrame]:
+    yield from StreamReader(stream).frames(start, stop)
+
+
+def _splats_of(frames: Iterator[DecodedFrame]) -> StreamSplats:
+    """The splats of frames up to the fault that ends them, if one does."""
     splats: list[Array] = []
     error = ""
     try:
-        splats.extend(frame.splats.to_array() for frame in StreamReader(stream))
+        splats.extend(frame.splats.to_array() for frame in frames)
     except GsvcError as fault:
         error = f"{fault.kind} {fault.rule} {fault.bit}"
     counts = np.array([len(part) for part in splats], np.int64)

@@ -56,6 +56,11 @@ def reconstruct_stream(stream: bytes) -> Values:
     return ask("reconstruct_stream", stream=stream)
 
 
+def seek(stream: bytes, first: int, last: int) -> Values:
+    """The splats of some frames, decoded from the last I-frame at or before them (section 12.6)."""
+    return ask("seek", stream=stream, first=first, last=last)
+
+
 def decode_stream(stream: bytes) -> Values:
     """The frames of a stream, drawn by the GPU."""
     return ask("decode_stream", stream=stream)

@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 {
   const { Bits, Fault, readPlane, encodeSymbols, halfValues, halfBits, reconstructIntra, reconstructInter } = GSVC;
-  const { parameterChecksum, renderingWork, readStart, readFrames, toFrame, scaleParameters } = GSVC;
+  const { parameterChecksum, renderingWork, readStart, readFrames, framesBetween, toFrame, scaleParameters } = GSVC;
   const { renderSumDeterministic, toFrameDeterministic } = GSVC;
 
   /** An operation can't do what its inputs ask for. */
@@ -45,6 +45,20 @@ globalThis.GSVC ??= {};
     codewords: inputs.codewords.data,
   });
 
+  /** Counts and parameters of frames, up to the Fault that ends them, if one does. */
+  function splatsOf(frames) {
+    const found = [];
+    let error = "";
+    try {
+      for (const frame of frames) found.push(frame.parameters);
+    } catch (fault) {
+      if (!(fault instanceof Fault)) throw fault;
+      error = fault.message;
+    }
+    const counts = list(found.map((parameters) => parameters.length / 8), "<i8");
+    return { counts, parameters: rows(joined("<f4", found), 8, "<f4"), error };
+  }
+
   const operations = {
     async read_stream({ stream }) {
       const { s, state } = readStart(stream);
@@ -62,17 +76,11 @@ globalThis.GSVC ??= {};
     },
 
     async reconstruct_stream({ stream }) {
-      const frames = [];
-      let error = "";
-      try {
-        const { s, state } = readStart(stream);
-        for (const frame of readFrames(s, state)) frames.push(frame.parameters);
-      } catch (fault) {
-        if (!(fault instanceof Fault)) throw fault;
-        error = fault.message;
-      }
-      const counts = list(frames.map((parameters) => parameters.length / 8), "<i8");
-      return { counts, parameters: rows(joined("<f4", frames), 8, "<f4"), error };
+      return splatsOf(framesBetween(stream, 0, Infinity));
+    },
+
+    async seek({ stream, first, last }) {
+      return splatsOf(framesBetween(stream, first, last));
     },
 
     async decode_stream({ stream }) {

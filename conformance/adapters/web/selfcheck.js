@@ -14,6 +14,7 @@ globalThis.GSVC ??= {};
     deterministic: [
       "render_sum_deterministic", "to_frame_deterministic", "scale_parameters", "decode_stream_deterministic",
     ],
+    seeking: ["seek"],
   };
 
   /** Reads a vector: its manifest, its inputs, and the parts of its expected outputs. */

@@ -85,6 +85,37 @@ globalThis.GSVC ??= {};
     if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
   }
 
+  /** Hops over a chunk, of which only type and length are looked at (section 12.6); its type. */
+  function hop(s, state) {
+    const { type, bit } = readChunk(s, state.limits.payload, { compareCrc: false });
+    checkKnown(type, bit);
+    checkMayStand(type, bit, state);
+    if ("IPR".includes(type)) state.nextNumber += 1;
+    if (type !== "E") state.indexLength = type === "x" ? (s.position() - bit) / 8 : 0; // E says how long that is
+    return type;
+  }
+
+  /** Goes to the last I-frame at or before frame `first`, or to the end chunk if there are fewer frames. */
+  function find(s, state, first) {
+    let place = null;
+    for (let type = "H"; state.nextNumber <= first && type !== "E"; ) {
+      const here = [s.at, state.nextNumber];
+      type = hop(s, state);
+      if ("IE".includes(type)) place = here;
+    }
+    [s.at, state.nextNumber] = place;
+  }
+
+  /** Yields the frames `first` to `last`, as far as there are such; throws the first Fault on the way. */
+  function* framesBetween(stream, first, last) {
+    const { s, state } = readStart(stream);
+    if (first > 0) find(s, state, first);
+    for (const frame of readFrames(s, state)) {
+      if (frame.number >= first) yield frame;
+      if (frame.number === last) return;
+    }
+  }
+
   function completeFrame({ type, bit, payload }, state) {
     const frame = readFrame(payload, type, state);
     payload.checkFilled();
@@ -243,5 +274,5 @@ globalThis.GSVC ??= {};
     return readChunk(s, byteLength);
   }
 
-  Object.assign(GSVC, { readStart, readFrames, openStream, openStreamInSteps });
+  Object.assign(GSVC, { readStart, readFrames, framesBetween, openStream, openStreamInSteps });
 }

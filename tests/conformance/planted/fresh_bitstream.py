@@ -43,7 +43,7 @@ DECODERS = (
             ("        if bits & 0x7C00 == 0x7C00:  # R-3.1-2\n            raise Fault(\"R-3.1-2\", self.element)\n        return bits", "        return bits")),
     patched("bitstream", "every unknown chunk refused", STREAM + " read_stream", r"(?i)unknown|ancillary|lower|chunk|R-3\.2-1",
             ("    if chunk_type.isupper() and chunk_type not in CRITICAL:", "    if chunk_type not in CRITICAL + 'x':")),
-    patched("bitstream", "a checksum of the payload only", STREAM + " read_stream", r"(?i)crc|checksum|R-6\.2-2", ("    if chunk_crc != crc32c(covered):", "    if chunk_crc != crc32c(payload):")),
+    patched("bitstream", "a checksum of the payload only", STREAM + " read_stream", r"(?i)crc|checksum|R-6\.2-2", ("    if compare_crc and chunk_crc != crc32c(covered):", "    if compare_crc and chunk_crc != crc32c(payload):")),
     patched("bitstream", "newer minor versions refused", STREAM + " read_stream", r"(?i)minor|version",
             ("    version_minor = s.le(1)\n", "    version_minor = s.le(1)\n    if version_minor != 0:\n        raise Fault('R-6.1-2', s.element)\n")),
     patched("bitstream", "a word taken at the lowest state, too", "decode_plane", r"(?i)state|renorm|word|2\^16|R-7-1|65536",
