@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from conformance.capacities import limit, symbols
-from conformance.case import LEVELS
+from conformance.case import TIERS
 from conformance.cases import FLAGS
 from conformance.elements import element_rows, uncovered_elements
 from conformance.mutants import MUTANTS
@@ -145,11 +145,11 @@ def _names() -> list[str]:
 def _counts(there: list[dict[str, Any]]) -> str:
     count = Counter((m["operation"], m["id"].partition("/")[0]) for m in there)
     rows = [
-        [f"`{name}`", operation.group, *(str(count[name, level] or "") for level in LEVELS)]
+        [f"`{name}`", operation.group, *(str(count[name, tier] or "") for tier in TIERS)]
         for name, operation in operations().items()
     ]
-    totals = [str(sum(n for (_, level), n in count.items() if level == wanted)) for wanted in LEVELS]
-    return _table(["operation", "class", *LEVELS], [*rows, [f"**{len(there)} vectors**", "", *totals]])
+    totals = [str(sum(n for (_, tier), n in count.items() if tier == wanted)) for wanted in TIERS]
+    return _table(["operation", "class", *TIERS], [*rows, [f"**{len(there)} vectors**", "", *totals]])
 
 
 def _index(title: str, wanted: list[str], there: list[dict[str, Any]], kind: str) -> str:

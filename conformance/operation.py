@@ -16,9 +16,12 @@ Values = dict[str, Any]
 
 Group = Literal[
     "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
-    "metrics",
+    "metrics", "seeking", "sizes",
 ]  # fmt: skip
-"""The conformance class that an operation belongs to (spec.md section 13)."""
+"""The conformance class that an operation belongs to (spec.md section 13); the last two are options of a claim."""
+
+OPTIONS: Final = ("seeking", "sizes")
+"""Classes that a claim names as options."""
 
 MODULES: Final = (
     "bitstream",

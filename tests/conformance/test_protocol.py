@@ -184,7 +184,7 @@ CHANGES = {
     "no title": lambda m: m.pop("title"),
     "empty title": lambda m: m.update(title=""),
     "id of another form": lambda m: m.update(id="core/scale"),
-    "level that is none": lambda m: m.update(id="easy/scale/by_two"),
+    "tier that is none": lambda m: m.update(id="easy/scale/by_two"),
     "no outputs": lambda m: m.update(outputs={}),
     "class that is none": lambda m: m.update({"class": "sound"}),
     "twice the same rule": lambda m: m.update(rules=["R-3.1-1", "R-3.1-1"]),
