@@ -1,4 +1,4 @@
-"""The level of a vector: an implementation that claims this level of spec.md section 5, or a higher one, must pass it."""
+"""The level of a vector: an implementation that claims this level (spec.md section 5) or a higher one must pass it."""
 
 from collections.abc import Iterator
 from typing import Final

@@ -259,8 +259,8 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip
     if manifest["tier"] != name.split("/")[0] or manifest["level"] not in LEVELS:
-        raise UsageError(f"the manifest of {name} has the tier {manifest['tier']!r} and the level "
-                         f"{manifest['level']!r}; the tier is the first part of the id, and there are levels 1 to {max(LEVELS)}")  # fmt: skip
+        raise UsageError(f"the manifest of {name} has the tier {manifest['tier']!r}, which must be the first part of "
+                         f"the id, and the level {manifest['level']!r}, of 1 to {max(LEVELS)}")  # fmt: skip
     if manifest["id"] != name or manifest["operation"] != name.split("/")[1]:
         raise UsageError(f"the manifest of {name} is that of {manifest['id']}, operation {manifest['operation']}")
     operation = operations()[name.split("/")[1]]
