@@ -24,6 +24,8 @@ Manifest = Mapping[str, Any]
 
 UNCOVERED: Final[dict[str, str]] = {
     "R-13-1": "says what a class demands of all its vectors: `conformance/results.py` decides by it",
+    "R-13-5": "says what is right above the level of a claim: `conformance/runner.py` decides by it",
+    "R-13-6": "binds those who state a verdict: `conformance/results.py` writes it",
 }
 """Requirements and equations that no vector can exercise, and why."""
 

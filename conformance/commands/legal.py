@@ -86,8 +86,8 @@ def examine(file: str, data: bytes) -> Finding:
     from conformance.diagnosis.streams import element_at
 
     frames, error, _ = _outcome(data, _frames_by_spec)
-    *theirs, message = _outcome(data, _frames_by_reference)
-    other = "" if theirs == [frames, error] else _words(*theirs)
+    their_frames, their_error, message = _outcome(data, _frames_by_reference)
+    other = "" if (their_frames, their_error) == (frames, error) else _words(their_frames, their_error)
     element = element_at(data, int(error.split()[2])) if error else ""
     return Finding(file, not (error or other), frames, error, element, message, other, *_header(data))
 
