@@ -123,7 +123,7 @@ def limit(operation: Operation, dimension: str) -> tuple[int, str]:
 
 def rows(operation: Operation, vectors: Iterable[Vector]) -> Iterator[Row]:
     """The dimensions of an operation, held against its vectors."""
-    vectors = [vector for vector in vectors if vector.operation.name == operation.name and vector.level != "faulty"]
+    vectors = [vector for vector in vectors if vector.operation.name == operation.name and vector.tier != "faulty"]
     for dimension in dimensions(operation):
         most, reason = limit(operation, dimension)
         demanded = tuple(k for k in CAPACITIES if k <= most)

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from conformance.case import FULL, LEVELS, cases
+from conformance.case import FULL, TIERS, cases
 from conformance.cases import CAPACITY
 from conformance.coverage import coverage_page
 from conformance.elements import used
@@ -37,17 +37,17 @@ FULL_SUMS: Final = Path(__file__).with_name("full.sha256")
 
 
 def make(
-    levels: Iterable[str] = LEVELS,
+    tiers: Iterable[str] = TIERS,
     on_case: OnCase | None = None,
     *,
     jobs: int = 0,
     kills_in: Path | None = None,
 ) -> dict[str, dict[str, bytes]]:
-    """The files of all vectors of some levels, by id.
+    """The files of all vectors of some tiers, by id.
 
     Parameters
     ----------
-    levels
+    tiers
         Which.
     on_case
         A function that is called after each case.
@@ -62,7 +62,7 @@ def make(
     UsageError
         The processes could not start, or one was ended.
     """
-    names = [name for name, case in cases().items() if case.level in levels]
+    names = [name for name, case in cases().items() if case.tier in tiers]
     made: dict[str, dict[str, bytes]] = {}
     for name, files in _each(partial(vector_files, kills_in=kills_in), names, jobs or processors()):
         made[name] = files
@@ -99,7 +99,7 @@ def vector_files(name: str, kills_in: Path | None = None) -> tuple[str, dict[str
     case = cases()[name]
     files = files_of(case, *case.run())
     manifest = json.loads(files["manifest.json"])
-    if case.level != FULL:
+    if case.tier != FULL:
         if CAPACITY in case.flags:  # a mutant would take a minute
             manifest["kills"] = []
         elif kills_in is None:
@@ -107,7 +107,7 @@ def vector_files(name: str, kills_in: Path | None = None) -> tuple[str, dict[str
         else:
             manifest["kills"] = _known_kills(kills_in / name)
     streams = [data for part, data in files.items() if part.endswith(".gsvc")]
-    if streams and case.level != "faulty":
+    if streams and case.tier != "faulty":
         manifest["elements"] = sorted({element for data in streams for element in used(data)})
     files["manifest.json"] = manifest_bytes(manifest)
     return name, files

@@ -15,10 +15,13 @@ Values = dict[str, Any]
 """Inputs or outputs of an operation by name: arrays, int, float, bytes (streams) or str (errors)."""
 
 Group = Literal[
-    "bitstream", "reconstruction", "rendering", "deterministic", "seeking", "gradients", "training", "quantization",
-    "colour", "metrics",
+    "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
+    "metrics", "seeking", "sizes",
 ]  # fmt: skip
-"""The conformance class that an operation belongs to (spec.md section 13)."""
+"""The conformance class that an operation belongs to (spec.md section 13); the last two are options of a claim."""
+
+OPTIONS: Final = ("seeking", "sizes")
+"""Classes that a claim names as options."""
 
 MODULES: Final = (
     "bitstream",

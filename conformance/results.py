@@ -5,13 +5,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
+from conformance.claim import Claim
+from conformance.level import LEVELS
 from conformance.names import dimensions, element
 from conformance.operation import Group, operations
 from conformance.spec import complexity
+from conformance.vectors import PROFILE
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
-LEVELS: Final = ("core", "uncommon", "stress", "faulty", "full")
+TIERS: Final = ("core", "uncommon", "stress", "faulty", "full")
 """From the simple to the hard."""
 
 REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
@@ -27,7 +30,11 @@ Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended 
 EXIT_CODES: Final[Mapping[Conclusion, int]] = {
     "passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2, "ended early": 2,
 }  # fmt: skip
-"""The conclusion of a run: incomplete is no fault, so that whoever has three operations can keep them right."""
+"""The conclusion of a run: incomplete is no fault, so that whoever has three operations can keep them right.
+
+A claim that is incomplete does not hold, which is a fault."""
+HASH_DIGITS: Final = 8
+"""Digits of a set's hash that verdicts quote."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,8 @@ class OutputResult:
         As in `expectations.Judgement`.
     refused
         The right part of a refusal that names the rule and the bit, of `REFUSED`; empty for everything else.
+    advice
+        Of a refusal of the right kind that names another rule than expected: both rules, in words.
     """
 
     name: str
@@ -52,6 +61,7 @@ class OutputResult:
     place: tuple[int, ...] | None = None
     wrong: int = 0
     refused: str = ""
+    advice: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,7 @@ class Result:
     Attributes
     ----------
     id, title
-        Id, title and class of the vector; the id is ``level/operation/slug``.
+        Id, title and class of the vector; the id is ``tier/operation/slug``.
     group
         The conformance class.
     outcome
@@ -102,6 +112,8 @@ class Result:
         The worst rows of a wrong table of splats: what was given as a multiple of what is expected.
     size
         Bytes of the inputs; of what is wrong only.
+    level
+        The level of spec.md section 5 from which on a claim needs the vector.
     """
 
     id: str
@@ -115,12 +127,13 @@ class Result:
     seconds: float = 0.0
     table: Table | None = None
     size: int = 0
+    level: int = 1
 
     def __post_init__(self) -> None:
         _make_printable(self)
 
     @property
-    def level(self) -> str:
+    def tier(self) -> str:
         """``core``, ``uncommon``, ``stress``, ``faulty`` or ``full``."""
         return self.id.split("/")[0]
 
@@ -151,6 +164,9 @@ class Summary:
         The verdict on a class; None for an operation.
     reason
         A sentence that gives the reason of the verdict.
+    level
+        Of a class: the level of the claim that it passes; without a claim the highest level up to which every vector
+        passes. 0 if there is none.
     """
 
     name: str
@@ -159,6 +175,7 @@ class Summary:
     place: str
     verdict: Verdict | None = None
     reason: str = ""
+    level: int = 0
 
     @property
     def total(self) -> int:
@@ -191,6 +208,10 @@ class Report:
         The implementation's own environment as it says, such as device and driver.
     ended
         Why vectors that were selected are missing, a sentence; empty if none is.
+    claim
+        The claim that was judged, or None.
+    whole
+        Whether all vectors of each class that was judged were selected, so that verdicts can be quoted.
     """
 
     environment: Mapping[str, str]
@@ -200,6 +221,8 @@ class Report:
     results: Sequence[Result] = field(default=())
     runs_on: Mapping[str, str] = field(default_factory=dict)
     ended: str = ""
+    claim: Claim | None = None
+    whole: bool = False
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -210,10 +233,10 @@ class Report:
         return [result for result in self.results if result.outcome in FAULTS]
 
     def simplest_first(self) -> list[Result]:
-        """The wrong results in the order in which to look at them: leaf operations first, core levels, small inputs."""
-        levels = {level: place for place, level in enumerate(LEVELS)}
+        """The wrong results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
+        tiers = {tier: place for place, tier in enumerate(TIERS)}
         return sorted(
-            self.faults, key=lambda r: (complexity(r.operation), levels.get(r.level, len(levels)), r.size, r.id)
+            self.faults, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id)
         )  # fmt: skip
 
     @property
@@ -223,6 +246,9 @@ class Report:
             return "failed"
         if self.ended:
             return "ended early"
+        if self.claim:
+            held = all(group.verdict in ("passed", "waived") for group in self.groups())
+            return "passed" if held else "incomplete"
         if all(result.outcome != "pass" for result in self.results):
             return "nothing judged"
         return "incomplete" if any(group.verdict == "incomplete" for group in self.groups()) else "passed"
@@ -234,8 +260,32 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """0 if nothing is wrong and something passes, 1 if something is wrong, 2 if neither or if it ended early."""
-        return EXIT_CODES[self.conclusion]
+        """0 if nothing is wrong and something passes, or if the claim holds; 1 if not; 2 if nothing can be said."""
+        return 1 if self.claim and self.conclusion == "incomplete" else EXIT_CODES[self.conclusion]
+
+    @property
+    def vectors(self) -> str:
+        """The set of vectors in words, as verdicts quote it: its version and its hash."""
+        version, digest = self.environment.get("vectors version", "?"), self.environment.get("vectors", "")
+        return f"GSVC vectors {version} (sha256 {digest[:HASH_DIGITS]}…)"
+
+    def quotes(self) -> list[str]:
+        """The verdicts in words that can be quoted: on each class of the claim, or on each one that passes at a level.
+
+        There are none without all vectors of the classes.
+        """
+        if not self.whole or self.ended:
+            return []
+        groups = [group for group in self.groups() if self.claim or group.verdict in ("passed", "waived")]
+        declared = self.claim.declared if self.claim else ()
+        return [*map(self._quote, groups), *(f"declares {option}, which no vector judges" for option in declared)]
+
+    def _quote(self, group: Summary) -> str:
+        level = self.claim.level if self.claim else group.level
+        what = f"{self.vectors}, class {group.name}, profile {PROFILE}, level {level}"
+        if group.verdict in ("passed", "waived"):
+            return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
+        return f"does not pass {what}: {group.reason}"
 
     @property
     def verdict(self) -> str:
@@ -246,6 +296,17 @@ class Report:
         parts = [f"{verdict}: {', '.join(names[verdict])}" for verdict in get_args(Verdict) if verdict in names]
         of = f" (only {self.selection})" if self.selection else ""
         return f"{'; '.join(parts)}{of}"
+
+    def refusals(self) -> dict[str, list[str]]:
+        """By class what is right of each refusal that names a rule and a bit, of `REFUSED`."""
+        found: dict[str, list[str]] = {}
+        for result in self.results:
+            found.setdefault(result.group, []).extend(output.refused for output in result.outputs if output.refused)
+        return {name: refused for name, refused in found.items() if refused}
+
+    def advice(self) -> list[tuple[Result, OutputResult]]:
+        """The refusals of the right kind that name another rule than expected, with their vectors."""
+        return [(result, output) for result in self.results for output in result.outputs if output.advice]
 
     def again(self, vector: str) -> str:
         """The command that runs one vector again."""
@@ -260,7 +321,8 @@ class Report:
         """Each conformance class with its verdict, in the order of spec.md, section 13.1."""
         there = {result.group for result in self.results}
         names = [name for name in get_args(Group) if name in there]
-        return [_class(name, [result for result in self.results if result.group == name]) for name in names]
+        claimed = self.claim.level if self.claim else None
+        return [_class(name, [result for result in self.results if result.group == name], claimed) for name in names]
 
 
 def _make_printable(record: "OutputResult | Table | Result | Report") -> None:
@@ -297,34 +359,52 @@ def _element(operation: str, output: OutputResult) -> str:
     return element(known, output.name, place)
 
 
-def _class(name: str, results: Sequence[Result]) -> Summary:
-    """The verdict of a class: every core, stress and faulty vector passes; an uncommon one may be unsupported."""
+def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary:
+    """The verdict of a class by R-13-1: every vector of the level passes, and none above it is wrong.
+
+    Without a claim the level is the highest one up to which every vector passes.
+    """
     summary = _summary(name, results)
-    passing, unsupported = (summary.counts.get(outcome, 0) for outcome in ("pass", "unsupported"))
-    missing = [result for result in results if result.outcome == "unsupported" and result.level != "uncommon"]
-    excused = sum(result.outcome in ("waived", "skipped") for result in results)
+    level = claimed or _highest(results)
+    inside = [result for result in results if result.level <= (level or min(LEVELS))]
+    missing = [result for result in inside if result.outcome in ("unsupported", "skipped")]
+    passing = sum(result.outcome == "pass" for result in inside)
+    waived = summary.counts.get("waived", 0)
+    unsupported = summary.counts.get("unsupported", 0)
     verdict: Verdict
     if summary.faults:
         verdict, reason = "failed", f"{summary.faults} of {len(results)} vectors are wrong"
         reason += f"; without {_without(missing, results)}" if missing else ""
-    elif not passing:
+        reason += f"; every one up to level {level} passes" if level and not claimed else ""
+    elif not summary.counts.get("pass", 0):
         verdict, reason = "not claimed", f"{plural(unsupported, 'vector')} unsupported"
+        excused = waived + summary.counts.get("skipped", 0)
         reason += f", {excused} waived or skipped" if excused else ""
     elif missing:
         verdict, reason = "incomplete", f"{plural(passing, 'vector')} pass, none is wrong"
         reason += f"; without {_without(missing, results)}"
-        reason += f"; {excused} waived or skipped" if excused else ""
-    elif excused:
-        verdict, reason = "waived", f"{excused} of {len(results)} vectors are waived or skipped, the others pass"
+        reason += f"; {waived} waived" if waived else ""
+    elif waived:
+        verdict, reason = "waived", f"{plural(passing, 'vector')} pass, {waived} are waived"
     else:
         verdict, reason = "passed", f"{plural(passing, 'vector')} pass"
-        reason += f", {unsupported} uncommon ones are unsupported" if unsupported else ""
-    return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason)
+    held = verdict in ("passed", "waived")
+    if held and len(inside) < len(results):
+        above = Counter(result.outcome for result in results if result.level > level)
+        said = ", ".join(f"{number} {outcome}" for outcome, number in above.items())
+        reason += f" up to level {level}; above it {said}"
+    return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason, level if held else 0)
+
+
+def _highest(results: Sequence[Result]) -> int:
+    """The highest level up to which every vector passes or is waived; 0 if there is none."""
+    short = (result.level for result in results if result.outcome not in ("pass", "waived"))
+    return min(short, default=max(LEVELS) + 1) - 1
 
 
 def _without(missing: Sequence[Result], results: Sequence[Result]) -> str:
-    """The operations of vectors that must pass and are unsupported, and how many vectors."""
-    answered = {result.operation for result in results if result.outcome != "unsupported"}
+    """The operations of vectors that must pass and are unsupported or skipped, and how many vectors."""
+    answered = {result.operation for result in results if result.outcome not in ("unsupported", "skipped")}
     names = dict.fromkeys(result.operation for result in missing)
     parts = [f"part of {name}" if name in answered else name for name in names]
     return f"{', '.join(parts)} ({plural(len(missing), 'vector')})"

@@ -46,6 +46,7 @@ def run_suite(
     on_result: Callable[[Judged], object] | None = None,
     jobs: int = 1,
     repeat: int = 1,
+    level: int = 1,
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -63,6 +64,8 @@ def run_suite(
         Number of vectors that are asked for at the same time; they are judged one after the other.
     repeat
         Number of times that each is asked for, one after the other.
+    level
+        The level up to which no stream may be refused as unsupported: that of the claim, or the lowest.
     """
     skips = skips or {}
 
@@ -70,7 +73,7 @@ def run_suite(
         if vector.id in skips:
             return lambda: Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
         answers = list(_asked(implementation, vector, repeat))
-        return lambda: judge_answers(vector, answers, implementation.in_full)
+        return lambda: judge_answers(vector, answers, implementation.in_full, level)
 
     results = []
     with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
@@ -116,9 +119,9 @@ def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answer
     return Answered(answer, time.perf_counter() - start)
 
 
-def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False) -> Judged:
+def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False, level: int = 1) -> Judged:
     """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
-    judged = [judge_answer(vector, answer, in_full) for answer in answers]
+    judged = [judge_answer(vector, answer, in_full, level) for answer in answers]
     wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
     worst = judged[wrong[0]] if wrong else judged[0]
     seconds = sum(one.result.seconds for one in judged)
@@ -151,7 +154,7 @@ def _bytes(value: object) -> object:
     return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
 
 
-def judge_answer(vector: Vector, answered: Answered, in_full: bool = False) -> Judged:
+def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, level: int = 1) -> Judged:
     """Judge an answer to one vector."""
     answer, seconds = answered
     if isinstance(answer, Unsupported):
@@ -159,10 +162,12 @@ def judge_answer(vector: Vector, answered: Answered, in_full: bool = False) -> J
     if isinstance(answer, Failure):
         result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
         return Judged(vector, None, result)
-    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds))
+    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds, level))
 
 
-def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, seconds: float = 0.0) -> Result:
+def judge_outputs(
+    vector: Vector, outputs: Values, in_full: bool = False, seconds: float = 0.0, level: int = 1
+) -> Result:
     """The result of a vector whose outputs are there.
 
     Parameters
@@ -173,15 +178,17 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
         Whether rule and bit offset of refusals are judged, too.
     seconds
         The time that they took, in seconds.
+    level
+        The level above which a stream may be refused as unsupported (R-5-6).
     """
-    if refusal := _legal_refusal(vector, outputs):
-        return _result(vector, "unsupported", refusal, seconds=seconds)
     judged = tuple(
         _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
     )
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
+    if vector.level > level and (refusal := _refusal_as_unsupported(vector, outputs)):
+        return _result(vector, "unsupported", f"{refusal}: its level is {vector.level}", seconds=seconds)
     message = "; ".join(f"output {output.name} {output.message}" for output in wrong)
     result = _result(vector, "fail", message, judged, seconds)
     return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
@@ -192,9 +199,10 @@ def _judge(operation: Operation, name: str, expectation: Expectation, actual: ob
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
     message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    refused = _refused(expectation, actual)
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
-        _refused(expectation, actual),
+        refused, _advice(expectation, actual, refused),
     )  # fmt: skip
 
 
@@ -207,21 +215,35 @@ def _refused(expectation: Expectation, actual: object) -> str:
     return REFUSED[3 - same] if expected else ""
 
 
-def _legal_refusal(vector: Vector, outputs: Values) -> str:
-    """The sentence about an uncommon stream that a decoder need not support; empty if it is not refused so."""
+def _advice(expectation: Expectation, actual: object, refused: str) -> str:
+    """Both rules of a refusal of the right kind by another rule, in words."""
+    if refused != "kind" or not isinstance(expectation, Refusal) or not isinstance(actual, str):
+        return ""
+    return f"names {actual.split()[1]}, expected {expectation.value.split()[1]}"
+
+
+def _refusal_as_unsupported(vector: Vector, outputs: Values) -> str:
+    """The sentence about a stream that is refused as unsupported, without frames; empty if it is not."""
     for name, expected in vector.expected.items():
-        if vector.level == "uncommon" and isinstance(expected, Refusal) and not expected.value:
-            given = outputs[name]
-            if isinstance(given, str) and given.split()[:1] == ["unsupported"]:
-                return f"{name} is {given!r}"
+        given = outputs[name]
+        if isinstance(expected, Refusal) and isinstance(given, str) and given.split()[:1] == ["unsupported"]:
+            others = [value for other, value in outputs.items() if other != name]
+            return f"{name} is {given!r}" if all(map(_is_nothing, others)) else ""
     return ""
+
+
+def _is_nothing(value: object) -> bool:
+    """Whether an output has no elements, or is a single zero."""
+    return bool(np.size(value) == 0 if np.ndim(value) else not value)  # type: ignore[arg-type]
 
 
 def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
     title = str(vector.manifest["title"])
-    return Result(vector.id, title, vector.operation.group, outcome, message, outputs, seconds=seconds)
+    return Result(
+        vector.id, title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level
+    )
 
 
 def _copies(inputs: Values) -> Values:

@@ -13,7 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from conformance.case import FULL, LEVELS
+from conformance.case import FULL, TIERS
+from conformance.level import LEVELS
 from conformance.operation import operations
 from conformance.spelling import question
 from conformance.vectors import SUMS, Vector, from_files
@@ -21,7 +22,7 @@ from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 MANIFEST: Final = "manifest.json"
-ALL_LEVELS: Final = (*LEVELS, FULL)
+ALL_TIERS: Final = (*TIERS, FULL)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
 MAX_NAMED: Final = 4
@@ -37,7 +38,7 @@ class Selection:
     manifests.
     """
 
-    levels: tuple[str, ...] = ()
+    tiers: tuple[str, ...] = ()
     operations: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
     patterns: tuple[str, ...] = ()
@@ -47,9 +48,9 @@ class Selection:
 
     def holds(self, name: str) -> bool:
         """Whether a vector is selected, as far as its id tells."""
-        level, operation, slug = name.split("/")
+        tier, operation, slug = name.split("/")
         return (
-            (not self.levels or level in self.levels)
+            (not self.tiers or tier in self.tiers)
             and (not self.operations or operation in self.operations)
             and (not self.groups or operations()[operation].group in self.groups)
             and (not self.patterns or matches(name, slug, patterns=self.patterns))
@@ -61,8 +62,13 @@ class Selection:
         kinds = {"rules": self.rules, "equations": self.equations, "flags": self.flags}
         return {field: values for field, values in kinds.items() if values}
 
+    @property
+    def whole(self) -> bool:
+        """Whether all vectors of the classes are selected that any vector is selected of."""
+        return not (self.tiers or self.operations or self.patterns or self.of_manifests)
+
     def __str__(self) -> str:
-        kinds = {"level": self.levels, "operation": self.operations, "class": self.groups, "case": self.patterns,
+        kinds = {"tier": self.tiers, "operation": self.operations, "class": self.groups, "case": self.patterns,
                  "rule": self.rules, "equation": self.equations, "flag": self.flags}  # fmt: skip
         return ", ".join(_named(kind, values) for kind, values in kinds.items() if values)
 
@@ -87,7 +93,7 @@ class VectorFolder:
     Parameters
     ----------
     folder
-        With ``<level>/<operation>/<slug>/manifest.json`` and SHA256SUMS.
+        With ``<tier>/<operation>/<slug>/manifest.json`` and SHA256SUMS.
 
     Raises
     ------
@@ -109,17 +115,17 @@ class VectorFolder:
             self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
         for name in self._parts:
             parts = name.split("/")
-            known = len(parts) == 3 and parts[0] in ALL_LEVELS and parts[1] in operations() and SLUG.match(parts[2])
+            known = len(parts) == 3 and parts[0] in ALL_TIERS and parts[1] in operations() and SLUG.match(parts[2])
             if not known:
                 raise UsageError(
-                    f"{name} is a vector of a level or operation that this kit does not know: use the same version of "
+                    f"{name} is a vector of a tier or operation that this kit does not know: use the same version of "
                     "the kit and of the vectors"
                 )
         place = {operation: index for index, operation in enumerate(operations())}
-        self.names = sorted(self._parts, key=lambda n: (ALL_LEVELS.index(n.split("/")[0]), place[n.split("/")[1]], n))
+        self.names = sorted(self._parts, key=lambda n: (ALL_TIERS.index(n.split("/")[0]), place[n.split("/")[1]], n))
 
     def select(self, selection: Selection) -> list[str]:
-        """The ids that are selected, by level and then by the order of the operations.
+        """The ids that are selected, by tier and then by the order of the operations.
 
         Raises
         ------
@@ -127,8 +133,8 @@ class VectorFolder:
             None is: running nothing must not look like success.
         """
         self.check_patterns("--case", selection.patterns)
-        if FULL in selection.levels and not any(name.startswith(f"{FULL}/") for name in self.names):
-            raise UsageError(f"{self.folder} has no vectors of the level {FULL}: write them with "
+        if FULL in selection.tiers and not any(name.startswith(f"{FULL}/") for name in self.names):
+            raise UsageError(f"{self.folder} has no vectors of the tier {FULL}: write them with "
                              "python -m conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
         chosen = [name for name in self.names if selection.holds(name)]
         for field, values in selection.of_manifests.items():
@@ -252,6 +258,9 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
     if problems:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip
+    if manifest["tier"] != name.split("/")[0] or manifest["level"] not in LEVELS:
+        raise UsageError(f"the manifest of {name} has the tier {manifest['tier']!r}, which must be the first part of "
+                         f"the id, and the level {manifest['level']!r}, of 1 to {max(LEVELS)}")  # fmt: skip
     if manifest["id"] != name or manifest["operation"] != name.split("/")[1]:
         raise UsageError(f"the manifest of {name} is that of {manifest['id']}, operation {manifest['operation']}")
     operation = operations()[name.split("/")[1]]

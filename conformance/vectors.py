@@ -1,4 +1,4 @@
-"""Golden vectors on disk: `vectors/<level>/<operation>/<slug>/manifest.json` and its parts.
+"""Golden vectors on disk: `vectors/<tier>/<operation>/<slug>/manifest.json` and its parts.
 
 A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Large arrays that repeat themselves are
 stored as runs (`runs`). Single numbers among the inputs and texts among the outputs stand in the manifest. `SHA256SUMS`
@@ -18,12 +18,16 @@ from numpy.typing import NDArray
 
 from conformance.case import Case
 from conformance.expectations import EXPECTATIONS, Bounded, Expectation, Refusal
+from conformance.level import level_of
 from conformance.operation import Operation, Values, operations
 from conformance.runs import pack, unpack
 
 VECTORS: Final = Path(__file__).parents[1] / "vectors"
 SUMS: Final = "SHA256SUMS"
+VECTORS_VERSION: Final = 1
+"""The version of the set that claims name, beside its hash."""
 SPEC_VERSION: Final = "1.0-draft.1"
+PROFILE: Final = "paper"
 ERROR_MODEL: Final = "fp32/1"
 CHECK_RULES: Final = {"decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4"}
 """The requirement that each check holds an output against (spec.md section 13.2)."""
@@ -40,9 +44,14 @@ class Vector:
     expected: Mapping[str, Expectation]
 
     @property
-    def level(self) -> str:
+    def tier(self) -> str:
         """``core``, ``uncommon``, ``stress`` or ``faulty``."""
         return self.id.partition("/")[0]
+
+    @property
+    def level(self) -> int:
+        """The level of spec.md section 5 from which on a claim needs the vector; 1 for one that is in no folder."""
+        return int(self.manifest.get("level", 1))
 
 
 def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) -> dict[str, bytes]:
@@ -59,7 +68,9 @@ def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) ->
     manifest: dict[str, Any] = {
         "id": case.id,
         "spec_version": SPEC_VERSION,
-        "profile": "paper",
+        "profile": PROFILE,
+        "tier": case.tier,
+        "level": level_of(case.operation, inputs),
         "operation": case.operation.name,
         "class": case.operation.group,
         "title": case.title,
@@ -121,13 +132,11 @@ def set_hash(folder: Path = VECTORS) -> str:
     return hashlib.sha256((folder / SUMS).read_bytes()).hexdigest()
 
 
-def load(
-    folder: Path = VECTORS, levels: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")
-) -> Iterator[Vector]:
-    """All vectors of some levels, by level and then by the order of the operations."""
-    for level in levels:
+def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")) -> Iterator[Vector]:
+    """All vectors of some tiers, by tier and then by the order of the operations."""
+    for tier in tiers:
         for operation in operations().values():
-            for path in sorted((folder / level / operation.name).glob("*/manifest.json")):
+            for path in sorted((folder / tier / operation.name).glob("*/manifest.json")):
                 yield read(path.parent)
 
 

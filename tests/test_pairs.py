@@ -24,8 +24,8 @@ OTHERS = [name for name, pair in PAIRS.items() if isinstance(pair, Other)]
 
 @cache
 def core_vectors(name):
-    """The smallest and the largest vectors of an operation's core level, or of the uncommon one if it has no core."""
-    homes = next(filter(None, (sorted((VECTORS / level / name).iterdir()) for level in ("core", "uncommon"))))
+    """The smallest and the largest vectors of an operation's core tier, or of the uncommon one if it has no core."""
+    homes = next(filter(None, (sorted((VECTORS / tier / name).iterdir()) for tier in ("core", "uncommon"))))
     by_size = sorted((read(home) for home in homes), key=lambda vector: input_size(vector.inputs))
     return list({vector.id: vector for vector in [*by_size[: VECTORS_EACH - 1], by_size[-1]]}.values())
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from conformance.case import Inputs, Level, case
+from conformance.case import Inputs, Tier, case
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.reconstruction import Codebooks, FrameCodes, Quantizer, SplatBlock
@@ -33,12 +33,12 @@ BOOKS: Final[Codebooks] = tuple((np.arange(3 * n).reshape(n, 3) / 16 - 0.25).ast
 FINE_BOOKS: Final[Codebooks] = ((np.arange(12).reshape(4, 3) / 256 - 2.0**-6).astype(np.float16),)
 
 
-def on(level: Level, *operations: str, **about: Any) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
+def on(tier: Tier, *operations: str, **about: Any) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
     """Register one function as a case of several operations that take a stream."""
 
     def register(function: Callable[..., Inputs]) -> Callable[..., Inputs]:
         for operation in operations:
-            case(level, operation, **about)(function)
+            case(tier, operation, **about)(function)
         return function
 
     return register

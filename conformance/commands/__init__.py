@@ -6,7 +6,7 @@ from typing import get_args
 
 from conformance.operation import Group, operations
 from conformance.spelling import question
-from conformance.vector_folder import ALL_LEVELS, Selection
+from conformance.vector_folder import ALL_TIERS, Selection
 from conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
@@ -22,7 +22,7 @@ def add_selection(parser: ArgumentParser) -> None:
     options = parser.add_argument_group(
         "selection", "each may be given several times, for any of the values; what different options say must all hold"
     )
-    options.add_argument("--level", action="append", default=[], choices=ALL_LEVELS, help="of this level")
+    options.add_argument("--tier", action="append", default=[], choices=ALL_TIERS, help="of this tier")
     options.add_argument("--operation", action="append", default=[], metavar="NAME", help="of this operation")
     options.add_argument(
         "--class", action="append", default=[], choices=get_args(Group), dest="group", help="of this conformance class"
@@ -54,7 +54,7 @@ def selection(arguments: Namespace) -> Selection:
             near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
             raise UsageError(f"there is no operation {name!r}{near}")
     return Selection(
-        levels=tuple(arguments.level),
+        tiers=tuple(arguments.tier),
         operations=tuple(arguments.operation),
         groups=tuple(arguments.group),
         patterns=tuple(arguments.case),

@@ -17,17 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
+from conformance.case import FULL
+from conformance.claim import FORM, Claim, read_claim
 from conformance.commands import add_selection, add_vectors, count, selection, times
 from conformance.commands.outputs import check_outputs, write_files
 from conformance.diagnosis.failures import Failure
 from conformance.implementations import Implementation, checked_environment
-from conformance.operation import DTYPES
+from conformance.operation import DTYPES, operations
 from conformance.report.console import describe, last_line, progress_text
 from conformance.report.kept import forget, keep_files
 from conformance.results import FAULTS, Report, Result
 from conformance.runner import Judged, run_suite
 from conformance.vector_folder import Selection, VectorFolder, matches
-from conformance.vectors import SPEC_VERSION, VECTORS, Vector, set_hash
+from conformance.vectors import SPEC_VERSION, VECTORS, VECTORS_VERSION, Vector, set_hash
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
@@ -41,6 +43,10 @@ def add_judging(parser: ArgumentParser) -> None:
     """The options that do not say what is judged."""
     add_vectors(parser)
     add_selection(parser)
+    parser.add_argument(
+        "--claim", metavar="CLAIM",
+        help=f"judge a claim of conformance and nothing else: {FORM}, such as bitstream+rendering,paper,2,sizes",
+    )  # fmt: skip
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
     parser.add_argument("--waivers", type=Path, metavar="FILE", help='a JSON file {"id": "reason"} of known failures')
     parser.add_argument("--no-diagnosis", action="store_true", help="do not look for the probable cause of failures")
@@ -83,9 +89,12 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
 
     aside = check_outputs(arguments.json, arguments.junit, arguments.html)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
+    claim = read_claim(arguments.claim) if arguments.claim else None
     folder = VectorFolder(arguments.vectors)
-    chosen, waivers, book = selection(arguments), read_waivers(arguments.waivers), PictureBook()
+    chosen, waivers, book = _selection(arguments, claim), read_waivers(arguments.waivers), PictureBook()
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
+    if claim:
+        _check_claim(claim, names)
     if arguments.keep:
         forget(arguments.keep, names)
     done: list[Result] = []
@@ -106,7 +115,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
             vectors = folder.read(names if arguments.order is None else shuffled(names, arguments.order))
             run_suite(
                 implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
-                jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
+                jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat, level=claim.level if claim else 1,
             )  # fmt: skip
             display.update("looking for causes", len(names), len(names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
@@ -120,13 +129,52 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     around = environment(implementation.name, arguments.vectors)
     place = {name: number for number, name in enumerate(names)}
     results = sorted(results, key=lambda result: place[result.id])
-    report = Report(around, again, str(chosen), notes, results, runs_on, notes[0] if len(done) < len(names) else "")
+    report = Report(
+        around, again, "" if claim else str(chosen), notes, results, runs_on,
+        notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_is_full, names)),
+    )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
     for fault in (ended, *refused):
         if fault is not None:
             raise fault
     return report.exit_code
+
+
+def _selection(arguments: Namespace, claim: Claim | None) -> Selection:
+    """The selection of the options, or that of a claim, which leaves no other choice.
+
+    Raises
+    ------
+    UsageError
+        There is a claim and another choice.
+    """
+    chosen = selection(arguments)
+    if claim is None:
+        return chosen
+    if str(chosen) or arguments.skip:
+        raise UsageError("--claim says which vectors are judged: leave out --skip and what selects others")
+    return Selection(groups=claim.judged)
+
+
+def _check_claim(claim: Claim, names: Iterable[str]) -> None:
+    """Refuse vectors that cannot judge a claim: those of the full set, or none of one of its classes.
+
+    Raises
+    ------
+    UsageError
+        They are such.
+    """
+    if any(map(_is_full, names)):
+        raise UsageError(f"no claim is judged by the tier {FULL}: give the folder of the other tiers as --vectors")
+    there = {operations()[name.split("/")[1]].group for name in names}
+    if missing := [group for group in claim.judged if group not in there]:
+        raise UsageError(f"there are no vectors of the class {', '.join(missing)}; see python -m conformance list")
+
+
+def _is_full(name: str) -> bool:
+    """Whether a vector is of the full set, on which no verdict depends."""
+    return name.startswith(f"{FULL}/")
 
 
 def _end(error: BaseException, count: int, total: int) -> str:
@@ -272,6 +320,7 @@ def environment(name: str, vectors: Path) -> dict[str, str]:
         "implementation": name,
         "kit": f"gsvc_ref {gsvc_ref.__version__}",
         "spec.md": SPEC_VERSION,
+        "vectors version": str(VECTORS_VERSION),
         "vectors": set_hash(vectors),
         "platform": f"{platform.system()} {platform.machine()}",
         "Python": f"{platform.python_version()}, NumPy {np.__version__}",

@@ -61,7 +61,7 @@ def run(arguments: Namespace) -> int:
 def _selected(chosen: Selection, folder: Path) -> Iterable[Operation]:
     """The operations that are selected, or of which vectors are."""
     names = set(operations())
-    if chosen.levels or chosen.patterns or chosen.of_manifests:
+    if chosen.tiers or chosen.patterns or chosen.of_manifests:
         names = {name.split("/")[1] for name in VectorFolder(folder).select(chosen)}
     for operation in operations().values():
         there = operation.name in (chosen.operations or names) and operation.name in names

@@ -6,7 +6,7 @@ from importlib import import_module
 
 from conformance.commands import add_vectors
 from conformance.operation import operations
-from conformance.vector_folder import ALL_LEVELS, VectorFolder
+from conformance.vector_folder import ALL_TIERS, VectorFolder
 from conformance.vectors import set_hash
 from gsvc_ref.cli.text import plural, show, table
 
@@ -33,9 +33,9 @@ def run(arguments: Namespace) -> int:
 
 
 def counts(names: list[str]) -> list[str]:
-    """A table of vectors by operation and level."""
+    """A table of vectors by operation and tier."""
     count = Counter(tuple(name.split("/")[:2]) for name in names)
-    levels = [level for level in ALL_LEVELS if any(key[0] == level for key in count)]
-    rows = [[name, *(str(count[level, name] or "") for level in levels)] for name in operations()]
-    total = ["all", *(str(sum(n for key, n in count.items() if key[0] == level)) for level in levels)]
-    return table(["operation", *levels], [*rows, total])
+    tiers = [tier for tier in ALL_TIERS if any(key[0] == tier for key in count)]
+    rows = [[name, *(str(count[tier, name] or "") for tier in tiers)] for name in operations()]
+    total = ["all", *(str(sum(n for key, n in count.items() if key[0] == tier)) for tier in tiers)]
+    return table(["operation", *tiers], [*rows, total])

@@ -187,7 +187,7 @@ paired(
 
 paired(
     "scale_parameters",
-    "deterministic",
+    "sizes",
     "The splats of a frame for a frame of another size, every factor and product rounded to binary32.",
     inputs="parameters: f4 (N, 8); width: int; height: int; new_width: int; new_height: int",
     outputs="parameters: f4 (N, 8)",

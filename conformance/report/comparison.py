@@ -102,13 +102,20 @@ def _notes(entries: Sequence[Entry]) -> Iterable[str]:
     for entry in entries:
         if entry.report.selection:
             yield f"**{entry.name}** was judged in part: {entry.report.selection}."
+        if entry.report.claim:
+            yield f"**{entry.name}** was judged by its claim: {entry.report.claim}."
 
 
 def _classes(entries: Sequence[Entry]) -> str:
-    verdicts = [{group.name: str(group.verdict) for group in entry.report.groups()} for entry in entries]
+    verdicts = [{group.name: _verdict(group) for group in entry.report.groups()} for entry in entries]
     names = [name for name in get_args(Group) if any(name in verdict for verdict in verdicts)]
     rows = [[name, *(verdict.get(name, NOTHING) for verdict in verdicts)] for name in names]
     return table(["class", *(entry.name for entry in entries)], rows)
+
+
+def _verdict(group: Summary) -> str:
+    """The verdict of a class, and the level that it passes at."""
+    return f"{group.verdict}, level {group.level}" if group.level else str(group.verdict)
 
 
 def _operations(entries: Sequence[Entry]) -> str:
@@ -127,7 +134,7 @@ def core_ratios(report: Report) -> dict[str, float]:
     """The worst error/bound ratio of the core vectors of each operation that has any."""
     worst: dict[str, float] = {}
     for result in report.results:
-        if result.level == "core" and result.ratio is not None:
+        if result.tier == "core" and result.ratio is not None:
             worst[result.operation] = max(result.ratio, worst.get(result.operation, 0.0))
     return worst
 

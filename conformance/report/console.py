@@ -45,7 +45,7 @@ def describe(report: Report, most: int) -> list[str]:
     lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
     lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
     lines += [f"note: {note}" for note in report.notes]
-    lines += refusal_lines(report)
+    lines += refusal_lines(report, most)
     return [*lines, *class_table(report)]
 
 
@@ -63,6 +63,8 @@ def last_line(report: Report) -> str:
 
 def conclusion(report: Report) -> tuple[str, str]:
     """The conclusion, and what restricts it."""
+    if report.claim and report.conclusion != "ended early":
+        return f"the claim {'holds' if report.passed else 'does not hold'}", f": {report.claim}"
     if report.conclusion != "incomplete":
         return CONCLUSIONS[report.conclusion]
     verdicts = {group.name: group.verdict for group in report.groups()}
@@ -95,13 +97,29 @@ def cause_lines(report: Report) -> list[str]:
     return lines
 
 
-def refusal_lines(report: Report) -> list[str]:
-    """Counts of refusals whose rule and bit are right: advice only, since the kind alone is judged."""
-    refused = [output.refused for result in report.results for output in result.outputs if output.refused]
+def refusal_lines(report: Report, most: int) -> list[str]:
+    """Rules and bits that refusals name, by class, and the wrong rules: advice only, since the kind alone is judged.
+
+    Parameters
+    ----------
+    report
+        The report.
+    most
+        Maximum number of vectors whose rule is wrong to list.
+    """
+    counts = [f"refusals, class {name}: {rule_counts(refused)} (only the kind is judged)"
+              for name, refused in report.refusals().items()]  # fmt: skip
+    named = report.advice()
+    lines = [f"advice: {result.id} {output.name} {output.advice}" for result, output in named[:most]]
+    left = [f"advice: {plural(len(named) - most, 'more vector')} with a wrong rule"] if len(named) > most else []
+    return [*counts, *lines, *left]
+
+
+def rule_counts(refused: Sequence[str]) -> str:
+    """The number of refusals whose rule and whose bit are right, in words."""
     rule = sum(what in REFUSED[:2] for what in refused)
     bit = sum(what == REFUSED[0] for what in refused)
-    line = f"refusals: rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)} (only the kind is judged)"
-    return [line] if refused else []
+    return f"rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)}"
 
 
 def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
@@ -141,7 +159,10 @@ def class_table(report: Report) -> list[str]:
     groups = report.groups()
     width = max(len(group.name) for group in groups)
     lines = [f"class {group.name.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
-    return [*lines, f"of {report.selection} only"] if report.selection else lines
+    quotes = report.quotes()
+    return [
+        *lines, *[f"of {report.selection} only"] * bool(report.selection), *[""] * bool(quotes), *quotes
+    ]  # fmt: skip
 
 
 def _cells(summary: Summary) -> list[str]:

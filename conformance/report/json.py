@@ -1,7 +1,7 @@
 """A run of the suite as JSON, and back.
 
 A line a result, so that a report that is kept in git changes where a result does. What tells nothing (empty, null, no
-element wrong) is left out of results and their outputs.
+element wrong, the lowest level) is left out of results and their outputs.
 """
 
 import json
@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from conformance.results import OUTCOMES, OutputResult, Report, Result, Summary, Table
+from conformance.claim import read_claim
+from conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
 from gsvc_ref.errors import UsageError
 
 FORMAT: Final = "gsvc-conformance-report/1"
@@ -60,13 +61,23 @@ def to_object(report: Report) -> dict[str, Any]:
         "command": report.command,
         "selection": report.selection,
         "notes": list(report.notes),
-        **_filled(ended=report.ended),
-        "classes": [
-            {**_summary_object(group), "verdict": group.verdict, "reason": group.reason} for group in report.groups()
-        ],
+        **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes()),
+        "classes": [_class_object(group, report) for group in report.groups()],
         "operations": [_summary_object(operation) for operation in report.operations()],
         "results": [_result_object(result) for result in report.results],
     }
+
+
+def _class_object(group: Summary, report: Report) -> dict[str, Any]:
+    """A class with its verdict; `level` is the one that it passes, `refusals` counts those that name rule and bit."""
+    refused = report.refusals().get(group.name, [])
+    counts = {
+        "named": len(refused),
+        "rule": sum(what in REFUSED[:2] for what in refused),
+        "bit": sum(what == REFUSED[0] for what in refused),
+    }
+    about = {"verdict": group.verdict, "reason": group.reason, "level": group.level}
+    return {**_summary_object(group), **about, **_filled(refusals=counts if refused else None)}
 
 
 def _summary_object(summary: Summary) -> dict[str, Any]:
@@ -78,11 +89,13 @@ def _result_object(result: Result) -> dict[str, Any]:
     outputs = [
         {"name": out.name, "check": out.check, "passed": out.passed,
          **_filled(message=out.message, ratio=_to_ratio(out.ratio),
-                   place=None if out.place is None else list(out.place), wrong=out.wrong, refused=out.refused)}
+                   place=None if out.place is None else list(out.place), wrong=out.wrong, refused=out.refused,
+                   advice=out.advice)}
         for out in result.outputs
     ]  # fmt: skip
     return {
         "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
+        **({"level": result.level} if result.level > 1 else {}),
         **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log,
                   table=_table_object(result.table), size=result.size),
         "seconds": round(result.seconds, 3),
@@ -118,6 +131,7 @@ def from_object(value: Any) -> Report:
         report.texts("environment"), report.text("command"), report.text("selection"), report.list_of_texts("notes"),
         [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
+        read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
     )  # fmt: skip
 
 
@@ -129,13 +143,14 @@ def _from_result(entry: "_Entry") -> Result:
         OutputResult(
             out.text("name"), out.text("check"), out.get("passed", bool), out.text("message", ""), _from_ratio(out),
             _from_place(out), out.get("wrong", int, 0), out.text("refused", ""),
+            out.text("advice", ""),
         )
         for out in (_Entry(output, f"an output of {name}") for output in entry.get("outputs", list, []))
     )  # fmt: skip
     return Result(
         name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
         tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"), _from_table(entry),
-        entry.get("size", int, 0),
+        entry.get("size", int, 0), entry.get("level", int, 1),
     )  # fmt: skip
 
 

@@ -15,8 +15,7 @@ def junit_xml(report: Report) -> str:
     for operation in report.operations():
         suite = ET.SubElement(root, "testsuite", name=operation.name, tests=str(operation.total))
         properties = ET.SubElement(suite, "properties")  # of a suite: the format knows none of the whole
-        runs_on = {f"implementation.{name}": value for name, value in report.runs_on.items()}
-        for name, value in {**report.environment, **runs_on}.items():
+        for name, value in _properties(report).items():
             ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
         tests = [_test(result, report) for result in report.results if result.operation == operation.name]
         suite.extend(tests)
@@ -27,9 +26,17 @@ def junit_xml(report: Report) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
+def _properties(report: Report) -> dict[str, str]:
+    """The environment, what the implementation runs on, and the verdicts that can be quoted."""
+    runs_on = {f"implementation.{name}": value for name, value in report.runs_on.items()}
+    claim = {"claim": str(report.claim)} if report.claim else {}
+    verdicts = {f"verdict.{number}": quote for number, quote in enumerate(report.quotes(), 1)}
+    return {**report.environment, **runs_on, **claim, **verdicts}
+
+
 def _test(result: Result, report: Report) -> ET.Element:
-    level, operation, slug = result.id.split("/")
-    test = ET.Element("testcase", classname=f"{level}.{operation}", name=slug, time=f"{result.seconds:.3f}")
+    tier, operation, slug = result.id.split("/")
+    test = ET.Element("testcase", classname=f"{tier}.{operation}", name=slug, time=f"{result.seconds:.3f}")
     if result.outcome == "pass":
         return test
     wrong = result.outcome in FAULTS

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Final
 
-from conformance.report.console import cause_lines, conclusion, folded, ratio_text
+from conformance.report.console import cause_lines, conclusion, folded, ratio_text, rule_counts
 from conformance.report.pictures import KEY, Picture
 from conformance.results import OUTCOMES, Report, Result, Summary, Table
 from conformance.side_by_side import RIGHT
@@ -38,6 +38,8 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         cards_section(_cards(report)),
         _runs_on(report.runs_on),
         _classes(report.groups()),
+        _quotes(report.quotes()),
+        _refusals(report),
         _operations(report.operations()),
         _faults(report, pictures or {}),
         _waived(report.results),
@@ -99,6 +101,26 @@ def _classes(groups: Sequence[Summary]) -> str:
         for group in groups
     )
     return f"<h2>Classes</h2>{_table(('class', 'verdict', 'because'), rows, 3)}"
+
+
+def _quotes(quotes: Sequence[str]) -> str:
+    """The verdicts in words that can be quoted."""
+    return f"<ul>{''.join(f'<li>{html.escape(quote)}</li>' for quote in quotes)}</ul>" if quotes else ""
+
+
+def _refusals(report: Report) -> str:
+    """The rules and bits that refusals name: advice, since the kind alone is judged."""
+    counts = "".join(
+        f"<li>class {html.escape(name)}: {rule_counts(refused)}</li>" for name, refused in report.refusals().items()
+    )
+    named = report.advice()
+    advice = "".join(
+        f"<li>{html.escape(result.id)} {html.escape(output.advice)}</li>" for result, output in named[:MAX_FAULTS]
+    )
+    left = len(named) - MAX_FAULTS
+    more = f"<li>{left} more</li>" if left > 0 else ""
+    heading = "<h2>Refusals</h2><p>Only the kind of an error is judged; rule and bit are advice.</p>"
+    return f"{heading}<ul>{counts}{advice}{more}</ul>" if counts else ""
 
 
 def _badge(group: Summary) -> str:

@@ -7,7 +7,8 @@ import pytest
 import toy_operations
 
 USERS = (
-    "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.list", "commands.verify",
+    "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.judging", "commands.list",
+    "commands.verify",
     "reference", "implementations",
 )  # fmt: skip
 """Modules that have `operations` by name."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from conformance.case import LEVELS, Case, of_operation
+from conformance.case import TIERS, Case, of_operation
 from conformance.cases import CAPACITY
 from conformance.expectations import Expectation
 from conformance.operation import Values
@@ -16,15 +16,15 @@ from conformance.operation import Values
 def runs(operation: str) -> list[tuple[Case, Values, Mapping[str, Expectation]]]:
     """Each small case of an operation, its inputs and expectations; large ones have no other arithmetic than these."""
     return [
-        (case, *case.run()) for case in of_operation(operation) if case.level in LEVELS and CAPACITY not in case.flags
+        (case, *case.run()) for case in of_operation(operation) if case.tier in TIERS and CAPACITY not in case.flags
     ]
 
 
-def judged(operation: str, variant: Callable[..., Mapping[str, Any]], levels: tuple[str, ...] = LEVELS):
+def judged(operation: str, variant: Callable[..., Mapping[str, Any]], tiers: tuple[str, ...] = TIERS):
     """For every case of an operation, by id: the outputs of a variant that fail."""
     found = {}
     for case, inputs, expected in runs(operation):
-        if case.level in levels:
+        if case.tier in tiers:
             with np.errstate(all="ignore"):
                 outputs = variant(**inputs)
             found[case.id] = [name for name in outputs if not expected[name].judge(outputs[name]).passed]

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from conformance.case import LEVELS, cases
+from conformance.case import TIERS, cases
 from conformance.cases import FLAGS
 from conformance.expectations import Refusal
 
-CASES = [case for case in cases().values() if case.level in LEVELS]
+CASES = [case for case in cases().values() if case.tier in TIERS]
 
 
 @pytest.mark.exhaustive

@@ -52,7 +52,7 @@ def test_wrong_use(capsys):
         ["run"],
         ["run", "--reference", "--spec"],
         ["--quiet", "run"],
-        ["run", "--level", "easy"],
+        ["run", "--tier", "easy"],
     ):
         assert main(words) == 2
         assert "conformance" in capsys.readouterr().err
@@ -97,7 +97,7 @@ def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy
 
 def test_a_run_of_a_command(folder, tmp_path, capsys):
     assert (
-        run(folder, "--impl", good_program(tmp_path), "--level", "core", "--operation", "halve", "--timeout", "50") == 0
+        run(folder, "--impl", good_program(tmp_path), "--tier", "core", "--operation", "halve", "--timeout", "50") == 0
     )
     broken = write_program(tmp_path, "raise SystemExit(1)")
     assert run(folder, "--impl", broken, "--operation", "halve", "--timeout", "50") == 1
@@ -183,7 +183,7 @@ def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):
 
 def test_kept_refusals(folder, toy_module, tmp_path):
     accepting = toy_module(parse=lambda stream: {"count": np.asarray(0), "error": ""})
-    assert run(folder, "--module", accepting, "--level", "faulty", "--keep", str(tmp_path)) == 1
+    assert run(folder, "--module", accepting, "--tier", "faulty", "--keep", str(tmp_path)) == 1
     home = tmp_path / "faulty/parse/bad_letter"
     assert (home / "expected/error.txt").read_text() == "malformed R-3.1-1 8"
     assert (home / "out/error.txt").read_text() == ""
@@ -203,7 +203,7 @@ def test_what_a_module_runs_on_stands_in_every_report(folder, toy_module, tmp_pa
 
 
 def test_what_a_command_runs_on_is_told_by_an_option(folder, tmp_path, capsys):
-    words = ["--impl", good_program(tmp_path), "--operation", "halve", "--level", "core", "--environment"]
+    words = ["--impl", good_program(tmp_path), "--operation", "halve", "--tier", "core", "--environment"]
     assert run(folder, *words, "device=NVIDIA=H200") == 0
     assert capsys.readouterr().out.startswith("device  NVIDIA=H200\n\n")
     for word, message in (
@@ -246,7 +246,7 @@ def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
     assert out.endswith("\nNOTHING IS WRONG, but incomplete: rendering\n")
     assert run(folder, "--module", toy_module(paint=even_sizes), "--operation", "paint") == 0
     assert capsys.readouterr().out.endswith("\nNOTHING IS WRONG; no class is complete\n")
-    assert run(folder, "--module", toy_module(paint=even_sizes), "--operation", "paint", "--level", "core") == 2
+    assert run(folder, "--module", toy_module(paint=even_sizes), "--operation", "paint", "--tier", "core") == 2
     out = capsys.readouterr().out
     assert "1 operation: unsupported (1 vector)\n" in out
     assert out.endswith("\nNOTHING WAS JUDGED: no vector passed, and none is wrong\n")
@@ -261,7 +261,7 @@ def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
         (["--case", "by_two", "--case", "xyzzy"], "no vector matches --case xyzzy; see: "),
         (["--skip", "by_tow"], "no vector matches --skip by_tow; did you mean by_two"),
         (["--operation", "scale", "--case", "one_to_six"], "no vector is selected by operation scale, case one_to_six"),
-        (["--level", "full"], "python -m conformance generate --full DIR, then add --vectors DIR"),
+        (["--tier", "full"], "python -m conformance generate --full DIR, then add --vectors DIR"),
         (["--rule", "R-13-33"], "no vector has R-13-33 among its rules; did you mean R-13-3"),
         (["--equation", "77-1"], "no vector has 77-1 among its equations; "),
         (["--flag", "needle"], "no vector has needle among its flags; "),
@@ -277,13 +277,13 @@ def test_vectors_of_rules_and_equations(folder, toy_module, monkeypatch, capsys)
     out = capsys.readouterr().out
     assert "class training  passed: 3 vectors pass\nof rule R-13-3, equation 9-1 only\n" in out
     monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
-    assert main(["list", "--cases", "--vectors", str(folder), "--rule", "R-13-3", "--level", "stress"]) == 0
+    assert main(["list", "--cases", "--vectors", str(folder), "--rule", "R-13-3", "--tier", "stress"]) == 0
     assert capsys.readouterr().out == "stress/scale/nothing: The vector nothing.\n"
     assert main(["list", "--vectors", str(folder), "--rule", "R-13-3"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
     assert main(["list", "--class", "training"]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[::2]] == ["scale"]
-    assert main(["list", "--cases", "--level", "stress", "--operation", "halve"]) == 2
+    assert main(["list", "--cases", "--tier", "stress", "--operation", "halve"]) == 2
 
 
 def test_a_module_without_operations(folder, monkeypatch, capsys):
@@ -396,7 +396,7 @@ def test_list(toys, folder, capsys):
 
 def test_list_of_cases_and_json(folder, monkeypatch, capsys):
     monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
-    assert main(["list", "--cases", "--level", "faulty"]) == 0
+    assert main(["list", "--cases", "--tier", "faulty"]) == 0
     assert capsys.readouterr().out == "faulty/parse/bad_letter: The vector bad_letter.\n"
     assert main(["list", "--json", "--vectors", str(folder)]) == 0
     value = json.loads(capsys.readouterr().out)
@@ -484,7 +484,7 @@ def test_mutants(folder, monkeypatch, capsys):
     ]
     assert main([*words, "--mutant", "found-*"]) == 0
     assert "every mutant is found" in capsys.readouterr().out
-    assert main([*words, "--mutant", "found-*", "--level", "core", "--json"]) == 1
+    assert main([*words, "--mutant", "found-*", "--tier", "core", "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == {"found-early": ["core/scale/by_two"], "found-late": []}
     assert main([*words, "--mutant", "none"]) == 2
 

@@ -69,10 +69,10 @@ def test_the_tables(entries):
         ["bad", "failed", "Linux", "2026-01-31", ""],
     ]
     assert rows(text, "class")[1:] == [
-        ["bitstream", "passed", "passed"],
-        ["rendering", "passed", "not claimed"],
-        ["training", "passed", "failed"],
-        ["quantization", "passed", "not claimed"],
+        ["bitstream", "passed, level 5", "passed, level 5"],
+        ["rendering", "passed, level 5", "not claimed"],
+        ["training", "passed, level 5", "failed"],
+        ["quantization", "passed, level 5", "not claimed"],
     ]
     assert rows(text, "operation") == [
         ["operation", "good", "bad"],

@@ -51,11 +51,11 @@ def covered():
     legal, faulty = {}, {}
     for operation in operations().values():
         for case in of_operation(operation.name):
-            if case.level == "full":
+            if case.tier == "full":
                 continue
             if any(port.type == "stream" for port in operation.inputs):
                 inputs = next(run(case))
-                (faulty if case.level == "faulty" else legal)[case.id] = values(inputs["stream"])
+                (faulty if case.tier == "faulty" else legal)[case.id] = values(inputs["stream"])
             elif operation.name == "decode_plane":
                 inputs = next(run(case))
                 numbers = {name: value for name, value in inputs.items() if name != "data"}

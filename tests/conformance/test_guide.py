@@ -16,6 +16,8 @@ GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 STEPS = BLOCK.findall(GUIDE.read_text(encoding="utf-8"))
 COMMAND = "$ python -m conformance "
+DIGITS = re.compile(r"(?<=sha256 )[0-9a-f]{8}(?=…)")
+"""Of the hash of the vectors, which are another set after each change."""
 
 
 def sources():
@@ -39,7 +41,8 @@ def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "mine", raising=False)
     status = main(shlex.split(command))
-    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    lines = [without_hash(line.rstrip()) for line in capsys.readouterr().out.splitlines()]
+    printed = [without_hash(line) for line in printed]
     monkeypatch.delitem(sys.modules, "mine")
     place = 0
     for line, before in zip(printed, ["", *printed], strict=False):
@@ -49,8 +52,12 @@ def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
         assert found is not None, f"not printed: {line}\n" + "\n".join(lines)
         assert before == "..." or found == place, f"lines left out before: {line}"
         place = found + 1
-    assert status == (0 if printed[-1] == "PASSED" else 1)
+    assert status == (0 if printed[-1].startswith(("PASSED", "THE CLAIM HOLDS")) else 1)
     assert place == len(lines)
+
+
+def without_hash(line):
+    return DIGITS.sub("0" * 8, line)
 
 
 def test_links_and_names():

@@ -1,18 +1,20 @@
 """Each faulty stream has the one fault that it names: a decoder that has forgotten the check is judged wrong by it.
 
-A second fault of the same kind would be refused in its place, and the stream would test neither.
+A second fault of the same kind would be refused in its place, and the stream would test neither. Where no other stream
+would do, the rule and the bit tell: they are judged of gsvc_ref and of spec.md's code, and advice for others.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final
 
 import pytest
 
 from conformance import spec
+from conformance.case import cases
 from conformance.cases.faulty import faults
-
-Outcome = tuple[str, int]
-"""The judged parts of a refusal: the kind of the error, and how many frames precede it."""
+from conformance.runner import judge_outputs
+from conformance.vectors import files_of, from_files
 
 HUGE: Final = {
     "r_5_2_splats_four_billion", "r_5_2_new_splats_four_billion", "r_5_2_splats_of_level_3", "r_5_2_splats_of_level_4",
@@ -43,13 +45,23 @@ ALIKE: Final = {
         "r_6_6_3_table_bits_13", "r_6_6_3_table_bits_31",
     },
     "no index is below a count of 0": {"r_6_5_6_codeword_count_zero"},
+    "what was cut cannot be read": {fault.slug for fault in faults() if "_cut_" in fault.slug and not fault.also},
+    "the fault that is checked later is of the same kind": {
+        "r_6_2_4_before_known_type", "r_6_1_5_before_frame_count", "r_6_4_2_before_frame_number",
+        "r_6_5_4_before_colors_present", "r_6_5_5_before_offset", "r_8_1_before_checksum",
+        "r_6_6_2_before_order_of_ends", "r_6_6_3_before_symbols", "r_6_2_3_words_beyond_the_states",
+        "r_6_8_1_before_header", "r_6_3_2_before_index_length", "r_6_8_2_before_what_follows",
+    },
 }  # fmt: skip
 """Streams that a decoder without the check refuses with the same kind, and why no other stream would do."""
 
 
+Decoder = Callable[[bytes, str], dict[str, Any]]
+
+
 @pytest.fixture(scope="module")
-def forgetful() -> Callable[[bytes, str], Outcome]:
-    """spec.md's decoder without the checks of one rule: it goes on where it would report it."""
+def forgetful() -> Decoder:
+    """spec.md's reconstruct_stream without the checks of one rule: it goes on where it would report it."""
     names: dict[str, Any] = {"__name__": "spec"}
     forgotten = ""
 
@@ -60,32 +72,47 @@ def forgetful() -> Callable[[bytes, str], Outcome]:
     names["refuse"] = refuse
     exec(compile(spec.source().replace("raise Fault(", "refuse("), str(spec.SPEC), "exec"), names)
 
-    def outcome(stream: bytes, rule: str) -> Outcome:
+    def decode(stream: bytes, rule: str) -> dict[str, Any]:
         nonlocal forgotten
         forgotten = rule
-        found = names["reconstruct_stream"](stream)
-        return found["error"].partition(" ")[0], len(found["counts"])
+        found: dict[str, Any] = names["reconstruct_stream"](stream)
+        return found
 
-    return outcome
+    return decode
 
 
-def alike(forgetful: Callable[[bytes, str], Outcome]) -> set[str]:
-    """The faulty streams that the decoder without the check answers as they must be answered."""
-    found = set()
+@pytest.fixture(scope="module")
+def answers(forgetful: Decoder) -> dict[str, dict[str, Any]]:
+    """The answer to each faulty stream of the decoder that has forgotten its check; none where it crashes."""
+    found = {}
     for fault in faults():
-        if fault.also or fault.slug in HUGE or "_cut_" in fault.slug:  # what was cut cannot be read
-            continue
-        try:
-            outcome = forgetful(fault.make(), fault.rule)
-        except (ArithmeticError, LookupError, UnboundLocalError, ValueError):  # it crashes where the check would stand
-            continue
-        if outcome == (fault.kind, fault.complete):
-            found.add(fault.slug)
+        if fault.slug not in HUGE:
+            with suppress(ArithmeticError, LookupError, UnboundLocalError, ValueError):
+                found[fault.slug] = forgetful(fault.make(), fault.rule)
     return found
 
 
-def test_a_decoder_without_the_check_is_judged_wrong(forgetful: Callable[[bytes, str], Outcome]) -> None:
-    assert alike(forgetful) == set().union(*ALIKE.values())
+def test_a_decoder_without_the_check_is_judged_wrong(answers: dict[str, dict[str, Any]]) -> None:
+    alike = set()
+    for fault in faults():
+        if answer := answers.get(fault.slug):
+            outcome = answer["error"].partition(" ")[0], len(answer["counts"])
+            alike |= {fault.slug} if outcome == (fault.kind, fault.complete) else set()
+    assert alike == set().union(*ALIKE.values())
+
+
+def test_rule_and_bit_tell_where_the_kind_does_not(answers: dict[str, dict[str, Any]]) -> None:
+    """So that a check that spec.md's code or gsvc_ref loses is noticed, though another rule refuses the stream."""
+    for slug in sorted(set().union(*ALIKE.values())):
+        case = cases()[f"faulty/reconstruct_stream/{slug}"]
+        inputs, expected = case.run()
+        vector = from_files(files_of(case, inputs, expected))
+        assert judge_outputs(vector, answers[slug], in_full=True).outcome == "fail", slug
+        result = judge_outputs(vector, answers[slug])
+        (error,) = (output for output in result.outputs if output.name == "error")
+        rule = vector.expected["error"].value.split()[1]
+        assert error.passed, slug
+        assert error.advice == f"names {answers[slug]['error'].split()[1]}, expected {rule}", slug
 
 
 def test_no_stream_is_exempt_that_is_not_there() -> None:

@@ -23,7 +23,7 @@ def oracle(name, **inputs):
 @cache
 def vectors(name):
     """Inputs and expectations of all small cases of an operation; large ones have no other arithmetic than these."""
-    return {case.id: case.run() for case in of_operation(name) if case.level != "full" and CAPACITY not in case.flags}
+    return {case.id: case.run() for case in of_operation(name) if case.tier != "full" and CAPACITY not in case.flags}
 
 
 def nearest(x):

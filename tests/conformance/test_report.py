@@ -30,10 +30,10 @@ from gsvc_ref.errors import UsageError
 EVIL = '<script>alert("&")</script>'
 
 
-def result(slug, outcome="pass", operation="scale", level="core", ratio=0.5, **changes) -> Result:
+def result(slug, outcome="pass", operation="scale", tier="core", ratio=0.5, **changes) -> Result:
     output = OutputResult("scaled", "bounded", outcome == "pass", "", ratio, (2, 1))
     group = OPERATIONS[operation].group
-    return replace(Result(f"{level}/{operation}/{slug}", f"Shows {slug}.", group, outcome, "", (output,)), **changes)
+    return replace(Result(f"{tier}/{operation}/{slug}", f"Shows {slug}.", group, outcome, "", (output,)), **changes)
 
 
 RESULTS = [
@@ -42,7 +42,7 @@ RESULTS = [
     result("wrong", "fail", ratio=math.inf, message="scaled is inf", causes=("a factor of two",)),
     result("dead", "crash", message="killed by SIGSEGV", log="before\x00\x1b[31m the end", outputs=()),
     result("none", "unsupported", operation="halve", outputs=()),
-    result("ten_bits", "unsupported", operation="paint", level="uncommon", outputs=()),
+    result("ten_bits", "unsupported", operation="paint", tier="uncommon", outputs=()),
     result("eight_bits", operation="paint", ratio=None),
     result("known", "waived", operation="parse", message="bug 12 (waived fail: is 1)"),
     result("fine", operation="parse", ratio=None, seconds=1.5),
@@ -58,13 +58,14 @@ def report(toys) -> Report:
 def test_verdicts(report):
     assert {group.name: group.verdict for group in report.groups()} == {
         "bitstream": "waived",
-        "rendering": "passed",
+        "rendering": "incomplete",
         "training": "failed",
         "quantization": "not claimed",
     }
-    assert report.verdict == "passed: rendering; waived: bitstream; failed: training; not claimed: quantization"
+    assert report.verdict == "waived: bitstream; incomplete: rendering; failed: training; not claimed: quantization"
     assert not report.passed
-    assert replace(report, results=RESULTS[4:]).passed
+    assert replace(report, results=RESULTS[6:]).passed
+    assert not replace(report, results=RESULTS[4:]).passed
     assert not replace(report, results=RESULTS[4:6]).passed
 
 

@@ -2,6 +2,7 @@
 
 import sys
 import types
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from toy_operations import INPUTS, REFERENCE, good_program, judge, module, outco
 
 from conformance.implementations import ModuleImplementation, from_namespace, load_module
 from conformance.process import ProcessImplementation
-from conformance.vector_folder import Selection
+from conformance.runner import judge_outputs
+from conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref.errors import UsageError
 
 
@@ -22,7 +24,7 @@ def test_the_reference_passes(folder):
     assert report.passed
 
 
-def test_vectors_come_by_level_and_then_in_the_order_of_the_operations(folder):
+def test_vectors_come_by_tier_and_then_in_the_order_of_the_operations(folder):
     order = [result.id for result in judge(folder, module()).results]
     assert order[:2] == ["core/parse/three_bytes", "core/paint/odd_size"]
     assert [name.split("/")[0] for name in order] == ["core"] * 5 + ["uncommon"] * 2 + ["stress", "faulty"]
@@ -157,7 +159,7 @@ def test_single_numbers_may_be_pythons(folder):
     assert outcomes(report)["core/parse/three_bytes"] == "pass"
 
 
-def test_one_missing_core_vector_makes_a_class_incomplete_and_an_uncommon_one_does_not(folder):
+def test_one_missing_vector_of_any_tier_makes_a_class_incomplete(folder):
     def few_bits(width, height, bit_depth):
         if bit_depth != 8:
             raise NotImplementedError
@@ -168,22 +170,38 @@ def test_one_missing_core_vector_makes_a_class_incomplete_and_an_uncommon_one_do
             raise NotImplementedError
         return toy_operations.paint(width, height, bit_depth)
 
-    assert verdicts(judge(folder, module(paint=few_bits)))["rendering"] == "passed"
-    report = judge(folder, module(paint=no_odd_sizes))
-    assert verdicts(report)["rendering"] == "incomplete"
-    assert "without part of paint (1 vector)" in next(g.reason for g in report.groups() if g.name == "rendering")
-    assert not report.passed
+    for paint in (few_bits, no_odd_sizes):
+        report = judge(folder, module(paint=paint))
+        assert verdicts(report)["rendering"] == "incomplete"
+        reason = next(group.reason for group in report.groups() if group.name == "rendering")
+        assert "without part of paint (1 vector)" in reason
+        assert not report.passed
 
 
-def test_an_uncommon_stream_may_be_refused_as_unsupported_and_as_nothing_else(folder):
-    for error, outcome in (("unsupported R-6.1-2 40", "unsupported"), ("malformed", "fail"), ("limit", "fail")):
+@pytest.mark.parametrize(
+    ("level", "error", "count", "outcome"),
+    [
+        (2, "unsupported R-5-6 88", 0, "unsupported"),
+        (3, "unsupported R-5-6 88", 0, "fail"),
+        (2, "unsupported R-5-6 88", 3, "fail"),
+        (2, "limit R-5-1 88", 0, "fail"),
+        (2, "malformed", 0, "fail"),
+    ],
+)
+def test_only_a_stream_above_the_level_may_be_refused_as_unsupported_and_without_frames(
+    folder, level, error, count, outcome
+):
+    vector = next(VectorFolder(folder).read(["core/parse/three_bytes"]))
+    vector = replace(vector, manifest={**vector.manifest, "level": 3})
+    result = judge_outputs(vector, {"count": np.asarray(count, "<i8"), "error": error}, level=level)
+    assert result.outcome == outcome
+    assert (result.level, result.tier) == (3, "core")
 
-        def parse(stream, error=error):
-            return {"count": np.asarray(0), "error": error} if not stream else toy_operations.parse(stream)
 
-        report = judge(folder, module(parse=parse))
-        assert outcomes(report)["uncommon/parse/empty"] == outcome
-        assert verdicts(report)["bitstream"] == ("passed" if outcome == "unsupported" else "failed")
+def test_a_right_answer_above_the_level_is_a_pass(folder):
+    vector = next(VectorFolder(folder).read(["faulty/parse/bad_letter"]))
+    vector = replace(vector, manifest={**vector.manifest, "level": 3})
+    assert judge_outputs(vector, toy_operations.parse(b"xyz")).outcome == "pass"
 
 
 def test_rule_and_bit_of_a_refusal_are_judged_for_the_projects_own_only(folder):
@@ -210,7 +228,7 @@ def test_a_skipped_vector_is_not_run_and_its_class_not_passed(folder):
     report = judge(folder, module(scale=None), skips={"core/scale/by_two": "slow"})
     assert outcomes(report)["core/scale/by_two"] == "skipped"
     report = judge(folder, module(), skips={"core/scale/by_two": "slow"})
-    assert verdicts(report)["training"] == "waived"
+    assert verdicts(report)["training"] == "incomplete"
 
 
 def test_the_worst_ratio_and_its_place(folder):

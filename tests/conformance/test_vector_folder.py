@@ -28,8 +28,8 @@ def test_missing_or_empty_vectors_are_refused(toys, tmp_path):
 def test_selections(folder):
     vectors = VectorFolder(folder)
     assert len(vectors.select(Selection())) == len(INPUTS)
-    assert len(vectors.select(Selection(levels=("uncommon",)))) == 2
-    assert vectors.select(Selection(groups=("training",), levels=("stress",))) == ["stress/scale/nothing"]
+    assert len(vectors.select(Selection(tiers=("uncommon",)))) == 2
+    assert vectors.select(Selection(groups=("training",), tiers=("stress",))) == ["stress/scale/nothing"]
     assert vectors.select(Selection(patterns=("by_*",))) == ["core/scale/by_a_third", "core/scale/by_two"]
     assert vectors.select(Selection(patterns=("*/halve/*",))) == ["core/halve/one_to_six"]
     with pytest.raises(UsageError, match="case nothing_like_it"):
@@ -145,7 +145,7 @@ def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkey
         (b"no sum\n", "SHA256SUMS is damaged"),
         (
             b"0  core/scale/../manifest.json\n",
-            "core/scale/.. is a vector of a level or operation that this kit does not",
+            "core/scale/.. is a vector of a tier or operation that this kit does not",
         ),
         (b"0  core/scale/.hidden/manifest.json\n", "core/scale/.hidden is a vector"),
         (b"0  /core/scale/manifest.json\n", "/core/scale is a vector"),

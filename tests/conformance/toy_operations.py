@@ -87,10 +87,10 @@ INPUTS: dict[str, Values] = {
 
 
 def case_of(name: str) -> Case:
-    level, operation, slug = name.split("/")
-    fault = Fault("an x", "any other letter") if level == "faulty" else None
+    tier, operation, slug = name.split("/")
+    fault = Fault("an x", "any other letter") if tier == "faulty" else None
     title, generator = f"The vector {slug}.", "toy_operations.py:INPUTS"
-    return Case(name, level, OPERATIONS[operation], title, "", (), (), (), fault, generator, lambda: None, {})
+    return Case(name, tier, OPERATIONS[operation], title, "", (), (), (), fault, generator, lambda: None, {})
 
 
 def write_vectors(folder: Path) -> Path:

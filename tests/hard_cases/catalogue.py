@@ -32,7 +32,7 @@ class HardCase:
     Attributes
     ----------
     vector
-        Its id, ``level/operation/slug``.
+        Its id, ``tier/operation/slug``.
     danger
         What could go wrong: one sentence.
     condition

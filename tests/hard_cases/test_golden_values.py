@@ -5,7 +5,7 @@ from math import prod
 import numpy as np
 import pytest
 
-from conformance.case import LEVELS, of_operation
+from conformance.case import TIERS, of_operation
 from conformance.expectations import Bounded
 from gsvc_ref.draws import Draws
 from tests.hard_cases.oracle import losses, metrics, quantization, rendering, training
@@ -41,7 +41,7 @@ def work(inputs):
 def test_expected_values_are_the_true_ones_rounded_once(operation):
     compared = 0
     for case in of_operation(operation):
-        if case.level not in LEVELS or compared > 300:
+        if case.tier not in TIERS or compared > 300:
             continue
         inputs = next(case.function(**case.arguments, **({} if case.seed is None else {"rng": Draws(case.seed)})))
         if work(inputs) > WORK.get(operation, 400) or any(np.size(value) == 0 for value in inputs.values()):

@@ -45,10 +45,10 @@ def vectors(*, kills: bool = False) -> str:
 
 def some_names() -> list[str]:
     """Every fifth vector that is not large: the large ones take two thirds of the time of all."""
-    from conformance.case import LEVELS, cases
+    from conformance.case import TIERS, cases
     from conformance.cases import CAPACITY
 
-    return [name for name, case in cases().items() if case.level in LEVELS and CAPACITY not in case.flags][::5]
+    return [name for name, case in cases().items() if case.tier in TIERS and CAPACITY not in case.flags][::5]
 
 
 def some_vectors() -> str:

@@ -46,7 +46,7 @@ globalThis.GSVC ??= {};
   /**
    * The vectors among files: a FileList of <input type="file" webkitdirectory>, or what droppedFiles gives.
    *
-   * The folder may be vectors/, one that holds it, or a level of it.
+   * The folder may be vectors/, one that holds it, or a tier of it.
    */
   async function vectorsAmong(files) {
     const byPath = new Map();
