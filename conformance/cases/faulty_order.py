@@ -32,6 +32,7 @@ def order_faults() -> Iterator[Broken]:
     yield from _chunks()
     yield from _headers()
     yield from _frames()
+    yield from _covered()
     yield from _planes()
     yield from _ends()
 
@@ -122,6 +123,46 @@ def _frames() -> Iterator[Broken]:
                  lambda: flat(513, *huge, wrong, width=256, height=256, parameter_checksum_flag=True))  # fmt: skip
     yield _first("R-6.2-3", "R-6.4-3", "malformed", "checksum", "the checksum is wrong, and a byte left over",
                  lambda: overview(wrong, longer, parameter_checksum_flag=True))  # fmt: skip
+
+
+def _covered() -> Iterator[Broken]:
+    """What a later rule of the same kind would refuse, too: a fault of another kind stands between, so kinds tell."""
+    raw_plane = Lie("position_high[x].symbol", [0x34, 0x7C, 0x34])
+    positions = {
+        "next_axis_not_a_number": ("an x is NaN", 0, overview, Lie("position_high[x].symbol", 0x7E)),
+        "next_axis_of_a_splat": ("the second of three x is infinite", 0, _three_splats, raw_plane),
+        "next_axis_of_differences": ("a difference of x is infinite", 1, overview,
+                                     Lie("position_high[x].symbol", 0x7C, 1)),
+    }  # fmt: skip
+    for what, (lie, block, of, position) in positions.items():
+        yield _first("R-6.5-7", "R-6.6-1", "invalid", what, f"{lie}, and the high plane of y of mode 3",
+                     partial(of, position, Lie("position_high[y].plane_mode", 3, block)), complete=block)  # fmt: skip
+    code = Lie("cholesky_code[l11].plane_mode", 3)
+    y = Lie("position_high[y].symbol", 0xFC)
+    yield _first("R-6.5-7", "R-6.6-1", "invalid", "cholesky_code", "a y is -infinity, and the plane of l11 of mode 3",
+                 partial(overview, y, code))  # fmt: skip
+    for name, said, value in (("scale", "infinite", float("inf")), ("offset", "NaN", float("nan"))):
+        yield _first("R-3.1-2", "R-6.6-1", "invalid", f"cholesky_code_{name}",
+                     f"cholesky_{name} is {said}, and the plane of l11 of mode 3",
+                     partial(overview, Lie(f"cholesky_{name}", [value]), code))  # fmt: skip
+    none = Lie("codeword_count", 0), Lie("codeword", "")
+    yield _first("R-6.5-6", "R-6.6-1", "invalid", "color_index", "codeword_count is 0, and plane_mode of the indices 3",
+                 partial(overview, *none, Lie("color_index[1].plane_mode", 3)))  # fmt: skip
+    yield _first("R-6.6-3", "R-3.1-3", "invalid", "frequency", "table_bits is 0, a frequency begins with 17 zero bits",
+                 partial(rich, Lie("table_bits", 0), Lie("frequency", "0" * 17 + "1" * 40)))  # fmt: skip
+    yield _first("R-6.6-2", "R-6.2-3", "invalid", "last_symbol", "first_symbol is 7 of 5, and last_symbol is cut",
+                 _cut_behind_first_symbol)  # fmt: skip
+
+
+def _three_splats(*lies: Lie) -> bytes:
+    return write_stream(HEADER, [FrameCodes.intra_frame(intra_block(3))], index=False, lies=lies)
+
+
+def _cut_behind_first_symbol() -> bytes:
+    """An I-frame whose last plane is of mode 2 and ends in the middle of `last_symbol`, the last of 17 bits."""
+    intra = FrameCodes.intra_frame(intra_block(4, books=BOOKS[:1]))
+    coded = Lie("color_index[1].plane_mode", "10" + "00001" + "0000" + "111" + "10"), Lie("color_index[1].symbol", "")
+    return write_stream(HEADER, [intra], index=False, lies=coded)
 
 
 def _planes() -> Iterator[Broken]:

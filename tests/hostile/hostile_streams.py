@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
@@ -69,10 +70,18 @@ def raw(symbol: int, width: int, count: int) -> bytes:
     return ((0b01 << width * count | (1 << width * count) - 1) << (8 * size - bits)).to_bytes(size, "big")
 
 
-def block(count: int, *, factor: Factor = DOT, at: tuple[int, int] = (0, 0), long: bool = True) -> bytes:
+def block(
+    count: int,
+    *,
+    factor: Factor = DOT,
+    at: tuple[int, int] = (0, 0),
+    long: bool = True,
+    stages: int = STAGES,
+    codewords: int = CODEWORDS,
+) -> bytes:
     """A splat block: positions are two patterns of binary16 for all splats, in raw planes (of zeros) if `long`.
 
-    Every splat has the same `factor`, and colour 0.
+    Every splat has the same `factor`, and colour 0, from `stages` codebooks of `codewords` each.
     """
 
     def plane(width: int) -> bytes:
@@ -83,9 +92,9 @@ def block(count: int, *, factor: Factor = DOT, at: tuple[int, int] = (0, 0), lon
         parts += [plane(8) if byte == 0 else constant(byte, 8) for byte in divmod(pattern, 256)]
     for value in factor:
         parts += [np.array([1, value], "<f4").tobytes(), plane(CHOLESKY_BITS)]
-    parts.append(bytes([STAGES]))
-    parts += [CODEWORDS.to_bytes(2, "little") + bytes(6 * CODEWORDS) for _ in range(STAGES)]
-    parts += [plane(10) for _ in range(STAGES)]
+    parts.append(bytes([stages]))
+    parts += [codewords.to_bytes(2, "little") + bytes(6 * codewords) for _ in range(stages)]
+    parts += [plane((codewords - 1).bit_length()) for _ in range(stages)]
     return b"".join(parts)
 
 
@@ -94,10 +103,11 @@ def intra(number: int, count: int, **options: object) -> bytes:
     return chunk("I", encode_uv(number), encode_uv(count), block(count, **options) if count else b"")  # type: ignore[arg-type]
 
 
-def predicted(number: int, count: int, *, long: bool = True) -> bytes:
-    """A P-frame in which all `count` splats stay and every attribute has a difference, which is 0."""
+def predicted(number: int, count: int, *, long: bool = True, **options: int) -> bytes:
+    """A P-frame in which all `count` splats stay and every attribute has a difference, which is 0; see `block`."""
     survivors = raw(1, 1, count) if long else constant(1, 1)
-    return chunk("P", encode_uv(number), encode_uv(0), survivors, block(count, factor=(0, 0, 0), long=long))
+    differences = block(count, factor=(0, 0, 0), long=long, **options)
+    return chunk("P", encode_uv(number), encode_uv(0), survivors, differences)
 
 
 def repeated(number: int) -> bytes:
@@ -147,6 +157,12 @@ def cases(level: int) -> dict[str, Case]:
         count = most.splats
         return frames(head, lambda: intra(0, count), lambda: predicted(1, count), lambda: predicted(2, count))
 
+    def few_bytes(number: int) -> bytes:
+        """Most splats, off the screen, in the fewest bytes."""
+        options: dict[str, Any] = {"long": False, "stages": 1, "codewords": 1}
+        aside = (half(1), half(1))
+        return predicted(number, most.splats, **options) if number else intra(0, most.splats, at=aside, **options)
+
     # Splats of one row through all strips: e_y below half a pixel, y in the middle of a row.
     rows_width = most.work // most.splats
     rows_head = header(level, rows_width, most.pixels // rows_width)
@@ -178,6 +194,7 @@ def cases(level: int) -> dict[str, Case]:
 
     return {
         "splats": Case(small, splats(small)),
+        "splats in few bytes": Case(small, frames(small, *(partial(few_bytes, number) for number in range(4)))),
         "splats on a picture": Case(deep, splats(deep)),
         "pictures": Case(deep, frames(deep, lambda: intra(0, 0), lambda: repeated(1), lambda: intra(2, 0))),
         "tall picture": Case(tall, frames(tall, lambda: intra(0, 1, factor=(9, 0, 9)), lambda: predicted(1, 1))),

@@ -23,6 +23,11 @@ def huge(*lies: Lie) -> Callable[[], bytes]:
     return lambda: write_stream(head, rich_frames(), lies=lies)
 
 
+def one_frame(*lies: Lie) -> Callable[[], bytes]:
+    """A stream of one frame."""
+    return lambda: write_stream(replace(RICH_HEADER, level=5), rich_frames()[:1], lies=lies)
+
+
 def area(splats: int) -> Callable[[], bytes]:
     """Splats that fill a frame of 2^17 pixels each: the level allows 2^8."""
     everything = (1e6, 0.0, 1e6)
@@ -61,6 +66,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "entry_count": (huge(Lie("entry_count", 2**32 - 1)), "R-6.2-3"),
     "index_length": (huge(Lie("index_length", 2**32 - 1)), "R-6.8-2"),
     "frame_count": (huge(Lie("frame_count", 2**32 - 1, 1)), "R-6.8-1"),
+    "frame_count of the header": (one_frame(Lie("frame_count", 2**32 - 1)), "R-6.3-2"),
 }
 
 

@@ -7,12 +7,17 @@ groups: that makes it 17 c r + 128.
 """
 
 import io
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_ref.arrays import I8, U2
+from gsvc_ref.bitstream import LEVELS
+from gsvc_ref.bitstream.rans import decode_kernel
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.rendering.fast.binning import Binning, windows_of
 from gsvc_ref.rendering.fast.projection import row_range
@@ -20,7 +25,19 @@ from gsvc_ref.rendering.fast.tiles import ROWS, TILE_WIDTH
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import splat_sets
-from tests.hostile.hostile_streams import chunk, encode_uv, end, header, intra, opening, repeated
+from tests.hostile.hostile_streams import (
+    CHOLESKY_BITS,
+    STAGES,
+    chunk,
+    encode_uv,
+    end,
+    half,
+    header,
+    intra,
+    opening,
+    predicted,
+    repeated,
+)
 
 PIXELS_PER_WORK = 16
 PIXELS_PER_SPLAT = 64
@@ -146,3 +163,47 @@ def test_an_index_is_read_once() -> None:
     assert len(list(StreamReader(file))) == 1
     assert file.bytes == len(data)
     assert file.reads <= 40
+
+
+def test_splats_off_the_screen_are_no_pixels() -> None:
+    """60 bytes stand for as many splats as a level allows; they are decoded, and not one is listed for a tile."""
+    for level in (1, 2):
+        count = LEVELS[level].splats
+        options: dict[str, Any] = {"long": False, "stages": 1, "codewords": 1}
+        aside = intra(0, count, at=(half(1), half(1)), **options)
+        moved = predicted(1, count, **options)
+        assert len(moved) < 60
+        frames = list(StreamReader(b"".join([opening(header(level, 16, 16)), aside, moved, end(2)])))
+        assert [len(frame.splats) for frame in frames] == [count, count]
+        assert rendering_work(frames[1].splats, 16, 16) == 0
+        assert pixels_added(frames[1].splats, 16, 16) == (0, 0)
+
+
+def coded(symbol: int, width: int) -> bytes:
+    """A coded plane of one symbol of `width` bits, with a table of 2^16 slots; the lane needs no word."""
+    first = min(symbol, (1 << width) - 2)
+    bits = "10" + f"{1:05b}" + f"{0:04b}" + f"{first:0{width}b}" + f"{first + 1:0{width}b}" + "010" * 2
+    table = int(bits.ljust(-(-len(bits) // 8) * 8, "0"), 2).to_bytes(-(-len(bits) // 8), "big")
+    state = (2 << 16) + ((symbol - first) << 15)
+    return table + encode_uv(0) + state.to_bytes(4, "little")
+
+
+def test_tables_of_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dozen bytes make a table of 2^16 slots: a P-frame has at most 31 of them, one after the other."""
+    slots: list[int] = []
+
+    def counted(frequencies: I8, first: int, precision: int, states: I8, words: U2, symbols: U2) -> int:
+        slots.append(1 << precision)
+        return decode_kernel(frequencies, first, precision, states, words, symbols)
+
+    monkeypatch.setattr("gsvc_ref.bitstream.planes.decode_kernel", counted)
+    positions = [coded(0, 8)] * 4
+    numbers = np.array([1, 0.01], "<f4").tobytes()
+    codebooks = bytes([STAGES]) + ((2).to_bytes(2, "little") + bytes(12)) * STAGES
+    full = b"".join([b"\xf8", *positions, *[numbers + coded(0, CHOLESKY_BITS)] * 3, codebooks, *[coded(0, 1)] * STAGES])
+    frame = chunk("P", encode_uv(1), encode_uv(1), coded(1, 1), full, full)
+    head = replace(header(1, 16, 16), entropy_precision=16, lane_count=1)
+    data = b"".join([opening(head), intra(0, 1, long=False), frame, end(2)])
+    assert [len(decoded.splats) for decoded in StreamReader(data)] == [1, 2]
+    assert slots == [1 << 16] * 31
+    assert max(len(coded(0, width)) for width in (1, 8, CHOLESKY_BITS)) == 11

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.errors import ERROR_KINDS, GsvcError
@@ -60,18 +60,23 @@ def uv(data: bytes, at: int) -> tuple[int, int]:
 
 
 def declared_splats(data: bytes) -> int:
-    """The splats that all frames of a stream declare together: a bound of what decoding it costs."""
-    at, total, checksum_size = PREFIX_SIZE, 0, 0
+    """The splats that all frames of a stream declare together: a bound of what decoding it costs.
+
+    Frames that declare more than their level allows are left out: they are refused at once.
+    """
+    at, total, checksum_size, most = PREFIX_SIZE, 0, 0, 0
     while at < len(data):
         chunk_type = data[at : at + 1]
         size, at = uv(data, at + 1)
         payload = data[at : at + size]
         at += size + 4
-        if chunk_type == b"H" and total == 0:
-            checksum_size = 4 * (len(payload) > 2 and payload[2] & 1)
+        if chunk_type == b"H" and most == 0 and len(payload) > 2:
+            most = LEVELS[payload[1]].splats if payload[1] in LEVELS else 0
+            checksum_size = 4 * (payload[2] & 1)
         if chunk_type in b"IP":
             _, behind = uv(payload, 0)
-            total += uv(payload, behind + checksum_size)[0]
+            declared, _ = uv(payload, behind + checksum_size)
+            total += declared if declared <= most else 0
     return total
 
 

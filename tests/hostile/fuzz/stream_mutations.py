@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import Element, encode_uv
 from gsvc_ref.testing import join_chunks
@@ -19,10 +20,14 @@ MAX_BYTES: Final = 4096
 
 BYTES: Final = (0, 1, 2, 0x3F, 0x40, 0x7B, 0x7C, 0x7F, 0x80, 0x81, 0xC0, 0xFE, 0xFF)
 COUNTS: Final = (0, 1, 2, 3, 5, 63, 64, 127, 128, 255, 256, 1 << 14, (1 << 14) + 1, 1 << 20, 1 << 28, (1 << 32) - 1)
+LENGTHS: Final = (*COUNTS, *(limits.payload + 1 for limits in LEVELS.values()))
 FLOATS: Final = tuple(
     np.array([0, -0.0, 1, -1, 2.0**-149, 2.0**-126, -(2.0**-126), 1e30, -1e30, 3.4e38, -3.4e38, np.inf, np.nan], "f4")
 )
-LETTERS: Final = tuple(bytes([code]) for code in b"HIPREx" + b"IIPPRabzBZ1\x00\xe9")
+LETTERS: Final = tuple(bytes([code]) for code in b"HIPREx" + b"IIPPRabzABBBXZ1@[`{\x00\xe9")
+CROWDED_SIZE: Final = 512, 256
+"""Width and height of as many pixels as level 1 allows."""
+
 UV_ELEMENTS: Final = ("frame_number", "splat_count", "new_splat_count", "word_count", "entry_count")
 CONTAINER_ELEMENTS: Final = ("magic", "version_major", "version_minor", "chunk_type", "chunk_length", "chunk_crc")
 
@@ -101,6 +106,30 @@ def _overwritten(data: bytes, element: Element, rng: Random) -> bytes:
     return with_bits(data, bit, size, said)
 
 
+def crowded(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
+    """More large splats than the level's rendering work allows, where planes are of one symbol for so many."""
+    found = elements(data)
+    counts = found.get(rng.choice(("splat_count", "new_splat_count")), [])
+    blocks = list(zip(*(found.get(f"{name}.cholesky_offset", []) for name in ("l11", "l22")), strict=False))
+    if not counts or not blocks:
+        return data
+    width, height = CROWDED_SIZE
+    changed = with_bits(data, found["width"][0].bit, 16, _bits_of(width.to_bytes(2, "little")))
+    changed = with_bits(changed, found["height"][0].bit, 16, _bits_of(height.to_bytes(2, "little")))
+    for element in rng.choice(blocks):
+        changed = with_bits(changed, element.bit, 32, _bits_of(np.float32(1e6).tobytes()))
+    changed = with_checksums(changed, data)
+    count = LEVELS[found["level"][0].value].work // (width * height) + 1
+    for element in reversed(counts):  # so that those before keep their places
+        first = element.bit // 8
+        changed = with_part_of_payload(changed, first, first + _uv_size(data, first), encode_uv(count))
+    return changed
+
+
+def _bits_of(data: bytes) -> int:
+    return int.from_bytes(data, "big")
+
+
 def payload_changed(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     """Bytes of one payload are set, flipped, put in, taken out or copied."""
     parts = split(data)
@@ -150,6 +179,20 @@ def chunks_changed(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     else:
         chunks[place:place] = rng.sample(more := split(rng.choice(others)).chunks, min(len(more), rng.randrange(1, 4)))
     return parts.joined(chunks)
+
+
+def framing_changed(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
+    """One chunk claims another length, or has another checksum; those of all others are right."""
+    parts = split(data)
+    if not parts.chunks:
+        return bytes_changed(data, rng, others)
+    number = rng.randrange(len(parts.chunks))
+    first, end = (len(join_chunks(parts.chunks[:n], prefix=parts.prefix)) for n in (number, number + 1))
+    changed = parts.joined()
+    if rng.randrange(2):
+        length = uv(changed, first + 1)[1]
+        return changed[: first + 1] + encode_uv(rng.choice(LENGTHS)) + changed[length:]
+    return changed[: end - 4] + _edited(changed[end - 4 : end], rng)[:4].ljust(4, b"\0") + changed[end:]
 
 
 def renumbered(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
@@ -202,6 +245,8 @@ MUTATIONS: Final[dict[Mutation, int]] = {
     chunks_changed: 14,
     renumbered: 12,
     plane_recoded: 6,
+    crowded: 2,
+    framing_changed: 5,
     bytes_changed: 3,
     cut: 2,
     concatenated: 2,
@@ -210,14 +255,18 @@ MUTATIONS: Final[dict[Mutation, int]] = {
 """Mutations of streams and how likely they are."""
 
 
-LOOKING: Final = (element_changed, plane_recoded)
+LOOKING: Final = (element_changed, plane_recoded, crowded)
 """Mutations that need to know the elements, which takes time if the stream is not one to begin with."""
+
+
+LAST: Final = (framing_changed, bytes_changed, cut)
+"""Mutations that another one behind them would mend, because it makes chunks whole again."""
 
 
 def mutate_stream(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     """One to four mutations of a stream; `others` give parts. The elements are looked up in `data` as it comes."""
     several = rng.choices(list(MUTATIONS), list(MUTATIONS.values()), k=rng.choice((1, 1, 2, 2, 3, 4)))
-    several.sort(key=lambda mutation: mutation not in LOOKING)
+    several.sort(key=lambda mutation: (mutation not in LOOKING, mutation in LAST))
     for number, mutation in enumerate(several):
         if mutation not in LOOKING or number == 0:
             data = mutation(data, rng, others)
