@@ -15,6 +15,7 @@ from typing import Final, NoReturn
 from gsvc_ref import __version__, plugins
 from gsvc_ref.cli.compare import add_command as add_compare
 from gsvc_ref.cli.decode import add_command as add_decode
+from gsvc_ref.cli.dump import add_command as add_dump
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
@@ -38,7 +39,7 @@ def build_parser() -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for add_command in (add_encode, add_decode, add_info, add_compare, *plugins.commands()):
+    for add_command in (add_encode, add_decode, add_info, add_dump, add_compare, *plugins.commands()):
         add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser
