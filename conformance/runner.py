@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from conformance.diagnosis.streams import elements_named
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
 from conformance.names import with_names
@@ -182,7 +183,9 @@ def judge_outputs(vector: Vector, outputs: Values, in_full: bool = False, second
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
-    message = "; ".join(f"output {output.name} {output.message}" for output in wrong)
+    message = "; ".join(
+        f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
+    )
     result = _result(vector, "fail", message, judged, seconds)
     return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
 
@@ -205,6 +208,12 @@ def _refused(expectation: Expectation, actual: object) -> str:
     expected, given = expectation.value.split(), actual.split()[:3]
     same = sum(expected[:n] == given[:n] for n in (1, 2, 3))
     return REFUSED[3 - same] if expected else ""
+
+
+def _elements(vector: Vector, name: str, outputs: Values) -> str:
+    """The elements of a stream that a wrong refusal and the right one are about."""
+    expectation = vector.expected[name]
+    return elements_named(vector, outputs[name], expectation.value) if isinstance(expectation, Refusal) else ""
 
 
 def _legal_refusal(vector: Vector, outputs: Values) -> str:

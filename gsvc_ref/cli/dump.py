@@ -28,7 +28,7 @@ def add_command(commands: Any) -> None:
     parser = commands.add_parser(
         "dump",
         help="list the syntax elements of a .gsvc file, also of a damaged one",
-        description="List the syntax elements of a .gsvc file by their names in spec.md, up to its fault if it has one.",
+        description="List the syntax elements of a .gsvc file by their names in spec.md, as far as it is sound.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
