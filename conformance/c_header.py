@@ -63,9 +63,10 @@ def _ranges() -> Macros:
         name = element.get("heading")
         if name is not None and name not in done:
             done.add(name)
-            ends = {end[:3].upper(): element.get(end) for end in ("minimum", "maximum")}
-            if all(isinstance(value, int) for value in ends.values()):
-                yield from ((f"{_identifier(name)}_{end}", _integer(value), "") for end, value in ends.items())
+            lowest, highest = element.get("minimum"), element.get("maximum")
+            if isinstance(lowest, int) and isinstance(highest, int):
+                yield f"{_identifier(name)}_MIN", _integer(lowest), ""
+                yield f"{_identifier(name)}_MAX", _integer(highest), ""
 
 
 def _values() -> Macros:
