@@ -6,7 +6,7 @@ BIN    := .venv/bin
 WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters clean
+.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters kaitai clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -69,6 +69,11 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
 	$(BIN)/python -m conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
 		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
+
+kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all vectors with it and draw docs/gsvc.svg (npm, node and graphviz)
+	npm install --silent --no-fund --no-audit --prefix .venv/kaitai kaitai-struct-compiler@0.11.0 js-yaml@5.5.0
+	$(BIN)/python -m pytest tests/kaitai
+	$(BIN)/python -m tests.kaitai.diagram
 
 report = --quiet --show 3 --json docs/reports/$(1).json --html docs/reports/$(1).html
 

@@ -22,6 +22,7 @@ COMMANDS: Final = {
     "compare": "show several reports beside each other, an operation a row",
     "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",
+    "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",
     "mutants": "check the suite: every mutant must be found",

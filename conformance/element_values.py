@@ -66,7 +66,7 @@ def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[[Ele
         if name == "frame_number_step, offset_step":
             _note(found, "frame_number_step", element.value[:, 0])
             _note(found, "offset_step", element.value[:, 1])
-        elif name not in IGNORED:
+        elif name not in IGNORED and element.value is not None:
             value = element.value
             end = " (end)" if (element.category, name) == ("end", "frame_count") else ""
             _note(found, name + end, int.from_bytes(value, "little") % 2**63 if isinstance(value, bytes) else value)

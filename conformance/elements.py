@@ -8,11 +8,12 @@ values; so do `reference_count` and `survivor_count`, on which the presence of o
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from conformance.element_values import Number, Values, plane_values, used, values
 from conformance.spec import namespace
 from conformance.vectors import VECTORS, read
+from gsvc_ref.syntax import named
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")
@@ -63,6 +64,15 @@ class Syntax:
         return found
 
 
+def _stated(name: str, **others: Any) -> Syntax:
+    """An element with the range that spec.md states; an end that is another element is the greatest value of that."""
+    about = named()[name]
+    lowest, highest = about.get("minimum"), about.get("maximum")
+    if isinstance(highest, str):
+        highest = next(e["maximum"] for e in named().values() if highest in (e["name"], e.get("symbol")))
+    return Syntax(lowest, highest, **others)
+
+
 def _flag() -> Syntax:
     return Syntax(0, 1, absent=("splat_count", 0))
 
@@ -93,31 +103,31 @@ ELEMENTS: Final[Mapping[str, Syntax]] = {
     "parameter_checksum": Syntax(absent=("flags", 0)),
     "splat_count": Syntax(0, 1 << 22, refused=((1 << 14) + 1, (1 << 22) + 1, MOST)),
     "new_splat_count": Syntax(0, 1 << 22, refused=((1 << 14) + 1, MOST)),
-    "survivor_map": Syntax(0, 1, absent=("reference_count", 0)),
+    "survivor_map": _stated("survivor_map", absent=("reference_count", 0)),
     "positions_present": _flag(),
     "cholesky_present": _flag(),
     "quantizer_present": _flag(),
     "colors_present": _flag(),
     "codebooks_present": _flag(),
-    "block_reserved": Syntax(0, 0, refused=(1, 2, 4)),
+    "block_reserved": _stated("block_reserved", refused=(1, 2, 4)),
     "position_high": Syntax(0, 0xFB, absent=("positions_present", 0)),
     "position_low": Syntax(0, 255, absent=("positions_present", 0)),
     "cholesky_scale": Syntax(TINY, absent=("quantizer_present", 0), refused=(0.0, -1.0, TINY - 2.0**-149)),
     "cholesky_offset": Syntax(absent=("quantizer_present", 0)),
     "cholesky_code": Syntax(0, 4095, absent=("cholesky_present", 0)),
-    "stage_count": Syntax(1, 8, absent=("codebooks_present", 0), refused=(0, 2)),
-    "codeword_count": Syntax(1, 1024, absent=("codebooks_present", 0), refused=(0, 5)),
+    "stage_count": _stated("stage_count", absent=("codebooks_present", 0), refused=(0, 2)),
+    "codeword_count": _stated("codeword_count", absent=("codebooks_present", 0), refused=(0, 5)),
     "codeword": Syntax(-HALF, HALF, absent=("codebooks_present", 0)),
     "color_index": Syntax(0, 1023, absent=("colors_present", 0)),
-    "plane_mode": Syntax(0, 2, refused=(3,)),
+    "plane_mode": _stated("plane_mode", refused=(3,)),
     "symbol": Syntax(0, 4095, absent=("plane_mode", 2)),
-    "table_bits": Syntax(1, 16, absent=("plane_mode", 0), refused=(0, 31)),
+    "table_bits": _stated("table_bits", absent=("plane_mode", 0), refused=(0, 31)),
     "golomb_order": Syntax(0, 15, absent=("plane_mode", 0)),
     "first_symbol": Syntax(0, 4094, absent=("plane_mode", 0)),
     "last_symbol": Syntax(1, 4095, absent=("plane_mode", 0)),
     "frequency": Syntax(0, 65535, absent=("plane_mode", 0)),
     "word_count": Syntax(0, absent=("plane_mode", 0), refused=(MOST,)),
-    "lane_state": Syntax(65536, MOST, absent=("plane_mode", 0), refused=(65535, 0)),
+    "lane_state": _stated("lane_state", absent=("plane_mode", 0), refused=(65535, 0)),
     "word": Syntax(absent=("word_count", 0)),
     "entry_count": Syntax(0, absent=("index_length", 0)),
     "frame_number_step": Syntax(0, absent=("entry_count", 0)),

@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from conformance.diagnosis.streams import elements_named
 from conformance.expectations import Expectation, Refusal
 from conformance.implementations import Answer, Failure, Implementation, Unsupported
 from conformance.names import with_names
@@ -189,7 +190,9 @@ def judge_outputs(
         return _result(vector, "pass", "", judged, seconds)
     if vector.level > level and (refusal := _refusal_as_unsupported(vector, outputs)):
         return _result(vector, "unsupported", f"{refusal}: its level is {vector.level}", seconds=seconds)
-    message = "; ".join(f"output {output.name} {output.message}" for output in wrong)
+    message = "; ".join(
+        f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
+    )
     result = _result(vector, "fail", message, judged, seconds)
     return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
 
@@ -220,6 +223,12 @@ def _advice(expectation: Expectation, actual: object, refused: str) -> str:
     if refused != "kind" or not isinstance(expectation, Refusal) or not isinstance(actual, str):
         return ""
     return f"names {actual.split()[1]}, expected {expectation.value.split()[1]}"
+
+
+def _elements(vector: Vector, name: str, outputs: Values) -> str:
+    """The elements of a stream that a wrong refusal and the right one are about."""
+    expectation = vector.expected[name]
+    return elements_named(vector, outputs[name], expectation.value) if isinstance(expectation, Refusal) else ""
 
 
 def _refusal_as_unsupported(vector: Vector, outputs: Values) -> str:

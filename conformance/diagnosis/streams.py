@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 from conformance.diagnosis.failures import Failure
 from conformance.expectations import Refusal
@@ -44,18 +44,21 @@ def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
 
 @lru_cache(maxsize=256)
 def element_at(stream: bytes, bit: int) -> str:
-    """The syntax element of a stream that a bit belongs to, without its plane's number; '' if it is not reached."""
-    from gsvc_ref.errors import GsvcError
-    from gsvc_ref.stream import StreamReader
+    """The syntax element of a stream that a bit belongs to, without its frame and index; '' if it is not reached."""
+    from gsvc_ref.stream.listing import place_of
 
-    names: list[tuple[int, int, str]] = []
+    entry = place_of(stream, bit).entry
+    if entry is None:
+        return ""
+    return f"{entry.name} of {entry.of}" if entry.of else entry.name
 
-    def note(element: Any) -> None:
-        names.append((element.bit, element.bits, element.name))
 
-    try:
-        for _ in StreamReader(stream, trace=note):
-            pass
-    except GsvcError:
-        pass
-    return next((name for first, bits, name in names if first <= bit < first + max(bits, 1)), "")
+def elements_named(vector: Vector, *texts: object) -> str:
+    """The elements at the bits of refusals, in brackets: `` (bit 4255: frequency[3] of color_index 1, frame 0)``."""
+    from gsvc_ref.stream.listing import name_at
+
+    bits = dict.fromkeys(text.split()[2] for text in texts if isinstance(text, str) and len(text.split()) == 3)
+    stream = vector.inputs.get("stream")
+    found = [(bit, name_at(stream, int(bit))) for bit in bits if bit.isdecimal() and isinstance(stream, bytes)]
+    named = "; ".join(f"bit {bit}: {name}" for bit, name in found if name)
+    return f" ({named})" if named else ""

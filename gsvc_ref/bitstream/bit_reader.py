@@ -27,7 +27,7 @@ class Reader(Coder):
     end_rule
         The rule that an element breaks which does not fit: R-6.2-3 in a payload, R-6.2-4 outside.
     trace
-        Called with each `Element` read.
+        Called with each `Element` read, and with the one that cannot be read.
     """
 
     def __init__(
@@ -67,7 +67,13 @@ class Reader(Coder):
         if bits > self.bits_left:
             self._underflow(name, self.position if start is None else start)
 
+    def _note_fault(self, name: str, bit: int, end: int) -> None:
+        """Trace an element that the bits from `bit` to `end` are not."""
+        if self._trace is not None:
+            self._trace(Element(bit, end - bit, self._category, self._prefix + name, None, self.block))
+
     def _underflow(self, name: str, bit: int) -> NoReturn:
+        self._note_fault(name, bit, self.position + self.bits_left)
         if self._end_rule == "R-6.2-3":
             self.fail("R-6.2-3", f"the payload ends inside `{name}`; its elements need more bytes than it has", bit=bit)
         self.fail(self._end_rule, f"the stream ends inside `{name}`: it was cut, or a length is wrong", bit=bit)
@@ -108,9 +114,12 @@ class Reader(Coder):
             value |= (byte & 0x7F) << shift
             if byte < 0x80:
                 break
+        is_too_long = byte == 0 and shift > 0
+        if byte >= 0x80 or value >= UV_LIMIT or is_too_long:
+            self._note_fault(name, start, self.position)
         if byte >= 0x80 or value >= UV_LIMIT:
             self.fail("R-3.1-1", f"`{name}` is 2^32 or more", bit=start)
-        if byte == 0 and shift > 0:
+        if is_too_long:
             self.fail("R-3.1-1", f"`{name}` = {value} is written in more bytes than it needs", bit=start)
         self._record(name, start, value)
         return value
@@ -130,6 +139,7 @@ class Reader(Coder):
         return value
 
     def _golomb_too_long(self, name: str, bit: int) -> NoReturn:
+        self._note_fault(name, bit, bit + GOLOMB_LONGEST + 1)
         self.fail("R-3.1-3", f"`{name}` begins with more than {GOLOMB_LONGEST} zero bits", bit=bit)
 
     def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> Bytes:
@@ -183,8 +193,11 @@ class Reader(Coder):
     def golombs(self, name: str, count: int, order: int, values: I8 | None = None) -> I8:
         """A run of `count` elements `eg(order)`: (count,) i8 (R-3.1-3)."""
         start = self.position
-        read = np.empty(count, np.int64)
+        read = np.full(count, -1, np.int64)
         status, bit = decode_golombs(np.frombuffer(self._data, np.uint8), self._bit, order, read)
+        if status < 0 and read[0] >= 0:
+            self._bit = bit
+            self._record(name, start, read[: int(np.argmin(read))])
         if status == TOO_LONG:
             self._golomb_too_long(name, self.first_bit + bit)
         if status == UNDERFLOW:

@@ -59,7 +59,9 @@ class Element:
     name
         Its name in spec.md, after that of the plane or channel that it is part of, if any.
     value
-        An int, a float, or an array for a run.
+        An int, a float, or an array for a run; None for the element at fault, if what is there is no such element.
+    block
+        The kind of the splat block that it stands in, intra or inter; empty outside of blocks.
     """
 
     bit: int
@@ -67,6 +69,7 @@ class Element:
     category: str
     name: str
     value: Any
+    block: str = ""
 
 
 class Coder(ABC):
@@ -80,6 +83,8 @@ class Coder(ABC):
         Offset in bits, from the start of the stream, of the element coded last.
     first_bit
         Offset in bits, from the start of the stream, of the first element.
+    block
+        The kind of the splat block that is coded; empty outside of blocks.
     """
 
     def __init__(self, first_bit: int = 0, trace: Callable[[Element], None] | None = None) -> None:
@@ -89,6 +94,7 @@ class Coder(ABC):
         self._trace = trace
         self._category = "container"
         self._prefix = ""
+        self.block = ""
 
     @property
     @abstractmethod
@@ -122,7 +128,7 @@ class Coder(ABC):
         size = self.position - start
         self.bits[self._category, name] += size
         if self._trace is not None:
-            self._trace(Element(start, size, self._category, self._prefix + name, value))
+            self._trace(Element(start, size, self._category, self._prefix + name, value, self.block))
 
     @abstractmethod
     def fail(self, rule: str, message: str, *, bit: int | None = None) -> NoReturn:

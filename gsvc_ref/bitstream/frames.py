@@ -108,6 +108,7 @@ def splat_block(
 ) -> SplatBlock:
     """splat_block(count, kind) of spec.md section 6.5, `count` > 0, given what decoders keep for that kind."""
     given = block or NO_BLOCK
+    s.block = kind
     with s.part("frame_header"):
         positions_present = _attribute_flag(s, "positions_present", kind, given.positions is not None)
         cholesky_present = _attribute_flag(s, "cholesky_present", kind, given.cholesky is not None)
@@ -126,6 +127,7 @@ def splat_block(
     if colors_present:
         codebooks = _codebooks(s, header, given.codebooks) if codebooks_present else None
         colors = _colors(s, header, count, codebooks or kept.codebooks or (), given.colors)
+    s.block = ""
     return SplatBlock(positions, cholesky, colors, quantizer, codebooks)
 
 

@@ -16,6 +16,7 @@ from gsvc_ref import __version__, plugins
 from gsvc_ref.cli.compare import add_command as add_compare
 from gsvc_ref.cli.concat import add_command as add_concat
 from gsvc_ref.cli.decode import add_command as add_decode
+from gsvc_ref.cli.dump import add_command as add_dump
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
@@ -39,7 +40,9 @@ def build_parser() -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for add_command in (add_encode, add_decode, add_info, add_compare, add_concat, *plugins.commands()):
+    for add_command in (
+        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, *plugins.commands(),
+    ):  # fmt: skip
         add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser

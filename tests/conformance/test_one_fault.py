@@ -44,11 +44,14 @@ ALIKE: Final = {
     "the same frequencies do not add up to another power of two; r_6_6_3_table_of_13_bits has others": {
         "r_6_6_3_table_bits_13", "r_6_6_3_table_bits_31",
     },
+    "a level that nobody defines is above every claim (R-5-6)": {
+        "r_3_2_1_level_6", "r_3_2_1_level_255", "r_3_2_1_later_version_level_6", "r_3_2_1_before_width",
+    },
     "no index is below a count of 0": {"r_6_5_6_codeword_count_zero"},
     "what was cut cannot be read": {fault.slug for fault in faults() if "_cut_" in fault.slug and not fault.also},
     "the fault that is checked later is of the same kind": {
         "r_6_2_4_before_known_type", "r_6_1_5_before_frame_count", "r_6_4_2_before_frame_number",
-        "r_6_5_4_before_colors_present", "r_6_5_5_before_offset", "r_8_1_before_checksum",
+        "r_5_7_before_i_frame_distance", "r_6_5_4_before_colors_present", "r_6_5_5_before_offset", "r_8_1_before_checksum",
         "r_6_6_2_before_order_of_ends", "r_6_6_3_before_symbols", "r_6_2_3_words_beyond_the_states",
         "r_6_8_1_before_header", "r_6_3_2_before_index_length", "r_6_8_2_before_what_follows",
     },

@@ -107,6 +107,10 @@ def command_info(path: Path) -> None:
     command("info", str(path), "--json")
 
 
+def command_dump(path: Path) -> None:
+    command("dump", str(path))
+
+
 def command_compare(path: Path) -> None:
     command("compare", str(path), str(path), "--no-vmaf", "--quiet")
 
@@ -120,6 +124,7 @@ ENTRIES: Final[dict[str, Callable[[Path], None]]] = {
     "frames(1)": seek,
     "gsvc decode": command_decode,
     "gsvc info": command_info,
+    "gsvc dump": command_dump,
     "gsvc compare": command_compare,
 }
 """Every way into the decoder."""
