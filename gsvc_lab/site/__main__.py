@@ -11,7 +11,9 @@ ROOT = Path(__file__).parents[2]
 def main(arguments: list[str] | None = None) -> int:
     """Write the site and say how to look at it."""
     parser = argparse.ArgumentParser(prog="python -m gsvc_lab.site", description=__doc__)
-    parser.add_argument("--output", type=Path, default=ROOT / "site", help="folder for the site, which is emptied first")
+    parser.add_argument(
+        "--output", type=Path, default=ROOT / "site", help="folder for the site, which is emptied first"
+    )
     folder: Path = parser.parse_args(arguments).output
     try:
         from gsvc_lab.site.build import Site

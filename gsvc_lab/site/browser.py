@@ -7,8 +7,9 @@ from gsvc_lab.site.document import FENCED, Part, Targets
 from gsvc_lab.site.markdown import LinkMap, rendered
 from gsvc_lab.site.syntax import TABLE, articles_of
 
+
 def browser(parts: Sequence[Part], targets: Targets, link_map: LinkMap) -> str:
-    """The two sides as HTML; without scripts all texts stand one below the other, and a click leads to the right one."""
+    """The two sides as HTML; without scripts all texts stand below each other, and a click leads to the right one."""
     articles, places = [], {}
     for heading, anchors, text in articles_of(parts):
         names = [anchor.removeprefix("element-") for anchor in anchors]
@@ -18,15 +19,19 @@ def browser(parts: Sequence[Part], targets: Targets, link_map: LinkMap) -> str:
         inner = re.sub(r' id="[^"]*"', "", re.sub(r'<a class="here".*?</a>', "", inner))
         home = targets.elements[names[0]]
         articles.append(
-            f'<article id="about-{names[0]}" tabindex="-1">{inner}<p class="home"><a href="{home}">In the specification</a></p></article>'
+            f'<article id="about-{names[0]}">{inner}'
+            f'<p class="home"><a href="{home}">In the specification</a></p></article>'
         )
     tables = []
     for part in parts:
         for found in TABLE.finditer(FENCED.sub("", part.text)):
-            tables.append(f'<div id="table-{found[1]}">{_with_links(rendered(found[0], link_map), found[1], places)}</div>')
+            tables.append(
+                f'<div id="table-{found[1]}">{_with_links(rendered(found[0], link_map), found[1], places)}</div>'
+            )
     return (
         f'<div class="browser"><div class="tables">{"".join(tables)}</div>\n'
-        f'<div class="about" aria-live="polite"><p class="hint">Choose an element to read what it means.</p>{"".join(articles)}</div></div>'
+        '<div class="about" aria-live="polite"><p class="hint">Choose an element to read what it means.</p>'
+        f"{''.join(articles)}</div></div>"
     )
 
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from gsvc_lab.site import glance
 from gsvc_lab.site.browser import browser
-from gsvc_lab.site.document import FENCED, Part, Targets, element_names, parts_of, targets_of
+from gsvc_lab.site.document import FENCED, Part, element_names, parts_of, targets_of
 from gsvc_lab.site.markdown import highlighted, rendered
 from gsvc_lab.site.page import Page, documents
 from gsvc_lab.site.references import Linker, with_anchors
@@ -36,6 +36,24 @@ REPORTS: Final = "docs/reports"
 FOLDERS: Final = {VIEWER: "viewer/index.html", REPORTS: "reports.html", "vectors": "coverage.html"}
 SOURCES: Final = (".py", ".toml", ".json", ".js", ".txt", ".css", ".md", ".c", ".h", ".ksy", "")
 """Endings of text files that a link may lead to; the site shows them as pages."""
+
+LEAD: Final = (
+    '<p class="lead">Video as sums of 2D Gaussian splats: each frame’s splats are predicted from the frame before, and what '
+    "is left is coded. Here is what every byte means.</p>"
+)
+CARDS: Final = (
+    ("glance.html", "At a glance", "The layout of a stream in pictures: what stands in what, in how many bits."),
+    ("syntax.html", "Syntax browser", "Every table of the syntax; click an element to read what it means."),
+    ("viewer/index.html", "Viewer", "Watch a stream in this browser, zoom in, follow a splat. It has an example."),
+    (
+        "check-your-implementation.html",
+        "Check your implementation",
+        "From an empty kernel to a green report in an afternoon.",
+    ),
+    ("readme.html", "Encode and decode", "The commands, the Python functions, and what they reach."),
+    ("reports.html", "Reports", "What the conformance kit says about implementations on CPUs and GPUs."),
+    ("coverage.html", "Coverage", "Which vectors hold each rule, each equation and each element."),
+)
 
 
 class Site:
@@ -64,7 +82,9 @@ class Site:
         written = documents(pages)
         for name, text in written.items():
             (folder / name).write_text(text, encoding="utf-8")
-        (folder / "search-index.js").write_text(index([page for page in pages if page.group], self.targets), encoding="utf-8")
+        (folder / "search-index.js").write_text(
+            index([page for page in pages if page.group], self.targets), encoding="utf-8"
+        )
         for name in ("site.css", "site.js"):
             (folder / name).write_text(_own(name), encoding="utf-8")
         for name, target in self.files.items():
@@ -74,7 +94,7 @@ class Site:
         return len(written)
 
     def _copy_viewer(self, folder: Path) -> None:
-        """Copy the viewer as it is, and the scripts outside of its folder that it loads, to the places where it looks for them."""
+        """Copy the viewer, and the scripts outside of its folder to where it looks for them."""
         shutil.copytree(self.root / VIEWER, folder / VIEWER, ignore=shutil.ignore_patterns("*.md", "*.toml"))
         page = (self.root / VIEWER / "index.html").read_text(encoding="utf-8")
         for name in re.findall(r'src="\.\./([^"]+)"', page):
@@ -85,7 +105,13 @@ class Site:
         pages = [self._section(part) for part in self.parts]
         link = self._links_of("spec.md")
         syntax = f'<h1 id="syntax">Syntax</h1>\n{browser(self.parts, self.targets, link)}'
-        first = Page("glance.html", "GSVC at a glance", "Specification", self._linked("glance.html", self._glance()), _inner(self._glance()))
+        first = Page(
+            "glance.html",
+            "GSVC at a glance",
+            "Specification",
+            self._linked("glance.html", self._glance()),
+            _inner(self._glance()),
+        )
         second = Page("syntax.html", "Syntax browser", "Specification", self._linked("syntax.html", syntax), wide=True)
         return [pages[0], first, second, *pages[1:]]
 
@@ -98,7 +124,9 @@ class Site:
     def _glance(self) -> str:
         levels = next(part for part in self.parts if part.name == "5")
         body = rendered(levels.text, self._links_of("spec.md"), raised=1)
-        table = re.search(r'<div class="scroll"[^>]*><table>(?:(?!</div>).)*<th[^>]*>level</th>.*?</div>', body, re.DOTALL)
+        table = re.search(
+            r'<div class="scroll"[^>]*><table>(?:(?!</div>).)*<th[^>]*>level</th>.*?</div>', body, re.DOTALL
+        )
         if not table:
             raise ValueError("section 5 of spec.md has no table whose first column is called level")
         elements = {name: f"syntax.html#about-{name}" for name in self._browsable()}
@@ -106,11 +134,15 @@ class Site:
         return (
             '<h1 id="glance">GSVC at a glance</h1>\n'
             "<p>A frame is a sum of soft ellipses, <em>splats</em>. A stream says which splats each frame has. "
-            "The pictures of this page are drawn from the tables of <a href=\"spec-6.html\">section 6</a> of the specification.</p>\n"
+            'The pictures of this page are drawn from the tables of <a href="spec-6.html">section 6</a> '
+            "of the specification.</p>\n"
             '<h2 id="frames">Frames</h2>\n<p>Splats are predicted from splats of the frame before, never from pixels. '
-            "An I-frame needs no other frame.</p>\n" + glance.dependencies() + '<h2 id="layouts">What stands in what</h2>\n'
-            "<p>A full box has a fixed size; the number in its corner is its byte, counted from where the structure begins. "
-            "A box with a broken edge takes as much as it needs. What stands under a condition, or again and again, has a frame.</p>\n"
+            "An I-frame needs no other frame.</p>\n"
+            + glance.dependencies()
+            + '<h2 id="layouts">What stands in what</h2>\n'
+            "<p>A full box has a fixed size; the number in its corner is its byte, counted from where the structure "
+            "begins. A box with a broken edge takes as much as it needs. What stands under a condition, or again and "
+            "again, has a frame.</p>\n"
             f'{figures}<h2 id="levels">Levels</h2>\n<p>What a decoder must be ready for in one frame '
             f"(section 5).</p>\n{table[0]}"
         )
@@ -134,27 +166,22 @@ class Site:
 
     def _source(self, name: str, page: str) -> Page:
         text = (self.root / name).read_text(encoding="utf-8")
-        language = {".py": "python", ".js": "javascript", ".c": "c", ".h": "c"}.get(Path(name).suffix, Path(name).suffix[1:])
+        language = {".py": "python", ".js": "javascript", ".c": "c", ".h": "c"}.get(
+            Path(name).suffix, Path(name).suffix[1:]
+        )
         return Page(page, name, "", f"<h1>{html.escape(name)}</h1>\n{highlighted(text, language)}")
 
     def _start(self) -> Page:
-        cards = (
-            ("spec.html", "Specification", f"Normative: {len(self.targets.rules)} rules, {len(self.targets.equations)} numbered equations, "
-             f"{len(self.targets.operations)} operations. Its code blocks are a decoder."),
-            ("glance.html", "At a glance", "The layout of a stream in pictures: what stands in what, in how many bits."),
-            ("syntax.html", "Syntax browser", "Every table of the syntax; click an element to read what it means."),
-            ("viewer/index.html", "Viewer", "Watch a stream in this browser, zoom in, follow a splat. It has an example."),
-            ("check-your-implementation.html", "Check your implementation", "From an empty kernel to a green report in an afternoon."),
-            ("readme.html", "Encode and decode", "The commands, the Python functions, and what they reach."),
-            ("reports.html", "Reports", "What the conformance kit says about implementations on CPUs and GPUs."),
-            ("coverage.html", "Coverage", "Which vectors hold each rule, each equation and each element."),
-        )  # fmt: skip
-        tiles = "".join(f'<a class="tile" href="{url}"><b>{name}</b><span>{text}</span></a>' for url, name, text in cards)
-        body = (
-            '<h1 id="gsvc">GSVC</h1>\n<p class="lead">Video as sums of 2D Gaussian splats: each frame’s splats are predicted from the frame before, '
-            f"and what is left is coded. Here is what every byte means.</p>\n{glance.dependencies()}"
-            f'<div class="tiles">{tiles}</div>'
+        found = self.targets
+        normative = (
+            f"Normative: {len(found.rules)} rules, {len(found.equations)} numbered equations, "
+            f"{len(found.operations)} operations. Its code blocks are a decoder."
         )
+        cards = (("spec.html", "Specification", normative), *CARDS)
+        tiles = "".join(
+            f'<a class="tile" href="{url}"><b>{name}</b><span>{text}</span></a>' for url, name, text in cards
+        )
+        body = f'<h1 id="gsvc">GSVC</h1>\n{LEAD}\n{glance.dependencies()}<div class="tiles">{tiles}</div>'
         return Page("index.html", "GSVC", "", body)
 
     def _linked(self, page: str, body: str, *, in_spec: bool = True) -> str:

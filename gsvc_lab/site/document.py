@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 from gsvc_lab.site.equations import NUMBERED
@@ -56,7 +57,7 @@ def parts_of(spec: str) -> list[Part]:
     """The parts of spec.md in their order, first what stands before section 1."""
     hidden = FENCED.sub(lambda block: "\x00" * len(block[0]), spec)
     starts = [0, *(found.start() for found in re.finditer(r"^## ", hidden, re.MULTILINE)), len(spec)]
-    return [_part(spec[first:last]) for first, last in zip(starts, starts[1:], strict=False)]
+    return [_part(spec[first:last]) for first, last in pairwise(starts)]
 
 
 def _part(text: str) -> Part:

@@ -1,7 +1,7 @@
 """Equations of spec.md, which are indented lines of Unicode, as MathML.
 
-The converter knows what spec.md writes and no more: names, numbers, scripts, brackets, roots, quotients and words between them.
-Where a line has something else it gives up, and the page shows the lines as they are.
+The converter knows what spec.md writes and no more: names, numbers, scripts, brackets, roots, quotients and words between
+them. Where a line has something else it gives up, and the page shows the lines as they are.
 """
 
 import html
@@ -15,18 +15,21 @@ NUMBERED: Final = re.compile(r"\s+\((\d+-\d+)\)$")
 """The number at the end of an equation's line."""
 
 NAMES: Final = frozenset(
-    "fl max min clamp round log ln exp mean loss rate unit parameter factor interval total times share scale iteration "
-    "iterations fraction splats first last time tolerance smooth absolute band lowest highest computed slot peak MSE PSNR "
-    "MS-SSIM cs Cb Cr chroma".split()
-)
+    (
+        "fl", "max", "min", "clamp", "round", "log", "ln", "exp", "mean", "loss", "rate", "unit", "parameter", "factor",
+        "interval", "total", "times", "share", "scale", "iteration", "iterations", "fraction", "splats", "first", "last",
+        "time", "tolerance", "smooth", "absolute", "band", "lowest", "highest", "computed", "slot", "peak", "MSE", "PSNR",
+        "MS-SSIM", "cs", "Cb", "Cr", "chroma",
+    )
+)  # fmt: skip
 """Names of more than one letter; other such words are text."""
 
+UNITS: Final = ("dB",)
 DIFFERENTIALS: Final = "dδΔ∂"
 RAISED: Final = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺ᵏᵀ"
 LOWERED: Final = "₀₁₂₃₄₅₆₇₈₉"
 ACCENTS: Final = {"\u0302": "^", "\u0303": "~"}
 CLOSING: Final = {"(": ")", "[": "]", "⌊": "⌋", "⌈": "⌉", "|": "|"}
-OPERATORS: Final = "= ← < > ≤ ≥ + − · ± ∘ , ; : / << >>".split()
 RELATIONS: Final = ("=", "←", "≤")
 WORD_OPERATORS: Final = ("mod", "div")
 
@@ -138,7 +141,7 @@ def _aligned(row: _Row, several: bool) -> str:
         return f'{left}<span class="rest">{_math(nodes[at:], text)}{gaps}</span>' + _number(row.number)
     cells = ""
     for place, (text, nodes) in enumerate(row.chunks):
-        at = _relation(nodes)
+        at = 0 if place and nodes[0].kind == "text" else _relation(nodes)
         gap = ' class="left gap"' if place else ' class="left"'
         if at:
             cells += f"<span{gap}>{_math(nodes[:at], text)}</span><span>{_math(nodes[at:], text)}</span>"
@@ -167,7 +170,8 @@ def _row(nodes: Sequence[Node]) -> str:
     parts: list[str] = []
     before: Node | None = None
     for node in nodes:
-        if before and node.spaced and "operator" not in (before.kind, node.kind):
+        stand_apart = before and (before.kind == "text" or "operator" not in (before.kind, node.kind))
+        if before and stand_apart and node.spaced:
             wide = "text" in (before.kind, node.kind) or before.wordy or node.wordy
             parts.append(f'<mspace width="{0.3 if wide else 0.17}em"></mspace>')
         xml = node.xml
@@ -221,7 +225,7 @@ class _Parser:
                 self._quotient(nodes)
                 continue
             node = self.node()
-            if nodes and node.kind == "text" and nodes[-1].kind == "text" and node.xml.startswith("<mtext>"):
+            if nodes and node.xml.startswith("<mtext>") and nodes[-1].xml.startswith("<mtext>"):
                 joined = nodes[-1].xml.removesuffix("</mtext>") + " " + node.xml.removeprefix("<mtext>")
                 nodes[-1] = Node("text", joined, nodes[-1].spaced, wordy=True)
             else:
@@ -259,10 +263,12 @@ class _Parser:
             return Node("operator", f"<mo>{html.escape(text)}</mo>", spaced)
         if kind == "reference":
             self.at += 1
-            return Node("text", f"<mtext>{text}</mtext>", spaced, wordy=True)
+            return Node("text", f'<mtext class="reference">{text}</mtext>', spaced, wordy=True)
         if kind == "big":
             self.at += 1
-            return self.scripted(Node("operator", f'<mo movablelimits="false" largeop="true">{text}</mo>', spaced))
+            return self.scripted(
+                Node("operator", f'<mo largeop="true" lspace="0.05em" rspace="0.17em">{text}</mo>', spaced)
+            )
         if kind == "word" and not self._is_name(found):
             self.at += 1
             if text in WORD_OPERATORS:
@@ -277,10 +283,14 @@ class _Parser:
     def _is_name(self, found: re.Match[str]) -> bool:
         """Whether a word names something; other words, and the article "a", are text."""
         letters = _bare(found["word"])
+        if letters in UNITS:
+            return False
         if letters == "a" and not found["digits"] and re.match(r" [A-Za-z]{3,}\b(?!_)", self.text[found.end() :]):
             return re.match(r" ([A-Za-z]+)", self.text[found.end() :])[1] in NAMES  # type: ignore[index]
         rest = letters[1:]
-        return len(letters) == 1 or letters in NAMES or (letters[0] in DIFFERENTIALS and (len(rest) == 1 or rest in NAMES))
+        return (
+            len(letters) == 1 or letters in NAMES or (letters[0] in DIFFERENTIALS and (len(rest) == 1 or rest in NAMES))
+        )
 
     def _base(self) -> Node:
         kind, text = self.peek()
@@ -293,7 +303,9 @@ class _Parser:
         if kind == "constant":
             return Node("atom", f"<mi>{text}</mi>", spaced)
         if kind == "word":
-            return Node("atom", _name(found["word"], found["digits"], found["primes"]), spaced, wordy=_bare(text) in NAMES)
+            return Node(
+                "atom", _name(found["word"], found["digits"], found["primes"]), spaced, wordy=_bare(text) in NAMES
+            )
         if kind == "root":
             below = self.node()
             return Node("atom", f"<msqrt>{below.inner or below.xml}</msqrt>", spaced)
@@ -344,7 +356,9 @@ class _Parser:
                 return _name(found["word"], found["digits"], "") + self._script(nested)
             if len(found["word"]) == 1:
                 return _name(found["word"], found["digits"], found["primes"])
-            return "".join(f"<mi>{letter}</mi>" for letter in found["word"]) + (f"<mn>{found['digits']}</mn>" if found["digits"] else "")
+            return "".join(f"<mi>{letter}</mi>" for letter in found["word"]) + (
+                f"<mn>{found['digits']}</mn>" if found["digits"] else ""
+            )
         base = self._base()
         if base.inner:
             return base.inner

@@ -2,7 +2,9 @@
 
 import html
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from markdown_it import MarkdownIt
@@ -56,7 +58,6 @@ def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: i
     """
     parser = MarkdownIt("commonmark").enable("table")
     rules: dict[str, Any] = {
-        "heading_open": _heading_open,
         "heading_close": _heading_close,
         "table_open": lambda *_: '<div class="scroll" tabindex="0"><table>\n',
         "table_close": lambda *_: "</table></div>\n",
@@ -68,9 +69,7 @@ def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: i
         parser.renderer.rules[name] = rule
     tokens = parser.parse(INDENTED_ROW.sub(lambda row: "| " + "&emsp;" * (len(row[1]) // 2), text))
     _map_links(tokens, link_map)
-    for token in tokens:
-        if token.type.startswith("heading_"):
-            token.tag = f"h{int(token.tag[1]) - raised}"
+    _prepare_headings(tokens, raised)
     if normative:
         for place in range(len(tokens)):
             _mark_rules(tokens[place])
@@ -78,14 +77,21 @@ def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: i
     return str(parser.renderer.render(tokens, parser.options, {}))
 
 
-def _heading_open(tokens: Sequence[Token], at: int, *_: object) -> str:
-    heading = tokens[at]
-    return f'<{heading.tag} id="{html.escape(slug(tokens[at + 1].content))}">'
-
-
 def _heading_close(tokens: Sequence[Token], at: int, *_: object) -> str:
-    anchor = html.escape(slug(tokens[at - 1].content))
+    anchor = html.escape(str(tokens[at - 2].attrGet("id")))
     return f'<a class="here" href="#{anchor}" aria-label="Link to this heading">#</a></{tokens[at].tag}>\n'
+
+
+def _prepare_headings(tokens: Sequence[Token], raised: int) -> None:
+    """Give headings their rank and their anchors; as on GitHub, a number tells those of one text apart."""
+    seen: Counter[str] = Counter()
+    for at, token in enumerate(tokens):
+        if token.type.startswith("heading_"):
+            token.tag = f"h{int(token.tag[1]) - raised}"
+        if token.type == "heading_open":
+            anchor = slug(tokens[at + 1].content)
+            token.attrSet("id", f"{anchor}-{seen[anchor]}" if seen[anchor] else anchor)
+            seen[anchor] += 1
 
 
 def _map_links(tokens: Sequence[Token], link_map: LinkMap) -> None:
@@ -109,7 +115,7 @@ def _map_links(tokens: Sequence[Token], link_map: LinkMap) -> None:
 def _mark_rules(token: Token) -> None:
     """Give a bold id of a rule its anchor."""
     children = token.children or []
-    for opened, text in zip(children, children[1:], strict=False):
+    for opened, text in pairwise(children):
         if opened.type == "strong_open" and RULE.fullmatch(text.content):
             opened.attrs = {"class": "rule", "id": text.content}
 
@@ -121,7 +127,9 @@ def _equations(text: str) -> str:
     except NotCertainError:
         lines = html.escape(text.rstrip("\n"))
         for number in equation_numbers(text):
-            lines = lines.replace(f"({number})", f'<a class="number" id="eq-{number}" href="#eq-{number}">({number})</a>')
+            lines = lines.replace(
+                f"({number})", f'<a class="number" id="eq-{number}" href="#eq-{number}">({number})</a>'
+            )
         return f'<pre class="plain equations" tabindex="0">{lines}</pre>\n'
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 ICON: Final = (
-    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E%3Cellipse cx='7' cy='9' rx='6.5' "
-    "ry='3.5' transform='rotate(-35 7 9)' fill='%232f6fde'/%3E%3Ccircle cx='11.5' cy='4.5' r='3' fill='%23e8842c'/%3E%3C/svg%3E"
+    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
+    "%3Cellipse cx='7' cy='9' rx='6.5' ry='3.5' transform='rotate(-35 7 9)' fill='%232f6fde'/%3E"
+    "%3Ccircle cx='11.5' cy='4.5' r='3' fill='%23e8842c'/%3E%3C/svg%3E"
 )
 TOP: Final = (
     ("spec.html", "Specification"),
@@ -58,9 +59,7 @@ def documents(pages: Sequence[Page]) -> dict[str, str]:
 
 def _document(page: Page, groups: dict[str, list[Page]], turned: Sequence[Page]) -> str:
     title = html.escape(page.title if page.title == "GSVC" else f"{page.title} · GSVC")
-    links = "".join(
-        f'<a href="{name}"{_current(_is_in(page, name))}>{text}</a>' for name, text in TOP
-    )
+    links = "".join(f'<a href="{name}"{_current(_is_in(page, name))}>{text}</a>' for name, text in TOP)
     place = turned.index(page) if page in turned else -1
     before = turned[place - 1] if place > 0 else None
     behind = turned[place + 1] if 0 <= place < len(turned) - 1 else None
@@ -77,22 +76,23 @@ def _document(page: Page, groups: dict[str, list[Page]], turned: Sequence[Page])
 <script src="site.js" defer></script>
 </head>
 <body{' class="wide"' if page.wide else ""}>
-<a class="skip" href="#main">Skip to the text</a>
+<a class="skip" href="#site-main">Skip to the text</a>
 <header class="top">
 <a class="home" href="index.html">GSVC</a>
 <nav aria-label="Parts">{links}</nav>
 <div class="search" role="search">
-<input id="query" type="search" placeholder="Search" aria-label="Search" autocomplete="off" spellcheck="false" aria-controls="results">
-<ol id="results" hidden></ol>
+<input id="site-query" type="search" placeholder="Search" aria-label="Search" aria-controls="site-results"
+ autocomplete="off" spellcheck="false">
+<ol id="site-results" hidden></ol>
 </div>
-<a class="to-contents" href="#contents">Contents</a>
+<a class="to-contents" href="#site-contents">Contents</a>
 </header>
 <div class="columns">
-<main id="main" tabindex="-1">
+<main id="site-main" tabindex="-1">
 {page.body}
 <nav class="turn" aria-label="Previous and next">{turn}</nav>
 </main>
-<nav id="contents" aria-label="Contents">{_contents(page, groups)}</nav>
+<nav id="site-contents" aria-label="Contents">{_contents(page, groups)}</nav>
 </div>
 </body>
 </html>
@@ -125,5 +125,9 @@ def _contents(page: Page, groups: dict[str, list[Page]]) -> str:
 
 def _entry(page: Page, is_open: bool) -> str:
     link = f'<a href="{page.name}"{_current(is_open)}>{html.escape(page.title)}</a>'
-    inner = "".join(f'<li><a href="#{html.escape(anchor)}">{text}</a></li>' for anchor, text in page.inner) if is_open else ""
+    inner = (
+        "".join(f'<li><a href="#{html.escape(anchor)}">{text}</a></li>' for anchor, text in page.inner)
+        if is_open
+        else ""
+    )
     return f"<li>{link}{f'<ul>{inner}</ul>' if inner else ''}</li>"

@@ -9,7 +9,7 @@ from typing import Final
 from gsvc_lab.site.document import Targets
 from gsvc_lab.site.markdown import RULE
 
-VOID: Final = frozenset({"meta", "img", "source", "br", "hr", "link", "input"})
+VOID: Final = frozenset({"meta", "img", "source", "br", "hr", "link", "input", "wbr"})
 UNTOUCHED: Final = frozenset({"a", "h1", "h2", "h3", "h4", "script", "style", "svg", "summary"})
 IDS: Final = re.compile(rf"(?P<rule>{RULE.pattern})(?![\d.])|\((?P<equation>\d+-\d+)\)")
 NUMBER: Final = r"\d+(?:\.\d+)?"
@@ -18,7 +18,9 @@ SECTIONS: Final = re.compile(
     rf"(?P<lead>\b[Ss]ections?\s){LIST}|Annex [A-Z]\b|\((?:{NUMBER}(?:, )?)+\)|"
     r"\b(?:of|in|by|and|or|as|that|with)\s\d+\.\d+\b(?!\s*[εη%])"
 )
-LOWERED: Final = re.compile(r"(?<![\w`])([A-Za-zγδσμηΔ]{1,2})_(\w+)|(?<![\w`])(l(?=11|21|22)|[uvrkeaβδC](?=\d(?!\w*[\d_])))(\d+)(?![A-Za-z0-9_])")
+LOWERED: Final = re.compile(
+    r"(?<![\w`])([A-Za-zγδσμηΔ]{1,2})_(\w+)|(?<![\w`])(l(?=11|21|22)|[uvrkeaβδC](?=\d(?!\w*[\d_])))(\d+)(?![A-Za-z0-9_])"
+)
 TAG: Final = re.compile(r"\[(paper|upstream|ours)([^\]]*)\]")
 ONE: Final = re.compile(rf"Annex [A-Z]|{NUMBER}")
 
@@ -100,7 +102,8 @@ class Linker(HTMLParser):
             if self.in_spec and not {"pre", "math", "code"} & set(self.open):
                 text = self._sections(text)
                 text = "".join(
-                    piece if piece.startswith("<") else LOWERED.sub(_lowered, piece) for piece in re.split("(<[^>]*>)", text)
+                    piece if piece.startswith("<") else LOWERED.sub(_lowered, piece)
+                    for piece in re.split("(<[^>]*>)", text)
                 )
                 text = TAG.sub(r'<span class="tag \1">\1\2</span>', text)
             self.out.append(text)
@@ -134,7 +137,9 @@ class Linker(HTMLParser):
         if column == "section":
             return ONE.sub(lambda one: self._link(one[0], self.targets.sections.get(one[0]), "section"), text)
         pieces = re.split(r"(<a .*?</a>)", text)
-        return "".join(piece if piece.startswith("<a ") else SECTIONS.sub(self._each_section, piece) for piece in pieces)
+        return "".join(
+            piece if piece.startswith("<a ") else SECTIONS.sub(self._each_section, piece) for piece in pieces
+        )
 
     def _each_section(self, found: re.Match[str]) -> str:
         bare = found["lead"] is None

@@ -40,8 +40,8 @@ class _Entries(HTMLParser):
 def index(pages: Sequence[Page], targets: Targets) -> str:
     """A script that keeps everything that can be found in ``window.GSVC_INDEX``.
 
-    ``parts`` has rows of title, title of the page, URL and text; ``ids`` leads from rules, equations, elements and operations to
-    their URLs.
+    ``parts`` has rows of title, title of the page, URL and text; ``ids`` leads from rules, equations, elements and
+    operations to their URLs.
     """
     rows = []
     for page in pages:

@@ -5,8 +5,8 @@ document.documentElement.classList.add("scripted");
 
 // --- Search: the index is a script, so that it can be loaded from a disk, too.
 
-const query = document.getElementById("query");
-const results = document.getElementById("results");
+const query = document.getElementById("site-query");
+const results = document.getElementById("site-results");
 const SHOWN = 14;
 const AROUND = 70;
 let loading = null;
@@ -123,7 +123,7 @@ document.addEventListener("keydown", (event) => {
   }
 });
 document.addEventListener("click", (event) => {
-  if (!event.target.closest(".search") || event.target.closest("#results a")) results.hidden = true;
+  if (!event.target.closest(".search") || event.target.closest("#site-results a")) results.hidden = true;
 });
 
 // --- Syntax browser: one text at a time.
@@ -149,4 +149,5 @@ if (about) {
   });
   addEventListener("hashchange", choose);
   choose();
+  document.querySelector(".tables a[aria-current]")?.scrollIntoView({ block: "center" });
 }

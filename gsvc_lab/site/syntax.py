@@ -9,9 +9,7 @@ from gsvc_lab.site.document import FENCED, Part, element_names
 
 TABLE: Final = re.compile(r"^\| (\w+)\(([^|]*)\) \| descriptor \|\n\|[-|: ]+\|\n((?:\|.*\|\n)+)", re.MULTILINE)
 CONDITION: Final = re.compile(r"\s*((?:if|for) \(|for each \w+)")
-PIECE: Final = re.compile(
-    r"\s*(?:(?P<open>\{)|(?P<close>\})|(?P<comma>,)|(?P<item>(?:`[^`]*`|\([^()]*\)|[^`{},()])+))"
-)
+PIECE: Final = re.compile(r"\s*(?:(?P<open>\{)|(?P<close>\})|(?P<comma>,)|(?P<item>(?:`[^`]*`|\([^()]*\)|[^`{},()])+))")
 
 
 @dataclass
@@ -81,7 +79,9 @@ def _table(name: str, arguments: str, rows: str) -> Table:
     outermost = Group("")
     stack = [outermost]
     for row in rows.splitlines():
-        label, descriptor = (cell.strip() for cell in row.strip("|").split(" | ", 1)) if " | " in row else (row.strip("| "), "")
+        label, descriptor = (
+            (cell.strip() for cell in row.strip("|").split(" | ", 1)) if " | " in row else (row.strip("| "), "")
+        )
         _read_row(label, descriptor.removesuffix(" each").strip(" |"), stack)
     if len(stack) > 1:
         raise ValueError(f"a bracket of the table of {name}() in spec.md is never closed")
