@@ -38,8 +38,8 @@ SOURCES: Final = (".py", ".toml", ".json", ".js", ".txt", ".css", ".md", ".c", "
 """Endings of text files that a link may lead to; the site shows them as pages."""
 
 LEAD: Final = (
-    '<p class="lead">Video as sums of 2D Gaussian splats: each frame’s splats are predicted from the frame before, and what '
-    "is left is coded. Here is what every byte means.</p>"
+    '<p class="lead">Video as sums of 2D Gaussian splats: those of each frame are predicted from the frame before, '
+    "and what is left is coded. Here is what every byte means.</p>"
 )
 CARDS: Final = (
     ("glance.html", "At a glance", "The layout of a stream in pictures: what stands in what, in how many bits."),
@@ -82,8 +82,9 @@ class Site:
         written = documents(pages)
         for name, text in written.items():
             (folder / name).write_text(text, encoding="utf-8")
+        # The syntax browser repeats section 6.
         (folder / "search-index.js").write_text(
-            index([page for page in pages if page.group], self.targets), encoding="utf-8"
+            index([page for page in pages if page.group and not page.wide], self.targets), encoding="utf-8"
         )
         for name in ("site.css", "site.js"):
             (folder / name).write_text(_own(name), encoding="utf-8")

@@ -1,7 +1,7 @@
 """Equations of spec.md, which are indented lines of Unicode, as MathML.
 
-The converter knows what spec.md writes and no more: names, numbers, scripts, brackets, roots, quotients and words between
-them. Where a line has something else it gives up, and the page shows the lines as they are.
+The converter knows what spec.md writes and no more: names, numbers, scripts, brackets, roots, quotients and words
+between them. Where a line has something else it gives up, and the page shows the lines as they are.
 """
 
 import html
@@ -16,10 +16,10 @@ NUMBERED: Final = re.compile(r"\s+\((\d+-\d+)\)$")
 
 NAMES: Final = frozenset(
     (
-        "fl", "max", "min", "clamp", "round", "log", "ln", "exp", "mean", "loss", "rate", "unit", "parameter", "factor",
-        "interval", "total", "times", "share", "scale", "iteration", "iterations", "fraction", "splats", "first", "last",
-        "time", "tolerance", "smooth", "absolute", "band", "lowest", "highest", "computed", "slot", "peak", "MSE", "PSNR",
-        "MS-SSIM", "cs", "Cb", "Cr", "chroma",
+        "fl", "max", "min", "clamp", "round", "log", "ln", "exp", "mean", "loss", "rate", "unit", "parameter", "chroma",
+        "factor", "interval", "total", "times", "share", "scale", "iteration", "iterations", "fraction", "splats",
+        "first", "last", "time", "tolerance", "smooth", "absolute", "band", "lowest", "highest", "computed", "slot",
+        "peak", "MSE", "PSNR", "MS-SSIM", "cs", "Cb", "Cr",
     )
 )  # fmt: skip
 """Names of more than one letter; other such words are text."""

@@ -5,9 +5,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from markdown_it import MarkdownIt
+from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 from pygments import highlight
 from pygments.formatters import HtmlFormatter
@@ -65,8 +66,7 @@ def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: i
     }
     if normative:
         rules["code_block"] = lambda tokens, at, *_: _equations(tokens[at].content)
-    for name, rule in rules.items():
-        parser.renderer.rules[name] = rule
+    cast(RendererHTML, parser.renderer).rules.update(rules)
     tokens = parser.parse(INDENTED_ROW.sub(lambda row: "| " + "&emsp;" * (len(row[1]) // 2), text))
     _map_links(tokens, link_map)
     _prepare_headings(tokens, raised)

@@ -19,7 +19,7 @@ SECTIONS: Final = re.compile(
     r"\b(?:of|in|by|and|or|as|that|with)\s\d+\.\d+\b(?!\s*[εη%])"
 )
 LOWERED: Final = re.compile(
-    r"(?<![\w`])([A-Za-zγδσμηΔ]{1,2})_(\w+)|(?<![\w`])(l(?=11|21|22)|[uvrkeaβδC](?=\d(?!\w*[\d_])))(\d+)(?![A-Za-z0-9_])"
+    r"(?<![\w`])([A-Za-zγδσμηΔ]{1,2}|mean)_(?:([A-Za-z0-9]+)|\(([^()]+)\))|(?<![\w`])(l(?=11|21|22)|[uvrkeaβδC](?=\d(?!\w*[\d_])))(\d+)(?![A-Za-z0-9_])"
 )
 TAG: Final = re.compile(r"\[(paper|upstream|ours)([^\]]*)\]")
 ONE: Final = re.compile(rf"Annex [A-Z]|{NUMBER}")
@@ -154,7 +154,7 @@ class Linker(HTMLParser):
 
 def _lowered(found: re.Match[str]) -> str:
     """A symbol with a lower script, set as in the equations."""
-    return f"<i>{found[1] or found[3]}</i><sub>{found[2] or found[4]}</sub>"
+    return f"<i>{found[1] or found[4]}</i><sub>{found[2] or found[3] or found[5]}</sub>"
 
 
 def with_anchors(body: str, anchors: Callable[[str], list[str]], operations: Container[str]) -> str:

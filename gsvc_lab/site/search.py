@@ -21,9 +21,10 @@ class _Entries(HTMLParser):
         self.open: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in HEADINGS and dict(attrs).get("id"):
+        is_heading = tag in HEADINGS and "id" in dict(attrs)
+        if is_heading:
             self.found.append(["", str(dict(attrs)["id"]), ""])
-        if tag in SILENT or tag in HEADINGS or (tag == "a" and ("class", "here") in attrs):
+        if tag in SILENT or is_heading or (tag == "a" and ("class", "here") in attrs):
             self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
