@@ -11,15 +11,17 @@ from gsvc_lab.site.markdown import RULE
 
 VOID: Final = frozenset({"meta", "img", "source", "br", "hr", "link", "input", "wbr"})
 UNTOUCHED: Final = frozenset({"a", "h1", "h2", "h3", "h4", "script", "style", "svg", "summary"})
-IDS: Final = re.compile(rf"(?P<rule>{RULE.pattern})(?![\d.])|\((?P<equation>\d+-\d+)\)")
+IDS: Final = re.compile(rf"(?P<rule>{RULE.pattern})(?!\d)|\((?P<equation>\d+-\d+)\)")
 NUMBER: Final = r"\d+(?:\.\d+)?"
 LIST: Final = rf"(?:Annex [A-Z]|{NUMBER})(?:(?:,\s|\sand\s|\sor\s|\sto\s){NUMBER})*"
 SECTIONS: Final = re.compile(
     rf"(?P<lead>\b[Ss]ections?\s){LIST}|Annex [A-Z]\b|\((?:{NUMBER}(?:, )?)+\)|"
-    r"\b(?:of|in|by|and|or|as|that|with)\s\d+\.\d+\b(?!\s*[εη%])"
+    r"\b(?:of|in|by|as|that|with)\s\d+\.\d+(?:\s(?:or|and)\s\d+\.\d+)*\b(?!\s*[εη%])"
 )
+RAISED: Final = re.compile(r"\^(?:(−?\w+)|\(([^()]+)\))")
 LOWERED: Final = re.compile(
-    r"(?<![\w`])([A-Za-zγδσμηΔ]{1,2}|mean)_(?:([A-Za-z0-9]+)|\(([^()]+)\))|(?<![\w`])(l(?=11|21|22)|[uvrkeaβδC](?=\d(?!\w*[\d_])))(\d+)(?![A-Za-z0-9_])"
+    r"(?<![\w`])(?:([A-Za-zγδσμηΔ]{1,2}|mean)_(?:([A-Za-z0-9]+)|\(([^()]+)\))|"
+    r"(?:(l)(11|21|22)|([uvrkeaβδC])(\d))(?![A-Za-z0-9_]))"
 )
 TAG: Final = re.compile(r"\[(paper|upstream|ours)([^\]]*)\]")
 ONE: Final = re.compile(rf"Annex [A-Z]|{NUMBER}")
@@ -101,10 +103,8 @@ class Linker(HTMLParser):
             text = self._ids(text)
             if self.in_spec and not {"pre", "math", "code"} & set(self.open):
                 text = self._sections(text)
-                text = "".join(
-                    piece if piece.startswith("<") else LOWERED.sub(_lowered, piece)
-                    for piece in re.split("(<[^>]*>)", text)
-                )
+                pieces = re.split("(<[^>]*>)", text)
+                text = "".join(piece if piece.startswith("<") else _scripts(piece) for piece in pieces)
                 text = TAG.sub(r'<span class="tag \1">\1\2</span>', text)
             self.out.append(text)
 
@@ -152,9 +152,16 @@ class Linker(HTMLParser):
         return ONE.sub(link, found[0])
 
 
+def _scripts(text: str) -> str:
+    """Plain text whose symbols have their scripts, set as in the equations."""
+    raised = RAISED.sub(lambda found: f"<sup>{found[1] or found[2]}</sup>", text)
+    return LOWERED.sub(_lowered, raised)
+
+
 def _lowered(found: re.Match[str]) -> str:
-    """A symbol with a lower script, set as in the equations."""
-    return f"<i>{found[1] or found[4]}</i><sub>{found[2] or found[3] or found[5]}</sub>"
+    """A symbol with its lower script."""
+    symbol, script = (group for group in found.groups() if group)
+    return f"<i>{symbol}</i><sub>{script}</sub>"
 
 
 def with_anchors(body: str, anchors: Callable[[str], list[str]], operations: Container[str]) -> str:

@@ -9,6 +9,7 @@ from gsvc_lab.site.document import Targets
 from gsvc_lab.site.page import Page
 
 HEADINGS: Final = ("h1", "h2", "h3", "h4")
+APART: Final = frozenset({"div", "p", "li", "tr", "td", "th", "b", "small", "br", "pre"})
 SILENT: Final = frozenset({"math", "script", "style"})
 
 
@@ -21,6 +22,8 @@ class _Entries(HTMLParser):
         self.open: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in APART:
+            self.found[-1][2] += " "
         is_heading = tag in HEADINGS and "id" in dict(attrs)
         if is_heading:
             self.found.append(["", str(dict(attrs)["id"]), ""])

@@ -41,8 +41,9 @@ function found(index, text) {
   const words = plain(text).split(/\s+/).filter(Boolean);
   if (words.length === 0) return [];
   index.parts.forEach((row) => (row.plain ??= row.map(plain)));
+  const asIds = [words.join(" "), words.join("_"), `(${words.join(" ")})`];
   const direct = Object.entries(index.ids)
-    .filter(([id]) => plain(id) === words.join(" ") || plain(id) === `(${words.join(" ")})`)
+    .filter(([id]) => asIds.includes(plain(id)))
     .map(([id, url]) => [id, "defined here", url, ""]);
   const ranked = index.parts
     .map((row) => [score(row, words), row])
