@@ -6,7 +6,7 @@ BIN    := .venv/bin
 WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters kaitai clean
+.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters kaitai site clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -75,8 +75,11 @@ kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all 
 	$(BIN)/python -m pytest tests/kaitai
 	$(BIN)/python -m tests.kaitai.diagram
 
+site: .venv/.ready-site            ## write the documents as a static site into site/, which opens from a disk
+	$(BIN)/python -m gsvc_lab.site
+
 report = --quiet --show 3 --json docs/reports/$(1).json --html docs/reports/$(1).html
 
 clean:            ## remove what the other commands made
-	rm -rf .venv .venv-lowest demo gsvc_lab/benchmarks/cache experiments .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
+	rm -rf .venv .venv-lowest demo gsvc_lab/benchmarks/cache experiments site .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage dist
 	find . -name __pycache__ -prune -exec rm -rf {} +
