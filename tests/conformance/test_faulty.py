@@ -47,8 +47,9 @@ OTHERS: Final = {
 """Streams of another encoder, written from the text of spec.md alone: error, frames before it, and the bytes."""
 
 NOT_BREAKABLE = {
-    "R-3.3-1", "R-3.3-2", "R-5-5", "R-5-6", "R-6.1-6", "R-6.1-7", "R-6.2-5", "R-6.2-6", "R-6.2-7", "R-6.2-8", "R-6.3-3",
-    "R-6.3-4", "R-6.4-4", "R-6.4-5", "R-6.5-8", "R-6.5-9", "R-6.5-10", "R-6.7-2", "R-6.7-3", "R-9.4-2",
+    "R-3.1-5", "R-3.1-6", "R-3.3-1", "R-3.3-2", "R-5-5", "R-5-6", "R-6.1-6", "R-6.1-7", "R-6.2-5", "R-6.2-6", "R-6.2-7",
+    "R-6.2-8", "R-6.3-3", "R-6.3-4", "R-6.4-4", "R-6.4-5", "R-6.5-8", "R-6.5-9", "R-6.5-10", "R-6.7-2", "R-6.7-3", "R-7-2",
+    "R-7-3", "R-8-2", "R-8-3", "R-9.4-2",
 }  # fmt: skip
 """These bind a decoder, or an encoder or editor whose faults no decoder sees: none refuses a stream for them."""
 
