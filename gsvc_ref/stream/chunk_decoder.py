@@ -18,7 +18,6 @@ from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.source import Source, SourceReader
 
-
 CRC_SIZE: Final = chunks.CRC_BITS // 8
 """Bytes of `chunk_crc`."""
 

@@ -43,6 +43,9 @@ ALIKE: Final = {
         "r_6_6_3_table_bits_13", "r_6_6_3_table_bits_31",
     },
     "no index is below a count of 0": {"r_6_5_6_codeword_count_zero"},
+    "a level that is not defined is above all that a decoder can claim (R-5-6)": {
+        "r_3_2_1_level_6", "r_3_2_1_level_255", "r_3_2_1_later_version_level_6",
+    },
 }  # fmt: skip
 """Streams that a decoder without the check refuses with the same kind, and why no other stream would do."""
 
