@@ -78,7 +78,7 @@ paired(
 paired(
     "seek",
     "seeking",
-    "The splats of some frames of a stream, decoded from the last I-frame at or before them, and what is met on the way.",
+    "The splats of some frames of a stream, decoded from the last I-frame at or before them.",
     inputs="stream: stream; first: int; last: int",
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
     rules=("R-6.7-3", "R-12.6-2", "R-12.6-3", "R-12.6-4", "R-12.6-5"),

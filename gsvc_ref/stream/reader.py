@@ -79,9 +79,9 @@ class StreamReader:
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
         """Frames `start` to `stop` - 1 (to the last, if None); fewer if the stream has fewer.
 
-        Decoding begins at the last I-frame at or before `start`, which is found by hopping from chunk to chunk: payloads
-        before it are not looked at, and a fault of a chunk's type or length on the way is raised (spec.md section
-        12.6). A pipe is decoded from its start.
+        Decoding begins at the last I-frame at or before `start`, which is found by hopping from chunk to chunk (spec.md
+        section 12.6): payloads before it are not looked at, but a wrong type or length of a chunk on the way is
+        raised. A pipe is decoded from its start.
         """
         _check_range(start, stop)
         return self._frames(start, stop)

@@ -126,7 +126,7 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
 
 
 def seek(stream: bytes, first: int, last: int) -> StreamSplats:
-    """The splats of frames `first` to `last`, decoded from the last I-frame at or before `first` (spec.md section 12.6).
+    """The splats of frames `first` to `last`, decoded from the last I-frame at or before them (spec.md section 12.6).
 
     Parameters
     ----------

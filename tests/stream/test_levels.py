@@ -57,5 +57,5 @@ def test_the_level_is_refused_in_its_order(lie: Lie, rule: str) -> None:
 
 def test_there_is_no_such_level() -> None:
     for level in (0, 6):
-        with pytest.raises(UsageError, match="max_level is .; it must be 1 to 5"):
+        with pytest.raises(UsageError, match=r"max_level is \d; it must be 1 to 5"):
             gsvc_ref.open(stream(1), max_level=level)

@@ -128,7 +128,7 @@ def pictures(data: bytes) -> str:
 
 
 def differential(data: bytes) -> str:
-    """gsvc_ref and spec.md's decoder: the same frames, kind, rule and bit, also from the middle; of legal streams more."""
+    """gsvc_ref and spec.md's decoder: the same frames, kind, rule and bit, also after a seek; of legal streams more."""
     if declared_splats(data) > MAX_SPLATS["differential"]:
         return SKIPPED
     mine = reconstruct_stream(stream=data)
