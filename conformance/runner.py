@@ -180,7 +180,7 @@ def judge_outputs(
     seconds
         The time that they took, in seconds.
     level
-        The level above which a stream may be refused as unsupported (R-5-6).
+        The level above which a stream may be refused as unsupported (R-13-5).
     """
     judged = tuple(
         _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()

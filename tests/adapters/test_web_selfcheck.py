@@ -83,6 +83,7 @@ def test_a_right_decoder_passes(checked, vector_folder):
         "rendering": "incomplete",
         "deterministic": "not claimed",
         "seeking": "not claimed",
+        "sizes": "not claimed",
     }
 
 
@@ -99,7 +100,7 @@ def test_every_operation_of_the_page_is_of_a_class_that_a_decoder_claims(served_
     }
     """
     page = served_page.evaluate(script)
-    assert page["classes"] == ["bitstream", "reconstruction", "rendering", "deterministic", "seeking"]
+    assert page["classes"] == ["bitstream", "reconstruction", "rendering", "deterministic", "seeking", "sizes"]
     assert set(page["names"]) == {
         name for name, operation in operations().items() if operation.group in page["classes"]
     }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from conformance import spec
-from conformance.coverage import verify
+from conformance.coverage import _requirements, verify
 from conformance.diagnosis import EXAMINED, diagnose
 from conformance.expectations import Bounded, Refusal
 from conformance.generate import differences, make
@@ -42,6 +42,19 @@ def test_the_cases_make_these_vectors():
 
 def test_nothing_is_uncovered():
     assert verify() == []
+
+
+def test_obeying_and_breaking_a_requirement_are_counted_apart():
+    def manifest(name, error, *rules):
+        return {"id": name, "rules": rules, "outputs": {"error": {"check": "refusal", "value": error}}}
+
+    there = [
+        manifest("core/reconstruct_stream/a", "", "R-5-1", "R-5-2"),
+        manifest("faulty/reconstruct_stream/b", "limit R-5-1 9", "R-5-1", "R-5-2", "R-12-1"),
+        manifest("faulty/reconstruct_stream/c", "limit R-5-2 9", "R-5-2", "R-12-1"),
+    ]
+    rows = [line.split(" | ")[:3] for line in _requirements(["R-5-1", "R-5-2", "R-12-1"], there).splitlines()[2:]]
+    assert rows == [["| R-5-1", "1", "1"], ["| R-5-2", "1", "1"], ["| R-12-1", "2", ""]]
 
 
 def test_documents_name_vectors_that_exist():
