@@ -117,7 +117,7 @@ class Site:
         return [pages[0], first, second, *pages[1:]]
 
     def _section(self, part: Part) -> Page:
-        body = rendered(part.text, self._links_of("spec.md"), normative=True, raised=1 if part.name else 0)
+        body = rendered(part.text, self._links_of("spec.md"), normative=bool(part.name), raised=1 if part.name else 0)
         body = with_anchors(body, element_names, self.targets.operations)
         title = part.title if part.name else "Contents and introduction"
         return Page(part.page, title, "Specification", self._linked(part.page, body), _inner(body))

@@ -84,7 +84,7 @@ def targets_of(parts: list[Part]) -> Targets:
         text = FENCED.sub("", part.text)
         if part.name:
             found.sections[part.name] = part.page
-        for rule in re.findall(rf"\*\*({RULE.pattern})\*\*", text):
+        for rule in re.findall(rf"\*\*({RULE.pattern})\*\*", text) if part.name else ():
             found.rules[rule] = f"{part.page}#{rule}"
         for line in text.splitlines():
             number = NUMBERED.search(line) if line.startswith("    ") else ROW_NUMBER.search(line)

@@ -24,6 +24,9 @@ CELL_NUMBER: Final = re.compile(r"\((\d+-\d+)\)")
 INDENTED_ROW: Final = re.compile(r"^\| ((?:  )+)(?=\S)", re.MULTILINE)
 """The beginning of a row of a syntax table that stands further in, which Markdown would forget."""
 
+POWER: Final = re.compile(r"\^(?:\((<code>[^<]*</code>[^()<]*)\)|(<code>[^<]*</code>))")
+"""A power whose exponent has the name of an element."""
+
 LinkMap = Callable[[str], str | None]
 """From the target of a link in a document to that of the site, or None where the site has none."""
 
@@ -74,7 +77,8 @@ def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: i
         for place in range(len(tokens)):
             _mark_rules(tokens[place])
             _set_equations_of_a_row(tokens, place)
-    return str(parser.renderer.render(tokens, parser.options, {}))
+    page = str(parser.renderer.render(tokens, parser.options, {}))
+    return POWER.sub(lambda found: f"<sup>{found[1] or found[2]}</sup>", page) if normative else page
 
 
 def _heading_close(tokens: Sequence[Token], at: int, *_: object) -> str:

@@ -158,7 +158,8 @@ def open_page():
 def test_nothing_is_wider_than_the_page(site, open_page, width):
     page = open_page(width=width, height=800)
     too_wide = {}
-    for path in sorted(site.glob("*.html")):
+    sources = sorted(site.glob("file-*.html"), key=lambda path: len(path.name))
+    for path in sorted({*site.glob("*.html")} - {*sources[:-3]}):  # sources are set alike: those with the longest names
         page.goto(path.as_uri())
         room = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
         if room[0] > room[1]:
