@@ -1,4 +1,4 @@
-/* Constants of GSVC 1.0-draft, by spec.md. Do not edit: `python -m conformance syntax --write` writes this file.
+/* Constants of GSVC 1.0-draft.1, by spec.md. Do not edit: `python -m conformance syntax --write` writes this file.
  * C99 or C++17: numbers with a fraction are hexadecimal, so that they have all their bits.
  */
 #ifndef GSVC_H
@@ -17,14 +17,14 @@
 #define GSVC_CHUNK_E 0x45 /* end() */
 
 /* Ranges of elements: the least and the greatest legal value, where these are numbers. */
-#define GSVC_VERSION_MAJOR_MIN 1
-#define GSVC_VERSION_MAJOR_MAX 1
+#define GSVC_VERSION_MAJOR_MIN 129
+#define GSVC_VERSION_MAJOR_MAX 129
 #define GSVC_PROFILE_MIN 0
 #define GSVC_PROFILE_MAX 0
 #define GSVC_LEVEL_MIN 1
 #define GSVC_LEVEL_MAX 5
 #define GSVC_FLAGS_MIN 0
-#define GSVC_FLAGS_MAX 1
+#define GSVC_FLAGS_MAX 3
 #define GSVC_WIDTH_MIN 1
 #define GSVC_WIDTH_MAX 65535
 #define GSVC_HEIGHT_MIN 1
@@ -62,6 +62,7 @@
 
 /* Values with a name. */
 #define GSVC_FLAGS_PARAMETER_CHECKSUM_FLAG (1u << 0)
+#define GSVC_FLAGS_PACED_FLAG (1u << 1)
 #define GSVC_CHROMA_FORMAT_RGB 0
 #define GSVC_CHROMA_FORMAT_420 1
 #define GSVC_CHROMA_FORMAT_422 2
@@ -75,28 +76,50 @@
 #define GSVC_LEVEL_1_SPLATS_FRAME 16384
 #define GSVC_LEVEL_1_RENDERING_WORK_FRAME 0x2000000u
 #define GSVC_LEVEL_1_BYTES_CHUNK_PAYLOAD 0x100000u
+#define GSVC_LEVEL_1_PIXELS_SECOND 0x800000u
+#define GSVC_LEVEL_1_SPLATS_SECOND 0x100000u
+#define GSVC_LEVEL_1_RENDERING_WORK_SECOND 0x10000000u
+#define GSVC_LEVEL_1_BYTES_SECOND 0x100000u
 #define GSVC_LEVEL_2_PIXELS 0x100000u
 #define GSVC_LEVEL_2_SPLATS_FRAME 0x10000u
 #define GSVC_LEVEL_2_RENDERING_WORK_FRAME 0x10000000u
 #define GSVC_LEVEL_2_BYTES_CHUNK_PAYLOAD 0x400000u
+#define GSVC_LEVEL_2_PIXELS_SECOND 0x4000000u
+#define GSVC_LEVEL_2_SPLATS_SECOND 0x400000u
+#define GSVC_LEVEL_2_RENDERING_WORK_SECOND 0x80000000u
+#define GSVC_LEVEL_2_BYTES_SECOND 0x400000u
 #define GSVC_LEVEL_3_PIXELS 0x400000u
 #define GSVC_LEVEL_3_SPLATS_FRAME 0x40000u
 #define GSVC_LEVEL_3_RENDERING_WORK_FRAME 0x40000000u
 #define GSVC_LEVEL_3_BYTES_CHUNK_PAYLOAD 0x1000000u
+#define GSVC_LEVEL_3_PIXELS_SECOND 0x10000000u
+#define GSVC_LEVEL_3_SPLATS_SECOND 0x1000000u
+#define GSVC_LEVEL_3_RENDERING_WORK_SECOND 0x200000000ULL
+#define GSVC_LEVEL_3_BYTES_SECOND 0x1000000u
 #define GSVC_LEVEL_4_PIXELS 0x1000000u
 #define GSVC_LEVEL_4_SPLATS_FRAME 0x100000u
 #define GSVC_LEVEL_4_RENDERING_WORK_FRAME 0x100000000ULL
 #define GSVC_LEVEL_4_BYTES_CHUNK_PAYLOAD 0x4000000u
+#define GSVC_LEVEL_4_PIXELS_SECOND 0x40000000u
+#define GSVC_LEVEL_4_SPLATS_SECOND 0x4000000u
+#define GSVC_LEVEL_4_RENDERING_WORK_SECOND 0x800000000ULL
+#define GSVC_LEVEL_4_BYTES_SECOND 0x4000000u
 #define GSVC_LEVEL_5_PIXELS 0x4000000u
 #define GSVC_LEVEL_5_SPLATS_FRAME 0x400000u
 #define GSVC_LEVEL_5_RENDERING_WORK_FRAME 0x400000000ULL
 #define GSVC_LEVEL_5_BYTES_CHUNK_PAYLOAD 0x10000000u
+#define GSVC_LEVEL_5_PIXELS_SECOND 0x100000000ULL
+#define GSVC_LEVEL_5_SPLATS_SECOND 0x10000000u
+#define GSVC_LEVEL_5_RENDERING_WORK_SECOND 0x2000000000ULL
+#define GSVC_LEVEL_5_BYTES_SECOND 0x10000000u
 
 /* Constants of Annex A. */
 #define GSVC_LONGEST_HEADER 1024 /* maximum size of a sequence header's payload in bytes */
+#define GSVC_I_FRAME_SECONDS 4 /* seconds from an I-frame of a paced stream to the next one */
 #define GSVC_SUPPORT_RADIUS 0x1.aa1e147bb26eap+1 /* ρ = √(2 ln 255), radius of the support */
 #define GSVC_REACH 0x1.aa1ee98abcac8p+1 /* ρ′ = ρ (1 + 2⁻¹⁷) */
 #define GSVC_SMALLEST_NORMAL 0x1p-126 /* 2⁻¹²⁶, smallest positive normal binary32; l11 or l22 below it is degenerate */
+#define GSVC_VERSION_MAJOR 129 /* 128 + 1, draft 1 of version 1.0 */
 #define GSVC_REFLECTED_POLYNOMIAL 0x82F63B78u /* CRC-32C, bits of 1EDC6F41 reversed */
 #define GSVC_LOWEST_STATE 0x10000u /* 2¹⁶, where a lane of an encoder begins */
 #define GSVC_LN_255 0x1.62a40fda3e3ccp+2 /* ln 255, largest σ of a pixel that a splat covers */

@@ -94,7 +94,7 @@ def test_what_is_said_about_an_element():
     assert frequency["descriptor"] == "eg(golomb_order)"
     assert frequency["within"] == [{"if": "plane_mode = 2, coded"}, {"for": "s = first_symbol .. last_symbol"}]
     assert "R-6.6-4" in frequency["rules"]
-    assert rules_of(frequency)[-1] == "R-3.1-3"
+    assert "R-3.1-3" in rules_of(frequency)
     assert frequency["meaning"].startswith("The frequency of a symbol, in units of 2^−table_bits")
     assert named()["plane_mode"]["values"] == {"0": "constant", "1": "raw", "2": "coded"}
     assert named()["plane_mode"]["reserved"] == "plane_mode 3 is reserved"
