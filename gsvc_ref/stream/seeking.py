@@ -61,7 +61,7 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
 
 
 def find_whole_frame(decoder: ChunkDecoder, number: int) -> Place:
-    """The place that `find_frame` finds in a damaged file, if a whole I-frame of that number is there; else the first."""
+    """The place that `find_frame` finds in a damaged file if a whole I-frame of its number is there, else the first."""
     try:
         place = find_frame(decoder, number)
         chunk_type, p = decoder.chunk_at(place.offset)

@@ -1,10 +1,13 @@
 """A decoder that claims a level refuses what is above it, before anything else of the header (R-5-6)."""
 
+from pathlib import Path
+
 import pytest
 
 import gsvc_ref
 from conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.cli import main
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.stream import StreamReader
@@ -59,3 +62,17 @@ def test_there_is_no_such_level() -> None:
     for level in (0, 6):
         with pytest.raises(UsageError, match=r"max_level is \d; it must be 1 to 5"):
             gsvc_ref.open(stream(1), max_level=level)
+
+
+def test_the_commands_refuse_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "level3.gsvc"
+    path.write_bytes(stream(3))
+    for command in (["info", str(path)], ["decode", str(path), str(tmp_path / "out")]):
+        assert main([*command, "--max-level", "2"]) == 1
+        err = capsys.readouterr().err
+        assert "the stream is of level 3" in err
+        assert "a greater --max-level reads it" in err
+        assert main([*command, "--max-level", "3"]) == 0
+        capsys.readouterr()
+    assert main(["info", str(path), "--max-level", "6"]) == 2
+    assert "--max-level" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import gsvc_ref
 from conformance.cases.seeking import forged
 from gsvc_ref import spec
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.cli import main
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.stream import StreamReader
@@ -28,6 +30,7 @@ from gsvc_ref.testing import (
     streams,
     write_stream,
 )
+from gsvc_ref.video import open_video
 
 FRAMES = [*rich_frames(), *rich_frames()]  # I-frames 0, 3, 5, 8
 SMALL_HEADER = replace(RICH_HEADER, parameter_checksum_flag=False)
@@ -127,7 +130,7 @@ def test_heads_anywhere_in_a_window_are_read(size: int) -> None:
         assert place(data, number) == found
 
 
-def test_a_forged_index_is_not_believed() -> None:
+def test_a_forged_index_is_not_believed(tmp_path: Path) -> None:
     """The index names a whole I-frame inside of another payload, which a scanner that decodes all never sees."""
     data = forged()
     truth = list(StreamReader(data))
@@ -138,6 +141,10 @@ def test_a_forged_index_is_not_believed() -> None:
         ]
     shown = list(gsvc_ref.decode(data))
     assert np.array_equal(next(gsvc_ref.decode(data, start=1, stop=2)), shown[1])
+    (tmp_path / "forged.gsvc").write_bytes(data)
+    assert main(["decode", str(tmp_path / "forged.gsvc"), str(tmp_path / "out"), "--frames", "1:2", "--quiet"]) == 0
+    with open_video(tmp_path / "out") as reader:
+        assert np.array_equal(next(iter(reader)), shown[1])
 
 
 def lying_index(column: int, amount: int) -> bytes:
