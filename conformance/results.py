@@ -306,7 +306,10 @@ class Report:
 
     def advice(self) -> list[tuple[Result, OutputResult]]:
         """The refusals of the right kind that name another rule than expected, with their vectors."""
-        return [(result, output) for result in self.results for output in result.outputs if output.advice]
+        return [
+            (result, output) for result in self.results for output in result.outputs
+            if output.passed and output.advice
+        ]  # fmt: skip
 
     def again(self, vector: str) -> str:
         """The command that runs one vector again."""

@@ -52,7 +52,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
 
 def _verdict(report: Report) -> str:
     words = html.escape("".join(conclusion(report)).capitalize())
-    color = COLORS.get(report.conclusion, "other")
+    color = "bad" if report.exit_code == 1 else COLORS.get(report.conclusion, "other")
     return f'<p class="verdict {color}">{words}</p>\n<p>{html.escape(report.verdict)}.</p>'
 
 
