@@ -1,5 +1,6 @@
 """Decoding: a `.gsvc` stream in, frames or splats out, one after the other."""
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import replace
@@ -208,7 +209,7 @@ def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:
     if max(width, height) > 65535:
         raise UsageError(f"scale {scale} gives {width}x{height} pixels; at most 65535 on a side")
     if width * height > HIGHEST.pixels:
-        most = (HIGHEST.pixels / (header.width * header.height)) ** 0.5
+        most = math.sqrt(HIGHEST.pixels / (header.width * header.height))
         raise UsageError(
             f"scale {scale} gives {width}x{height} pixels; at most {HIGHEST.pixels} can be rendered (R-9.4-2): "
             f"take a scale of at most {int(100 * most) / 100}"
