@@ -12,7 +12,7 @@ from conformance import spec
 from conformance.cases.faulty import faults
 
 Outcome = tuple[str, int]
-"""A refusal: the error in full, and how many frames precede it. The kind and the frames are what vectors judge."""
+"""The judged parts of a refusal: the kind of the error, and how many frames precede it."""
 
 HUGE: Final = {
     "r_5_2_splats_four_billion", "r_5_2_new_splats_four_billion", "r_5_2_splats_of_level_3", "r_5_2_splats_of_level_4",
@@ -64,32 +64,28 @@ def forgetful() -> Callable[[bytes, str], Outcome]:
         nonlocal forgotten
         forgotten = rule
         found = names["reconstruct_stream"](stream)
-        return found["error"], len(found["counts"])
+        return found["error"].partition(" ")[0], len(found["counts"])
 
     return outcome
 
 
-def alike(forgetful: Callable[[bytes, str], Outcome]) -> dict[str, tuple[str, str]]:
-    """The faulty streams of which the decoder without the check is judged right: its error, and that of a sound one."""
-    sound = spec.namespace()["reconstruct_stream"]
-    found = {}
+def alike(forgetful: Callable[[bytes, str], Outcome]) -> set[str]:
+    """The faulty streams that the decoder without the check answers as they must be answered."""
+    found = set()
     for fault in faults():
         if fault.also or fault.slug in HUGE or "_cut_" in fault.slug:  # what was cut cannot be read
             continue
         try:
-            error, complete = forgetful(fault.make(), fault.rule)
+            outcome = forgetful(fault.make(), fault.rule)
         except (ArithmeticError, LookupError, UnboundLocalError, ValueError):  # it crashes where the check would stand
             continue
-        if (error.partition(" ")[0], complete) == (fault.kind, fault.complete):
-            found[fault.slug] = error, sound(stream=fault.make())["error"]
+        if outcome == (fault.kind, fault.complete):
+            found.add(fault.slug)
     return found
 
 
 def test_a_decoder_without_the_check_is_judged_wrong(forgetful: Callable[[bytes, str], Outcome]) -> None:
-    found = alike(forgetful)
-    assert found.keys() == set().union(*ALIKE.values())
-    for slug, (error, truth) in found.items():
-        assert error != truth, slug
+    assert alike(forgetful) == set().union(*ALIKE.values())
 
 
 def test_no_stream_is_exempt_that_is_not_there() -> None:
