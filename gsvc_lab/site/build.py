@@ -11,7 +11,7 @@ from typing import Final
 
 from gsvc_lab.site import glance
 from gsvc_lab.site.browser import browser
-from gsvc_lab.site.document import FENCED, Part, element_names, parts_of, targets_of
+from gsvc_lab.site.document import FENCED, SYNTAX, Part, element_names, parts_of, targets_of
 from gsvc_lab.site.markdown import highlighted, rendered
 from gsvc_lab.site.page import Page, documents
 from gsvc_lab.site.references import Linker, with_anchors
@@ -69,7 +69,8 @@ class Site:
         self.root = root
         self.parts = parts_of((root / "spec.md").read_text(encoding="utf-8"))
         self.targets = targets_of(self.parts)
-        self.tables = tables_of(self.parts)
+        self.syntax = [part for part in self.parts if part.name == SYNTAX]
+        self.tables = tables_of(self.syntax)
         others = sorted(path.relative_to(root).as_posix() for path in (root / "docs").glob("*.md"))
         self.guides = GUIDES | {name: f"{Path(name).stem}.html" for name in others if name not in GUIDES}
         self.files: dict[str, str] = {}
@@ -105,7 +106,7 @@ class Site:
     def _specification(self) -> list[Page]:
         pages = [self._section(part) for part in self.parts]
         link = self._links_of("spec.md")
-        syntax = f'<h1 id="syntax">Syntax</h1>\n{browser(self.parts, self.targets, link)}'
+        syntax = f'<h1 id="syntax">Syntax</h1>\n{browser(self.syntax, self.targets, link)}'
         first = Page(
             "glance.html",
             "GSVC at a glance",
@@ -150,7 +151,7 @@ class Site:
 
     def _browsable(self) -> list[str]:
         """The elements of which the syntax browser has an article of their own."""
-        text = "".join(FENCED.sub("", part.text) for part in self.parts)
+        text = "".join(FENCED.sub("", part.text) for part in self.syntax)
         headings = re.findall(r"^#### (.+)$", text, re.MULTILINE)
         return [names[0].removeprefix("element-") for heading in headings if (names := element_names(heading))]
 

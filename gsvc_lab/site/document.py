@@ -95,7 +95,7 @@ def targets_of(parts: list[Part]) -> Targets:
             section = re.match(r"(\d+\.\d+) ", heading)
             if marks == "###" and section:
                 found.sections[section[1]] = f"{part.page}#{slug(heading)}"
-            if marks == "####":
+            if marks == "####" and part.name == SYNTAX:
                 for anchor in element_names(heading):
                     found.elements.setdefault(anchor.removeprefix("element-"), f"{part.page}#{anchor}")
             if marks == "###" and heading.endswith(f" {OPERATIONS}"):

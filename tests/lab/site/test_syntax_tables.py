@@ -9,7 +9,7 @@ pytest.importorskip("pygments", reason="Pygments is one of the extra site")
 
 from gsvc_lab.site.__main__ import ROOT
 from gsvc_lab.site.build import Site
-from gsvc_lab.site.document import FENCED, Part
+from gsvc_lab.site.document import FENCED, SYNTAX, Part, parts_of
 from gsvc_lab.site.syntax import Group, tables_of
 
 TABLE = """
@@ -62,7 +62,8 @@ def test_a_bracket_that_is_never_closed_is_told():
 
 
 def test_every_element_of_the_tables_has_a_box():
-    spec = FENCED.sub("", (ROOT / "spec.md").read_text(encoding="utf-8"))
+    parts = parts_of((ROOT / "spec.md").read_text(encoding="utf-8"))
+    spec = next(FENCED.sub("", part.text) for part in parts if part.name == SYNTAX)
     page = Site(ROOT)._glance()
     labels = re.sub(r"<[^>]+>", "", " ".join(re.findall(r"<b>(.*?)</b>", page)))
     tables = re.findall(r"^\| \w+\([^|]*\) \| descriptor \|\n((?:\|.*\n)+)", spec, re.MULTILINE)
