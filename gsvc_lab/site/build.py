@@ -1,6 +1,7 @@
 """Everything that the site has, and where it comes from."""
 
 import html
+import json
 import os
 import re
 import shutil
@@ -70,7 +71,7 @@ class Site:
         self.parts = parts_of((root / "spec.md").read_text(encoding="utf-8"))
         self.targets = targets_of(self.parts)
         self.syntax = [part for part in self.parts if part.name == SYNTAX]
-        self.tables = tables_of(self.syntax)
+        self.tables = tables_of(json.loads((root / "spec" / "syntax.json").read_text(encoding="utf-8")))
         others = sorted(path.relative_to(root).as_posix() for path in (root / "docs").glob("*.md"))
         self.guides = GUIDES | {name: f"{Path(name).stem}.html" for name in others if name not in GUIDES}
         self.files: dict[str, str] = {}
