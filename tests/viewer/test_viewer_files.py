@@ -90,7 +90,7 @@ def files_viewer():
         (lambda data: data[:-30], ["breaks off", "frames before it are whole", "R-6.2-4"]),
         (lambda data: data[:-60] + bytes([data[-60] ^ 1]) + data[-59:], ["checksum of a chunk is wrong", "R-6.2-2"]),
         (lambda data: b"RIFF" + data[4:], ["is no GSVC file", "No frame can be shown", "R-6.1-1"]),
-        (lambda data: data[:8] + b"\x02" + data[9:], ["later version", "R-6.1-2"]),
+        (lambda data: data[:8] + b"\x02" + data[9:], ["another version", "another draft", "R-6.1-2"]),
         (lambda data: b"", ["file is empty", "example.gsvc is still shown"]),
         (lambda data: data + b"more", ["bytes behind the end", "R-6.1-4"]),
     ],
