@@ -29,10 +29,10 @@ def one_frame(*lies: Lie) -> Callable[[], bytes]:
 
 
 def area(splats: int) -> Callable[[], bytes]:
-    """Splats that fill a frame of 2^17 pixels each: the level allows 2^8."""
+    """Splats that fill a frame of 2^17 pixels each: the level allows 2^8. It is shown again."""
     everything = (1e6, 0.0, 1e6)
     frame = intra(0, splats, factor=everything, long=False)
-    return lambda: opening(header(1, 512, 256)) + frame + end(1)
+    return lambda: opening(header(1, 512, 256)) + frame + chunk("R", encode_uv(1)) + end(2)
 
 
 def survivors() -> bytes:
