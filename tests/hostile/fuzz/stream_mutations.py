@@ -213,6 +213,19 @@ def renumbered(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     return join_chunks(chunks, prefix=parts.prefix)
 
 
+def paced(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
+    """A stream of level 1 whose bit 1 of `flags` is set, and more R-frames than it may have, by pixels or in a row."""
+    chunks = list(split(data).chunks)
+    place = max((number + 1 for number, (chunk_type, _) in enumerate(chunks) if chunk_type in b"IPR"), default=0)
+    frames, (width, height) = rng.choice(((5, (16, 16)), (70, CROWDED_SIZE)))
+    chunks[place:place] = [(b"R", b"\0")] * frames
+    parts = split(renumbered(split(data).joined(chunks), rng, others))
+    numbers = ((1, 1), (2, 1), (width, 2), (height, 2), (1 if frames == 5 else 100, 4), (1, 4))  # `level` to frame rate
+    said = b"".join(value.to_bytes(size, "little") for value, size in numbers)
+    header = [(t, p[:1] + said + p[1 + len(said) :]) if t == b"H" else (t, p) for t, p in parts.chunks]
+    return parts.joined(header)
+
+
 def bytes_changed(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     """Bytes are changed wherever they stand, and no checksum is made right."""
     return _edited(data, rng)
@@ -247,6 +260,7 @@ MUTATIONS: Final[dict[Mutation, int]] = {
     plane_recoded: 6,
     crowded: 2,
     framing_changed: 5,
+    paced: 2,
     bytes_changed: 3,
     cut: 2,
     concatenated: 2,
