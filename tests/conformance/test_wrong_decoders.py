@@ -56,7 +56,7 @@ DECODERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
             FAULTY + "r_6_2_3_later_version_i_frame_too_long", FAULTY + "r_6_2_3_later_version_p_frame_too_long",
             FAULTY + "r_6_2_3_later_version_r_frame_too_long",
         ),
-        "later-version-flags": (FAULTY + "r_3_2_1_later_version_flags_2",),
+        "later-version-flags": (FAULTY + "r_3_2_1_later_version_flags_4",),
         "later-version-critical-chunks": (FAULTY + "r_3_2_1_later_version_chunk_b",),
         "later-version-short-header": (FAULTY + "r_6_2_3_later_version_header_too_short",),
     },
