@@ -56,10 +56,15 @@ def named() -> Mapping[str, Json]:
 
 
 def rules_of(element: Json) -> list[str]:
-    """The ids of the rules about an element, and about its descriptor."""
-    kind = str(element.get("descriptor")).partition("(")[0]
-    of_descriptor = [row["rules"] for row in syntax()["descriptors"] if row["descriptor"].partition("(")[0] == kind]
-    return [*element["rules"], *(rule for rules in of_descriptor for rule in rules)]
+    """The ids of the rules about an element that has a heading, and about its descriptor."""
+    return _all_rules()[element["heading"]]
+
+
+@cache
+def _all_rules() -> Mapping[str, list[str]]:
+    """The ids by heading: a listing asks for them with every line."""
+    about = {row["descriptor"].partition("(")[0]: row["rules"] for row in syntax()["descriptors"]}
+    return {name: [*e["rules"], *about.get(e["descriptor"].partition("(")[0], ())] for name, e in named().items()}
 
 
 def number(text: str) -> int | None:

@@ -11,8 +11,10 @@ import gsvc_ref.syntax as reading
 from conformance.__main__ import main
 from conformance.c_header import c_header
 from conformance.elements import ELEMENTS
+from conformance.runner import judge_outputs
 from conformance.spec import SPEC, namespace
 from conformance.syntax_files import FILES, ROOT, stale, write
+from conformance.vectors import VECTORS, read
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.syntax import elements, named, number, rules_of, syntax
 
@@ -183,3 +185,13 @@ def test_two_constants_of_one_name_are_refused(monkeypatch):
     monkeypatch.setattr("conformance.c_header.syntax", lambda: syntax() | {"constants": [twice, twice]})
     with pytest.raises(ValueError, match="GSVC_HALF"):
         c_header()
+
+
+def test_the_kit_names_the_element_of_a_wrong_refusal():
+    vector = read(VECTORS / "faulty/reconstruct_stream/r_6_6_4_sum_too_large")
+    expected = vector.expected["error"].value
+    outputs = {name: one.value for name, one in vector.expected.items()} | {"error": "malformed R-6.2-2 416"}
+    message = judge_outputs(vector, outputs).message
+    assert (
+        f"(bit 416: chunk_type, frame 0; bit {expected.split()[2]}: frequency[0] of position_low x, frame 0)" in message
+    )
