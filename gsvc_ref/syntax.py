@@ -178,7 +178,8 @@ def _structures(part: _Part, rules: Json) -> Iterator[Json]:
         for rule, about in rules.items():
             if about["section"] == part.section and about["text"].startswith("Each element "):
                 for element in table:
-                    element["rules"] += [rule] if "heading" in element else []
+                    described_only = any("*descriptive*" in rules[other]["text"] for other in element.get("rules", ()))
+                    element["rules"] += [rule] if "heading" in element and not described_only else []
         taken = {rule for element in table for rule in element["rules"]}
         own = [rule for rule, about in rules.items() if about["section"] == part.section and rule not in taken]
         parameters = head[2].split(", ") if head[2] else []
