@@ -166,10 +166,6 @@ def _sums() -> Iterator[Broken]:
                  partial(paced, [*repeated(None, 10), *heavy(10)], **LARGEST, frame_rate_numerator=10), 18)  # fmt: skip
     yield Broken("R-5-7", "limit", "bytes", "a second has 2^20 + 1 bytes", "level 1 allows 2^20",
                  lambda: padded(two_seconds(), 0, (0, 1), BYTES + 1), 1)  # fmt: skip
-    yield Broken("R-5-7", "limit", "before_i_frame_distance", "a second has 2^20 + 1 bytes, and an I-frame is due",
-                 "the first of two faults counts",
-                 lambda: padded(paced(repeated(None, 5), frame_rate_numerator=1), 4, (4,), BYTES + 1), 4,
-                 ("R-5-8",))  # fmt: skip
 
 
 def _wrong_and_late() -> bytes:

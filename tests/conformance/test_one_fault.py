@@ -51,7 +51,7 @@ ALIKE: Final = {
     "what was cut cannot be read": {fault.slug for fault in faults() if "_cut_" in fault.slug and not fault.also},
     "the fault that is checked later is of the same kind": {
         "r_6_2_4_before_known_type", "r_6_1_5_before_frame_count", "r_6_4_2_before_frame_number",
-        "r_5_7_before_i_frame_distance", "r_6_5_4_before_colors_present", "r_6_5_5_before_offset",
+        "r_6_5_4_before_colors_present", "r_6_5_5_before_offset",
         "r_8_1_before_checksum",
         "r_6_6_2_before_order_of_ends", "r_6_6_3_before_symbols", "r_6_2_3_words_beyond_the_states",
         "r_6_8_1_before_header", "r_6_3_2_before_index_length", "r_6_8_2_before_what_follows",
