@@ -193,6 +193,17 @@ def unseen_fault(value: tuple[str, Callable[[], bytes], int, int]) -> Inputs:
     assert result(expected, "parameters").tobytes() == sound.tobytes()
 
 
+@case("core", "seek", rules=["R-5-7", "R-5-8", "R-12.6-4"], each={"group_of_the_first_frame": 1, "later_group": 3})
+def pace_is_not_judged(value: int) -> Inputs:
+    """A paced stream in which an I-frame is due; frames of the {key} are asked for, and who seeks does not judge the pace."""
+    still = [FrameCodes.repeated_frame()] * 5
+    first = FrameCodes.intra_frame(intra_block(1))
+    frames = [first, *still] if value == 1 else [first, first, first, *still]
+    data = write_stream(HEADER, frames, index=False, lies=[Lie("flags", 2), Lie("frame_rate_numerator", 1)])
+    expected = yield {"stream": data, "first": value, "last": len(frames) - 1}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", len(frames) - value)
+
+
 @case("core", "seek", rules=["R-12.6-6"])
 def fewer_frames_although_damaged() -> Inputs:
     """A frame beyond the end is asked for, and the stream has fewer; a damaged frame is hopped over."""

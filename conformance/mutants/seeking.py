@@ -88,6 +88,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ('        if frame["frame_number"] >= first:\n', '        if frame["frame_number"] >= first and last >= 0:\n')),
     mutant(AREA, "seek-end-unchecked", "the end chunk not checked when there are fewer frames",
         ("        find(s, state, first)\n", "        find(s, state, first)\n        if state.next_number <= first and chr(s.data[s.at // 8]) == \"E\":\n            return\n")),
+    mutant(AREA, "seek-judges-the-pace", "the pace of a paced stream judged while seeking",
+        ("    state.frames_counted = None  # the sums of a second are not known\n", "    state.frames_counted = state.next_number\n    state.last_i_frame = 0\n")),
     mutant(AREA, "seek-beyond-the-end-refused", "a frame beyond the end taken for a fault of the stream",
         ('        if chunk_type in "IE":\n', '        if chunk_type == "E":\n            raise Fault("R-6.8-1", here[0])\n        if chunk_type in "IE":\n')),
     mutant(AREA, "seek-cut-accepted", "a cut stream taken for one that has fewer frames",

@@ -57,7 +57,7 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
                 return here
             i_frame = here if chunk_type == I_TYPE else None
         if i_frame is not None:
-            place = replace(i_frame, index_length=0)
+            place = replace(i_frame, index_length=0, pace=None)  # the sums of a second are not known
         here = after
     return place
 

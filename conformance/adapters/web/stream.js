@@ -104,6 +104,7 @@ globalThis.GSVC ??= {};
       if ("IE".includes(type)) place = here;
     }
     [s.at, state.nextNumber] = place;
+    state.framesCounted = -1; // the sums of a second are not known
   }
 
   /** Yields the frames `first` to `last`, as far as there are such; throws the first Fault on the way. */
