@@ -195,7 +195,7 @@ def unseen_fault(value: tuple[str, Callable[[], bytes], int, int]) -> Inputs:
 
 @case("core", "seek", rules=["R-5-7", "R-5-8", "R-12.6-4"], each={"group_of_the_first_frame": 1, "later_group": 3})
 def pace_is_not_judged(value: int) -> Inputs:
-    """A paced stream in which an I-frame is due; frames of the {key} are asked for, and who seeks does not judge the pace."""
+    """In a paced stream an I-frame is due; who seeks frames of the {key} does not judge the pace."""
     still = [FrameCodes.repeated_frame()] * 5
     first = FrameCodes.intra_frame(intra_block(1))
     frames = [first, *still] if value == 1 else [first, first, first, *still]
