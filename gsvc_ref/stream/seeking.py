@@ -81,14 +81,18 @@ def _hop_over_window(decoder: ChunkDecoder, here: Place, number: int) -> tuple[P
         source.seek(here.offset)
         data = np.frombuffer(source.read(WINDOW), np.uint8)
     left = (source.size or 0) - here.offset
-    at, next_number, i_at, i_number = _hop(data, left, decoder.header.limits.payload, here.next_number, number)
+    at, next_number, index_length, i_at, i_number = _hop(
+        data, left, decoder.header.limits.payload, here.next_number, number
+    )
     i_frame = replace(here, offset=here.offset + i_at, next_number=i_number) if i_at >= 0 else None
-    return i_frame, replace(here, offset=here.offset + at, next_number=next_number, index_length=0)
+    return i_frame, replace(here, offset=here.offset + at, next_number=next_number, index_length=index_length)
 
 
 @kernel()
-def _hop(data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int) -> tuple[int, int, int, int]:
-    """Hop over frames and ancillary chunks, but indices, up to and with frame `number`, or the first other chunk.
+def _hop(
+    data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int
+) -> tuple[int, int, int, int, int]:
+    """Hop over frames and ancillary chunks, up to and with frame `number`, or the first other chunk.
 
     Parameters
     ----------
@@ -103,13 +107,14 @@ def _hop(data: NDArray[np.uint8], left: int, longest: int, next_number: int, num
 
     Returns
     -------
-    Offset in `data` and number of what comes next; the same of the last I-frame, with offset -1 if there was none.
+    Offset in `data` and number of what comes next, and the bytes of the chunk before it if that is an index, else 0;
+    offset and number of the last I-frame, with offset -1 if there was none.
     """
-    at, i_at, i_number = 0, -1, 0
+    at, index_length, i_at, i_number = 0, 0, -1, 0
     while next_number <= number and at < len(data):
         chunk_type = data[at]
         predicted = chunk_type in (P_TYPE, R_TYPE)
-        ancillary = chunk_type >= 0x61 and chunk_type != chunks.INDEX_TYPE
+        ancillary = 0x61 <= chunk_type <= 0x7A
         end = payload_end(data, at, longest)
         if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == I_TYPE):
             break
@@ -118,5 +123,6 @@ def _hop(data: NDArray[np.uint8], left: int, longest: int, next_number: int, num
         if chunk_type == I_TYPE:
             i_at, i_number = at, next_number
         next_number += not ancillary
+        index_length = end + CRC_SIZE - at if chunk_type == chunks.INDEX_TYPE else 0
         at = end + CRC_SIZE
-    return at, next_number, i_at, i_number
+    return at, next_number, index_length, i_at, i_number

@@ -13,7 +13,7 @@ reconstruct.cl, checks.cl, training.cl, pruning.cl, quantization.cl, codebooks.c
 and for identical bytes. The Python around them allocates, uploads, launches and downloads, operation by operation.
 
 Streams are parsed by the decoder inside spec.md, through `conformance.adapters.host`, which also finds the rendering
-work of frames: so a device without binary64 decodes, too. Not here: `read_stream` and the
+work of frames: so a device without binary64 decodes, too. Not here: `read_stream`, `seek` and the
 planes, which are the parser's; colour conversion and metrics; and the decisions of training that the host makes from a
 few numbers (`learning_rates`, `converged`, `pruning_plan`, `select_key_frames`).
 """

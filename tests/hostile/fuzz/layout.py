@@ -44,8 +44,13 @@ def split(data: bytes) -> Parts:
 def elements(data: bytes) -> dict[str, list[Element]]:
     """The elements of a stream up to its fault, by name."""
     found: dict[str, list[Element]] = {}
+
+    def note(element: Element) -> None:
+        if element.value is not None:  # it was read
+            found.setdefault(element.name, []).append(element)
+
     try:
-        for _ in StreamReader(data, trace=lambda element: found.setdefault(element.name, []).append(element)):
+        for _ in StreamReader(data, trace=note):
             pass
     except GsvcError:
         pass

@@ -76,6 +76,13 @@ def _check_seeking(reader: StreamReader, data: bytes, frames: list[DecodedFrame]
         assert error is None
 
 
+WRITABLE: Final = {
+    "sample_aspect_numerator": 0, "sample_aspect_denominator": 0, "chroma_format": 0, "video_full_range_flag": 1,
+    "chroma_sample_loc_type": 0,
+}  # fmt: skip
+"""Descriptive elements that a writer takes; a reader takes any (R-6.3-3)."""
+
+
 def reencode(data: bytes) -> str:
     """What a reader accepts, a writer writes, and a reader reads the same again."""
     if declared_splats(data) > MAX_SPLATS["reencode"]:
@@ -84,7 +91,7 @@ def reencode(data: bytes) -> str:
     if header is None or not frames:
         return str(error and error.rule)
     target = io.BytesIO()
-    writer = StreamWriter(target, replace(header, frame_count=0), index=zlib.crc32(data) % 2 == 0)
+    writer = StreamWriter(target, replace(header, frame_count=0, **WRITABLE), index=zlib.crc32(data) % 2 == 0)
     for frame in frames:
         assert writer.write_frame(frame.codes).splats == frame.splats
     assert sum(writer.finish().values()) == 8 * len(target.getvalue())
