@@ -10,7 +10,6 @@ from conformance.spelling import question
 from conformance.vectors import PROFILE
 from gsvc_ref.errors import UsageError
 
-CLASSES: Final = tuple(name for name in get_args(Group) if name not in OPTIONS)
 DECLARED: Final = ("live",)
 """Options that no vector judges: an implementation declares them."""
 FORM: Final = "CLASS[+CLASS...],PROFILE,LEVEL[,OPTION...]"
@@ -40,7 +39,7 @@ class Claim:
     @property
     def judged(self) -> tuple[str, ...]:
         """The classes that vectors judge, options among them."""
-        return (*self.classes, *(option for option in self.options if option in OPTIONS))
+        return tuple(dict.fromkeys((*self.classes, *(option for option in self.options if option in OPTIONS))))
 
     @property
     def declared(self) -> tuple[str, ...]:
@@ -63,7 +62,7 @@ def read_claim(text: str) -> Claim:
     if len(parts) < 3:
         raise UsageError(f"the claim {text!r} must have the form {FORM}: bitstream+rendering,{PROFILE},2")
     classes, profile, level, options = parts[0].split("+"), parts[1], parts[2], parts[3:]
-    _check("class", classes, CLASSES)
+    _check("class", classes, get_args(Group))
     _check("profile", [profile], (PROFILE,))
     _check("level", [level], [str(number) for number in LEVELS])
     _check("option", options, (*OPTIONS, *DECLARED))

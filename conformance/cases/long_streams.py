@@ -74,6 +74,19 @@ def as_much_work_as_allowed() -> Inputs:
     assert int(result(expected, "counts")[0]) << 16 == LEVELS[1].work
 
 
+@case("core", "reconstruct_stream", flags=["limit", "degenerate"], rules=["R-5-4", "R-9.1-2"])
+def degenerate_splats_are_no_work() -> Inputs:
+    """512 splats make the most work that level 1 allows; of one more l11 is 0, so it has no box."""
+    codes = np.ones((513, 3), np.uint16)
+    codes[512, 0] = 0
+    zeros = np.zeros((513, 2), np.uint16)
+    zeros[512] = np.float16(2.0**-9).view(np.uint16)
+    quantizer = quantizer_of([1e30, 1, 1e30], [0, -1, 0])
+    block = SplatBlock(zeros, codes, np.zeros((513, 1), np.uint16), quantizer, (np.zeros((1, 3), np.float16),))
+    expected = yield {"stream": stream_of([FrameCodes.intra_frame(block)], width=256, height=256)}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 1)
+
+
 @case("core", "decode_stream_deterministic", flags=["limit", "many", CAPACITY], rules=["R-5-4"])
 def as_much_work_as_may_be_drawn() -> Inputs:
     """512 splats that cover 256 by 256 pixels with a weight of nearly 1: 2^25 pairs, the most that level 1 allows."""

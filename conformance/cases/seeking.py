@@ -1,6 +1,7 @@
 """Cases of seeking: frames decoded from the last I-frame before them, whatever an index or a payload before it says."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -26,6 +27,12 @@ RANGES: Final = {
     "beyond_the_end": (FAR, FAR),
 }  # fmt: skip
 """The first and the last frame, by what is special; the stream has the frames I P P I R P I P."""
+
+
+def late(count: int) -> bytes:
+    """A paced stream of a frame a second, `count` I-frames and five R-frames, of which the fourth comes too late."""
+    frames = [*[FrameCodes.intra_frame(intra_block(1))] * count, *[FrameCodes.repeated_frame()] * 5]
+    return write_stream(HEADER, frames, index=False, lies=[Lie("flags", 2), Lie("frame_rate_numerator", 1)])
 
 
 def frames() -> list[FrameCodes]:
@@ -196,12 +203,18 @@ def unseen_fault(value: tuple[str, Callable[[], bytes], int, int]) -> Inputs:
 @case("core", "seek", rules=["R-5-7", "R-5-8", "R-12.6-4"], each={"group_of_the_first_frame": 1, "later_group": 3})
 def pace_is_not_judged(value: int) -> Inputs:
     """In a paced stream an I-frame is due; who seeks frames of the {key} does not judge the pace."""
-    still = [FrameCodes.repeated_frame()] * 5
-    first = FrameCodes.intra_frame(intra_block(1))
-    frames = [first, *still] if value == 1 else [first, first, first, *still]
-    data = write_stream(HEADER, frames, index=False, lies=[Lie("flags", 2), Lie("frame_rate_numerator", 1)])
-    expected = yield {"stream": data, "first": value, "last": len(frames) - 1}
-    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", len(frames) - value)
+    expected = yield {"stream": late(value), "first": value, "last": value + 4}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 5)
+
+
+@case("core", "seek", rules=["R-5-7", "R-12.6-4"])
+def sums_of_a_second_are_not_judged() -> Inputs:
+    """A second of a paced stream has 65 of the largest frames, and who seeks to its last ones does not judge that."""
+    frames = [FrameCodes.intra_frame(None), *[FrameCodes.repeated_frame()] * 64]
+    lies = [Lie("flags", 2), Lie("frame_rate_numerator", 65)]
+    data = write_stream(replace(HEADER, width=512, height=256), frames, index=False, lies=lies)
+    expected = yield {"stream": data, "first": 1, "last": 64}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 64)
 
 
 @case("core", "seek", rules=["R-12.6-6"])
@@ -291,6 +304,9 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
     "kept_over_the_i_frame": ("invalid R-6.5-4", "a P-frame uses a quantiser from before the I-frame",
                              "it is forgotten",
                               _kept_inter, 3, 3, 0),
+    "i_frame_due": ("limit R-5-8", "in a paced stream an I-frame is due, and another frame comes",
+                    "from frame 0 on, nothing is hopped over, and the pace is judged",
+                    lambda: late(1), 0, 5, 4),
     "end_damaged": ("malformed R-6.2-2", "the end chunk is damaged, and a frame beyond it is asked for", "it is sound",
                     partial(damaged, 9, stream(index=False)), 8, 8, 0),
     "end_of_the_range_damaged": ("malformed R-6.2-2",

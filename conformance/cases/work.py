@@ -72,7 +72,8 @@ NO_BOX: Final = {
 )
 def degenerate(value: tuple[float, float, float]) -> Inputs:
     """A degenerate splat has no box: {key}."""
-    expected = yield {"parameters": splats((4, 4, *value)), "width": 9, "height": 9}
+    l11, _, l22 = value
+    expected = yield {"parameters": splats((4.5, 4.5, *value), (4.5, 4.5, l11, 2, l22)), "width": 9, "height": 9}
     assert result(expected, "work") == 0
 
 

@@ -126,7 +126,6 @@ def test_a_claim_in_words():
     [
         ("bitstream", "must have the form"),
         ("bitstreem,paper,1", "did you mean|is it|bitstream"),
-        ("sizes,paper,1", "no class 'sizes'"),
         ("bitstream,main,1", "no profile 'main'"),
         ("bitstream,paper,6", "no level '6'"),
         ("bitstream,paper,1,quick", "no option 'quick'"),
