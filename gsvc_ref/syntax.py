@@ -5,6 +5,7 @@ Rules, levels and the constants of Annex A stand beside them. spec/syntax.json i
 spec/syntax.schema.json tells its shape.
 """
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -73,7 +74,7 @@ def number(text: str) -> int | None:
         return None
     power, _, less = text.partition(" − ")
     raised = re.fullmatch(r"(\d+?)\^?([⁰¹²³⁴⁵⁶⁷⁸⁹]+|(?<=\^)\d+)", power)
-    value = int(raised[1]) ** int(raised[2].translate(_SUPERSCRIPTS)) if raised else int(power)
+    value = math.prod([int(raised[1])] * int(raised[2].translate(_SUPERSCRIPTS))) if raised else int(power)
     return value - int(less or 0)
 
 

@@ -217,6 +217,13 @@ def sums_of_a_second_are_not_judged() -> Inputs:
     assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 64)
 
 
+@case("core", "seek", rules=["R-6.8-2", "R-12.6-6"])
+def beyond_the_end_without_index() -> Inputs:
+    """A frame beyond the end is asked for of a stream without index, so no index was hopped over."""
+    expected = yield {"stream": stream(index=False), "first": 8, "last": 8}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 0)
+
+
 @case("core", "seek", rules=["R-12.6-6"])
 def fewer_frames_although_damaged() -> Inputs:
     """A frame beyond the end is asked for, and the stream has fewer; a damaged frame is hopped over."""
@@ -287,8 +294,8 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
     "cut_behind_damage": ("malformed R-6.2-4", "the I-frame is damaged, and the stream ends before the frame asked for",
                           "the hop, which meets the end, comes first",
                           lambda: damaged(4, with_head(4, b"R\x09\0")), 4, 4, 0),
-    "p_frame_first": ("invalid R-6.4-2", "the first frame is a P-frame", "it is an I-frame",
-                      lambda: edited(lambda c: [c[0], *c[2:]]), 4, 4, 0),
+    "r_frame_first": ("invalid R-6.4-2", "the first frame is an R-frame", "it is an I-frame",
+                      lambda: edited(lambda c: [c[0], (b"R", b"\0"), *c[2:]]), 4, 4, 0),
     "no_frame": ("invalid R-6.1-5", "there is no frame", "there is at least one",
                  lambda: edited(lambda c: [c[0], end_of(0)]), 4, 4, 0),
     "number_of_the_i_frame": ("invalid R-6.4-1", "the I-frame has the number 4", "it is the fourth frame, which has 3",

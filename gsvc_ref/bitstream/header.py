@@ -28,6 +28,7 @@ LEVELS: Final[dict[int, Level]] = {
 }
 
 HIGHEST_LEVEL: Final = max(LEVELS)
+"""The level that a decoder is made for unless it is told another one (R-5-5)."""
 
 PER_SECOND: Final = Level(64, 64, 8, 1)
 """The limits of a second of a paced stream (R-5-7), in those of a frame; that of the payload is one of whole chunks."""

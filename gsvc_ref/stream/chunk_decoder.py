@@ -174,8 +174,9 @@ class ChunkDecoder:
             self.source.seek(place.offset)
             s = SourceReader(self.source)
             chunk_type, chunk_length = chunks.chunk_head(s, self.longest_payload)
+            size = self.source.current_size()
         end = s.position // 8 + chunk_length + CRC_SIZE
-        check_complete(s, end, self.source.size or 0)
+        check_complete(s, end, size)
         s.element_bit = 8 * place.offset
         chunks.check_known(s, chunk_type)
         _check_may_stand(s, chunk_type, place)

@@ -23,7 +23,7 @@ class Source:
     seekable
         Whether `seek` may go back.
     size
-        Bytes from the start of the stream to the end of the source; None for a pipe.
+        Bytes from the start of the stream to the end of the source when it was opened; None for a pipe.
     offset
         Bytes from the start of the stream to what `read` returns next.
     lock
@@ -94,6 +94,13 @@ class Source:
             raise UsageError("a pipe can be read only once, from its start; give a file to read it again")
         while self.offset < offset and self.read(min(PIECE, offset - self.offset)):
             pass
+
+    def current_size(self) -> int:
+        """Bytes that a seekable source has now; a live file has more than `size`."""
+        with self.lock:
+            size = self._file.seek(0, 2) - self._start
+            self._file.seek(self._start + self.offset)
+            return size
 
     def close(self) -> None:
         """Close the file, if it was opened here."""

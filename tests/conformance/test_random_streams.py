@@ -28,7 +28,7 @@ def test_sixty_streams_use_every_element(sixty):
     assert found["plane_mode"] == {0, 1, 2}
     for flag in ("positions", "cholesky", "quantizer", "colors", "codebooks"):
         assert found[f"{flag}_present"] == {0, 1}
-    assert found["flags"] == {0, 1}
+    assert found["flags"] == {0, 1, 2, 3}
     assert found["level"] == {1, 2, 3, 4, 5}
     assert found["chroma_format"] == {0, 1, 2, 3}
     assert found["bit_depth"] == set(range(8, 17))
