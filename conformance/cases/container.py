@@ -70,12 +70,15 @@ def indices() -> dict[str, list[tuple[int, int]] | None]:
     }
 
 
-@on("core", *STREAM, flags=["index"], rules=["R-6.7-1"], each={name: name for name in indices()},
-    said={"absent": "No index", "complete": "An index of all I-frames", "empty": "An index without entries",
-          "without_the_first": "An index without the first I-frame",
-          "without_the_last": "An index without the last I-frame",
-          "that_points_elsewhere": "An index that points elsewhere",
-          "with_numbers_of_33_bits": "An index whose frame numbers add up to more than 32 bits"})  # fmt: skip
+INDICES_IN_WORDS: Final = {
+    "absent": "No index", "complete": "An index of all I-frames", "empty": "An index without entries",
+    "without_the_first": "An index without the first I-frame", "without_the_last": "An index without the last I-frame",
+    "that_points_elsewhere": "An index that points elsewhere",
+    "with_numbers_of_33_bits": "An index whose frame numbers add up to more than 32 bits",
+}  # fmt: skip
+
+
+@on("core", *STREAM, flags=["index"], rules=["R-6.7-1"], each={name: name for name in indices()}, said=INDICES_IN_WORDS)
 def index(value: str) -> Inputs:
     """{key}: an index is a help and never an authority, so the frames are the same."""
     entries = indices()[value]

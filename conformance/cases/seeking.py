@@ -9,7 +9,7 @@ import numpy as np
 
 from conformance.case import Fault, Inputs, add, case
 from conformance.cases.building import HEADER, Chunks, inter_block, intra_block, operated, predicted, result, stream_of
-from conformance.cases.container import entries_of, indices, sequence, with_index
+from conformance.cases.container import INDICES_IN_WORDS, entries_of, indices, sequence, with_index
 from conformance.cases.faults import end_of
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
@@ -92,11 +92,7 @@ def range_of(value: str) -> Inputs:
 
 
 @case("core", "seek", flags=["index"], each={name: name for name in indices()},
-      said={"absent": "No index", "complete": "An index of all I-frames", "empty": "An index without entries",
-            "without_the_first": "An index without the first I-frame",
-            "without_the_last": "An index without the last I-frame",
-            "that_points_elsewhere": "An index that points elsewhere",
-            "with_numbers_of_33_bits": "An index whose frame numbers add up to more than 32 bits"})  # fmt: skip
+      said=INDICES_IN_WORDS)  # fmt: skip
 def index(value: str) -> Inputs:
     """{key}: what is found by hopping is the same."""
     entries = indices()[value]

@@ -19,6 +19,9 @@ END_CHUNK_SIZE: Final = 14
 CRC_BITS: Final = 32
 
 HEADER_TYPE: Final = ord("H")
+I_TYPE: Final = ord("I")
+P_TYPE: Final = ord("P")
+R_TYPE: Final = ord("R")
 INDEX_TYPE: Final = ord("x")
 END_TYPE: Final = ord("E")
 DECISIONS: Final = "d"

@@ -257,7 +257,7 @@ def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
         s.fail("R-6.1-3", "a second sequence header follows; a stream has one")
     if place.next_number == 0 and chunk_type == chunks.END_TYPE:
         s.fail("R-6.1-5", "the stream has no frame")
-    if place.next_number == 0 and chunk_type in chunks.FRAMES and chunk_type != ord("I"):
+    if place.next_number == 0 and chunk_type in chunks.FRAMES and chunk_type != chunks.I_TYPE:
         s.fail("R-6.4-2", f"the first frame is of type {chr(chunk_type)}; it must be an I-frame")
 
 

@@ -24,10 +24,11 @@ from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all
 
-I_TYPE: Final = ord("I")
-
 MAY_DIFFER: Final = ("level", "frame_count", "paced_flag")
 """Elements of the sequence header that need not be the same in all parts (R-6.10-1)."""
+
+CHOSEN: Final = ("cholesky_bits", "color_stages", "color_codewords")
+"""Elements that an encode chooses by itself, unless an option of the same name says them."""
 
 Part = str | Path | bytes | bytearray | memoryview | BinaryIO
 OnPart = Callable[[int, int, int | None], None]
@@ -213,9 +214,10 @@ def _check_goes_with(first: _Part, part: _Part) -> None:
     for name, a, b in pairs:
         if a != b:
             element_name = name if " " in name else f"`{name}`"
+            option = f" (--{name.replace('_', '-')} {a})" if name in CHOSEN else ""
             raise UsageError(
                 f"{element_name} is {a} in {first.name} and {b} in {part.name}; only streams with the same header "
-                f"can be joined (R-6.10-1): encode one of them again with the settings of the other"
+                f"can be joined (R-6.10-1): encode one of them again with the settings of the other{option}"
             )
 
 
@@ -300,7 +302,7 @@ class _Result:
                 f"frame {self._frame_count}, of {name}, would have a chunk of {size} bytes with its new number; level "
                 f"{self._header.level} allows {most} (R-5-3): put {name} before the others, or join fewer"
             )
-        if chunk_type == I_TYPE and self._index is not None:
+        if chunk_type == chunks.I_TYPE and self._index is not None:
             self._index.add(self._frame_count, self._offset)
             if len(self._index.steps) + MAX_INDEX_BYTES_PER_ENTRY > most:
                 self._index = None  # the level has no room for it

@@ -125,7 +125,7 @@ class StreamReader:
             if decoded.frame is not None and decoded.frame.number >= start:
                 yield decoded.frame
                 if decoded.frame.number + 1 == stop:
-                    return
+                    return  # R-12.6-5
 
     def _chunks(self, place: Place) -> Iterator[DecodedChunk]:
         while True:

@@ -13,7 +13,6 @@ from gsvc_ref.stream.decoded import MAX_FAULTS, Gap
 from gsvc_ref.stream.source import SourceReader
 from gsvc_ref.stream.whole_chunks import WholeChunks
 
-I_TYPE: Final = ord("I")
 P_AND_R: Final = frozenset(b"PR")
 OF_A_SECOND: Final = ("R-5-7", "R-5-8")
 """Rules about the pace of a stream: a frame that breaks one of them, and no other, is sound."""
@@ -160,7 +159,7 @@ class Salvage:
     def _place_behind_gap(self, head: _Head) -> Place | None:
         """The place of the chunk here, if frames may be missing before it; None if decoding cannot go on with it."""
         place, due = self._place, self._place.next_number
-        if head.chunk_type == I_TYPE:
+        if head.chunk_type == chunks.I_TYPE:
             if head.frame_number is None or head.frame_number < due:
                 return None
             return place if head.frame_number == due else replace(place, next_number=head.frame_number)

@@ -17,9 +17,6 @@ from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, Place
 from gsvc_ref.stream.whole_chunks import payload_end
 
-I_TYPE: Final = ord("I")
-P_TYPE: Final = ord("P")
-R_TYPE: Final = ord("R")
 WINDOW: Final = 1 << 16
 """Bytes that are read at once in search of the heads of chunks."""
 
@@ -37,14 +34,15 @@ def read_end(decoder: ChunkDecoder) -> int | None:
 
 
 def find_frame(decoder: ChunkDecoder, number: int) -> Place:
-    """The last I-frame at or before frame `number`, or the end chunk if there are fewer frames.
+    """The last I-frame at or before frame `number`, or the end chunk if there are fewer frames (R-12.6-6).
 
-    Frame 0, and any frame of a pipe, is decoded from the start (R-12.6-3).
+    Its state is that of a decoder which has read nothing but the sequence header (R-12.6-4). Frame 0, and any frame of
+    a pipe, is decoded from the start (R-12.6-3).
 
     Raises
     ------
     GsvcError
-        A chunk on the way breaks a rule that a hop checks (R-12.6-1).
+        A chunk on the way breaks a rule that a hop checks (R-12.6-1, R-12.6-7).
     """
     place = here = decoder.first
     if number == 0 or not decoder.source.seekable:
@@ -55,7 +53,7 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
             chunk_type, after = decoder.hop(here)
             if chunk_type == chunks.END_TYPE:
                 return here
-            i_frame = here if chunk_type == I_TYPE else None
+            i_frame = here if chunk_type == chunks.I_TYPE else None
         if i_frame is not None:
             place = replace(i_frame, index_length=0, pace=None)  # the sums of a second are not known
         here = after
@@ -67,7 +65,7 @@ def find_whole_frame(decoder: ChunkDecoder, number: int) -> Place:
     try:
         place = find_frame(decoder, number)
         chunk_type, p = decoder.chunk_at(place.offset)
-        if chunk_type == I_TYPE and p.uv("frame_number") == place.next_number:
+        if chunk_type == chunks.I_TYPE and p.uv("frame_number") == place.next_number:
             return place
     except GsvcError:
         pass
@@ -113,16 +111,16 @@ def _hop(
     at, index_length, i_at, i_number = 0, 0, -1, 0
     while next_number <= number and at < len(data):
         chunk_type = data[at]
-        predicted = chunk_type in (P_TYPE, R_TYPE)
+        predicted = chunk_type in (chunks.P_TYPE, chunks.R_TYPE)
         ancillary = 0x61 <= chunk_type <= 0x7A
         end = payload_end(data, at, longest)
-        if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == I_TYPE):
+        if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == chunks.I_TYPE):
             break
         if predicted and next_number == 0:  # R-6.4-2
             break
-        if chunk_type == I_TYPE:
+        if chunk_type == chunks.I_TYPE:
             i_at, i_number = at, next_number
-        next_number += not ancillary
+        next_number += not ancillary  # R-12.6-2
         index_length = end + CRC_SIZE - at if chunk_type == chunks.INDEX_TYPE else 0
         at = end + CRC_SIZE
     return at, next_number, index_length, i_at, i_number
