@@ -12,9 +12,9 @@ help:            ## list the commands
 	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
 # One stamp for each set of extras: a second `make` starts at once.
-.venv/.ready-%: pyproject.toml
+.venv/.ready-%: pyproject.toml conformance/pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]' --editable ./conformance
 	@touch $@
 
 demo: .venv/.ready-progress            ## encode, decode and compare the built-in clip; writes demo/report.html
@@ -26,13 +26,13 @@ test: .venv/.ready-$(EXTRAS)            ## run the tests (ALL=1: the exhaustive 
 lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
-		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]'
+		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]' --editable ./conformance
 	.venv-lowest/bin/python -m pytest $(WORKERS)
 
-vectors: .venv/.ready-all            ## write vectors/ again from the cases in conformance/ (two minutes, and two for setting up)
-	$(BIN)/python -m conformance generate
-	$(BIN)/python -m conformance list --markdown conformance/protocol.md
-	$(BIN)/python -m conformance verify
+vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (two minutes, and two for setting up)
+	$(BIN)/gsvc-conformance generate
+	$(BIN)/gsvc-conformance list --markdown conformance/protocol.md
+	$(BIN)/gsvc-conformance verify
 
 fuzz: .venv/.ready-test            ## fuzz the parser for some minutes, by a seed
 	$(BIN)/python -m tests.hostile.fuzz parser --runs 100000 --jobs 2
@@ -57,17 +57,17 @@ experiments: .venv/.ready-experiments            ## the paper's experiments, sma
 	$(BIN)/python -m gsvc_lab.experiments $(if $(FULL),--full) $(if $(UVG),--uvg $(UVG))
 
 adapters: .venv/.ready-test,adapters,peers            ## judge and measure the adapters that run here; writes docs/reports/
-	-$(BIN)/python -m conformance run --reference $(call report,gsvc_ref)
-	-$(BIN)/python -m conformance run --module conformance.adapters.opencl $(call report,opencl)
-	-$(BIN)/python -m conformance run --module conformance.adapters.pytorch $(call report,pytorch)
-	-$(BIN)/python -m conformance run --module conformance.adapters.webgpu $(call report,webgpu)
-	-GSVC_WEB_RENDERER=webgl2 $(BIN)/python -m conformance run --module conformance.adapters.web $(call report,web-webgl2)
-	-GSVC_WEB_RENDERER=webgpu $(BIN)/python -m conformance run --module conformance.adapters.web $(call report,web-webgpu)
-	-$(BIN)/python -m conformance run --module conformance.adapters.gsplat_cuda $(call report,gsplat_cuda) \
-		--waivers conformance/adapters/gsplat_cuda/expected_failures.json
-	-PYTHONPATH=tests/adapters $(BIN)/python -m conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
+	-$(BIN)/gsvc-conformance run --reference $(call report,gsvc_ref)
+	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.opencl $(call report,opencl)
+	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.pytorch $(call report,pytorch)
+	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.webgpu $(call report,webgpu)
+	-GSVC_WEB_RENDERER=webgl2 $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.web $(call report,web-webgl2)
+	-GSVC_WEB_RENDERER=webgpu $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.web $(call report,web-webgpu)
+	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.gsplat_cuda $(call report,gsplat_cuda) \
+		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.json
+	-PYTHONPATH=tests/adapters $(BIN)/gsvc-conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
-	$(BIN)/python -m conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
+	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
 		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
 
 kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all vectors with it and draw docs/gsvc.svg (npm, node and graphviz)

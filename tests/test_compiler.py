@@ -15,7 +15,7 @@ def test_a_number_of_threads_that_is_none_is_wrong_use(tmp_path, command):
     arguments = {
         "encode": ["gsvc_ref", "encode", str(video), str(tmp_path / "x.gsvc")],
         "compare": ["gsvc_ref", "compare", str(video), str(video), "--no-vmaf"],
-        "run": ["conformance", "run", "--reference", "--case", "core/render_sum/a_splat_in_the_middle"],
+        "run": ["gsvc_conformance", "run", "--reference", "--case", "core/render_sum/a_splat_in_the_middle"],
     }
     environment = {**os.environ, "NUMBA_NUM_THREADS": "0"}
     run = subprocess.run([sys.executable, "-m", *arguments[command]], capture_output=True, text=True, env=environment)

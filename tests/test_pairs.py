@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from conformance.expectations import Exact
-from conformance.mutants import judge
-from conformance.operation import input_size, operations
-from conformance.pairs import PAIRS, Other, Twin, twin
-from conformance.vectors import VECTORS, read
+from gsvc_conformance.expectations import Exact
+from gsvc_conformance.mutants import judge
+from gsvc_conformance.operation import input_size, operations
+from gsvc_conformance.pairs import PAIRS, Other, Twin, twin
+from gsvc_conformance.vectors import VECTORS, read
 from gsvc_ref import spec
 
 VECTORS_EACH = 5

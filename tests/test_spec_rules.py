@@ -10,8 +10,8 @@ LAST_OF_CODEC = 11
 """Requirements up to this section are about what gsvc_ref computes, and it cites them; the others are the kit's."""
 
 OF_THE_KIT = {
-    "13-17": "running errors are carried by conformance/running_error.py alone",
-    "13-18": "the interval of a frame's samples is computed by conformance/operations/rendering.py alone",
+    "13-17": "running errors are carried by gsvc_conformance.running_error alone",
+    "13-18": "the interval of a frame's samples is computed by gsvc_conformance.operations.rendering alone",
 }
 """Equations that gsvc_ref does not compute, and where they are computed."""
 

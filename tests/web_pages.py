@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from conformance.adapters import web
-from conformance.adapters.web import browser
-from conformance.vectors import VECTORS
+from gsvc_conformance.adapters import web
+from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.vectors import VECTORS
 
 ROOT = VECTORS.parent
 INDEX = ROOT / "viewer" / "index.html"

@@ -1,5 +1,5 @@
 /* Two operations behind the process protocol of GSVC's conformance kit (protocol.md), for little-endian machines:
-   cc -O2 -o minimal minimal.c -lm && python -m conformance run --impl ./minimal --operation from_half */
+   cc -O2 -o minimal minimal.c -lm && gsvc-conformance run --impl ./minimal --operation from_half */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 
 As `--module` the functions alone would do.
 
-python -m conformance run --impl "python conformance/examples/minimal.py" --operation render_sum
+gsvc-conformance run --impl "python conformance/examples/minimal.py" --operation render_sum
 """
 
 import sys

@@ -11,7 +11,7 @@ results are a Markdown table and the file
       "works": {"render_sum_1080p": "render_sum, 1920x1080, ...", ...},   id: what it is, in the order of the table
       "implementations": [                                                in the order of the table
         {
-          "implementation": "conformance.adapters.pytorch",             as in the kit's report; ours is "gsvc_ref"
+          "implementation": "gsvc_conformance.adapters.pytorch",             as in the kit's report; ours is "gsvc_ref"
           "settings": {"GSVC_WEB_RENDERER": "webgl2"},                  environment variables that it was started with
           "environment": {"device": "...", ...},                        what its environment() says; {} without one
           "seconds": {"render_sum_1080p": {"median": 0.1, "low": 0.1, "high": 0.2, "calls": 12}, ...},
@@ -41,8 +41,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from conformance import implementations, reference
-from conformance.vectors import VECTORS
+from gsvc_conformance import implementations, reference
+from gsvc_conformance.vectors import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
@@ -53,12 +53,12 @@ OURS: Final = "gsvc_ref"
 
 CONTENDERS: Final[Sequence[tuple[str, Mapping[str, str]]]] = (
     (OURS, {}),
-    ("conformance.adapters.opencl", {}),
-    ("conformance.adapters.webgpu", {}),
-    ("conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgl2"}),
-    ("conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgpu"}),
-    ("conformance.adapters.pytorch", {}),
-    ("conformance.adapters.gsplat_cuda", {}),
+    ("gsvc_conformance.adapters.opencl", {}),
+    ("gsvc_conformance.adapters.webgpu", {}),
+    ("gsvc_conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgl2"}),
+    ("gsvc_conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgpu"}),
+    ("gsvc_conformance.adapters.pytorch", {}),
+    ("gsvc_conformance.adapters.gsplat_cuda", {}),
 )
 """Modules, with environment variables to start them with."""
 
@@ -258,7 +258,7 @@ def main(words: Sequence[str] | None = None) -> None:
         prog="python -m gsvc_lab.benchmarks.adapters", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument(
-        "modules", nargs="*", metavar="MODULE", help="as for `conformance run`, or gsvc_ref; default: all"
+        "modules", nargs="*", metavar="MODULE", help="as for `gsvc-conformance run`, or gsvc_ref; default: all"
     )
     parser.add_argument("--work", action="append", choices=tuple(WORKS), help="only this one; may be repeated")
     parser.add_argument("--seconds", type=float, default=5.0, metavar="S", help="for each work, about (5)")

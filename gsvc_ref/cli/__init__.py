@@ -7,10 +7,9 @@ away.
 
 import gc
 import sys
-from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Final, NoReturn
+from typing import Final
 
 from gsvc_ref import __version__, plugins
 from gsvc_ref.cli.compare import add_command as add_compare
@@ -20,19 +19,11 @@ from gsvc_ref.cli.dump import add_command as add_dump
 from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
+from gsvc_ref.cli.parser import Parser
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""
-
-
-class Parser(ArgumentParser):
-    """A parser whose complaints look like all other messages: the command, what is wrong, what to do."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and exit."""
-        say(self.prog, f"{message}; see {self.prog} --help")
-        self.exit(EXIT_USAGE)
 
 
 def build_parser() -> Parser:

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conformance.implementations import load_module
-from conformance.results import FAULTS
-from conformance.runner import run_suite
-from conformance.vector_folder import VectorFolder
-from conformance.vectors import VECTORS
+from gsvc_conformance.implementations import load_module
+from gsvc_conformance.results import FAULTS
+from gsvc_conformance.runner import run_suite
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vectors import VECTORS
 
-ADAPTERS = Path(__file__).parents[2] / "conformance" / "adapters"
+ADAPTERS = Path(__file__).parents[2] / "conformance" / "gsvc_conformance" / "adapters"
 
 
 @pytest.fixture(scope="session")

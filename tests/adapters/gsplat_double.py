@@ -19,10 +19,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from conformance.implementations import load_module
-from conformance.runner import judge_vector
-from conformance.vector_folder import VectorFolder
-from conformance.vectors import VECTORS
+from gsvc_conformance.implementations import load_module
+from gsvc_conformance.runner import judge_vector
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vectors import VECTORS
 
 FAULTS = {
     "off-diagonal": "the gradient of the off-diagonal entry of L L^T is counted twice; (10-5) counts that of l21 once",
@@ -38,8 +38,15 @@ TILE = 16
 CAP = 256
 PAIRS = 2**22  # of a splat and a pixel at once
 OPERATIONS = ("render_sum", "render_frame", "render_gradients")
-ADAPTER = "conformance.adapters.gsplat_cuda"
-EXPECTED = Path(__file__).parents[2] / "conformance" / "adapters" / "gsplat_cuda" / "expected_failures.json"
+ADAPTER = "gsvc_conformance.adapters.gsplat_cuda"
+EXPECTED = (
+    Path(__file__).parents[2]
+    / "conformance"
+    / "gsvc_conformance"
+    / "adapters"
+    / "gsplat_cuda"
+    / "expected_failures.json"
+)
 
 
 class Double:

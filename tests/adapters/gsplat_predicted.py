@@ -1,6 +1,6 @@
 """The adapter of the authors' rasteriser over its double, as a module for the kit: what a GPU should give, without one.
 
-PYTHONPATH=tests/adapters python -m conformance run --module gsplat_predicted
+PYTHONPATH=tests/adapters gsvc-conformance run --module gsplat_predicted
 """
 
 import gsplat_double

@@ -9,9 +9,9 @@ torch = pytest.importorskip("torch", reason="the double of the rasteriser needs 
 
 import gsplat_double as double  # noqa: E402
 
-from conformance.implementations import load_module  # noqa: E402
-from conformance.results import FAULTS  # noqa: E402
-from conformance.runner import run_suite  # noqa: E402
+from gsvc_conformance.implementations import load_module  # noqa: E402
+from gsvc_conformance.results import FAULTS  # noqa: E402
+from gsvc_conformance.runner import run_suite  # noqa: E402
 from gsvc_ref.errors import UsageError  # noqa: E402
 
 

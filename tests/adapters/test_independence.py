@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-ADAPTERS = Path(__file__).parents[2] / "conformance" / "adapters"
+ADAPTERS = Path(__file__).parents[2] / "conformance" / "gsvc_conformance" / "adapters"
 NAMES = sorted(path.parent.name for path in ADAPTERS.glob("*/__init__.py"))
 
 
@@ -12,8 +12,10 @@ NAMES = sorted(path.parent.name for path in ADAPTERS.glob("*/__init__.py"))
 def test_an_adapter_imports_nothing_of_the_project_but_adapters(imported_by, name):
     modules = imported_by(name)
     assert modules
-    ours = {module for module in modules if module.partition(".")[0] in {"gsvc_ref", "conformance", "tests"}}
-    assert all(module == "conformance.adapters" or module.startswith("conformance.adapters.") for module in ours)
+    ours = {module for module in modules if module.partition(".")[0] in {"gsvc_ref", "gsvc_conformance", "tests"}}
+    assert all(
+        module == "gsvc_conformance.adapters" or module.startswith("gsvc_conformance.adapters.") for module in ours
+    )
 
 
 def test_the_package_says_what_each_adapter_is():

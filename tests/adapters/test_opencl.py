@@ -6,11 +6,11 @@ import pytest
 
 cl = pytest.importorskip("pyopencl", reason="pyopencl is one of the extra adapters")
 
-from conformance import spec  # noqa: E402
-from conformance.adapters import opencl  # noqa: E402
-from conformance.adapters.opencl import device, reconstruction, rendering  # noqa: E402
-from conformance.operation import operations  # noqa: E402
-from conformance.vectors import VECTORS  # noqa: E402
+from gsvc_conformance import spec  # noqa: E402
+from gsvc_conformance.adapters import opencl  # noqa: E402
+from gsvc_conformance.adapters.opencl import device, reconstruction, rendering  # noqa: E402
+from gsvc_conformance.operation import operations  # noqa: E402
+from gsvc_conformance.vectors import VECTORS  # noqa: E402
 
 
 def _has_device():
@@ -22,7 +22,7 @@ def _has_device():
 
 pytestmark = pytest.mark.skipif(not _has_device(), reason="there is no OpenCL device, such as that of pocl-opencl-icd")
 
-MODULE = "conformance.adapters.opencl"
+MODULE = "gsvc_conformance.adapters.opencl"
 OPERATIONS = sorted(operations().keys() & vars(opencl).keys())
 
 

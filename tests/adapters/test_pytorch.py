@@ -5,11 +5,11 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="PyTorch, of the extra peers, is not installed")
 
-from conformance.adapters import pytorch  # noqa: E402
-from conformance.adapters.pytorch import deterministic, device, quantization, rendering, tiles, training  # noqa: E402
-from conformance.operation import operations  # noqa: E402
+from gsvc_conformance.adapters import pytorch  # noqa: E402
+from gsvc_conformance.adapters.pytorch import deterministic, device, quantization, rendering, tiles, training  # noqa: E402
+from gsvc_conformance.operation import operations  # noqa: E402
 
-MODULE = "conformance.adapters.pytorch"
+MODULE = "gsvc_conformance.adapters.pytorch"
 
 MISSING = {"read_stream", "decode_plane", "encode_plane", "seek"}
 

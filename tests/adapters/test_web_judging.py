@@ -8,10 +8,10 @@ import pytest
 
 pytest.importorskip("playwright", reason="Playwright is one of the extra adapters")
 
-from conformance.adapters.web import browser
-from conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
-from conformance.runs import pack
-from conformance.vectors import npy
+from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
+from gsvc_conformance.runs import pack
+from gsvc_conformance.vectors import npy
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,15 @@ import pytest
 
 pytest.importorskip("playwright", reason="Playwright is one of the extra adapters")
 
-from conformance import spec
-from conformance.adapters import web
-from conformance.adapters.web import browser
-from conformance.cases import full
-from conformance.implementations import load_module
-from conformance.results import FAULTS
-from conformance.runner import run_suite
+from gsvc_conformance import spec
+from gsvc_conformance.adapters import web
+from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.cases import full
+from gsvc_conformance.implementations import load_module
+from gsvc_conformance.results import FAULTS
+from gsvc_conformance.runner import run_suite
 
-MODULE = "conformance.adapters.web"
+MODULE = "gsvc_conformance.adapters.web"
 EXACT = (
     "read_stream", "decode_plane", "encode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter",
     "parameter_checksum", "rendering_work", "render_sum_deterministic", "to_frame", "to_frame_deterministic",
@@ -80,8 +80,8 @@ def test_the_environment_tells_what_was_judged(page):
 
 def test_nothing_is_shared_with_the_reference(imported_by):
     assert {name.partition(".")[0] for name in imported_by("web")}.isdisjoint({"gsvc_ref", "tests", "scipy", "numba"})
-    assert {name for name in imported_by("web") if name.startswith("conformance")} == {
-        "conformance.adapters.web.browser"
+    assert {name for name in imported_by("web") if name.startswith("gsvc_conformance")} == {
+        "gsvc_conformance.adapters.web.browser"
     }
 
 

@@ -6,7 +6,7 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 
 import web_pages
 
-from conformance.adapters.web import browser
+from gsvc_conformance.adapters.web import browser
 
 SPLATS = """
   let seed = 7;

@@ -8,13 +8,13 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 
 import web_pages
 
-from conformance.adapters import web
-from conformance.adapters.web import browser
-from conformance.operation import operations
-from conformance.vectors import VECTORS, set_hash
+from gsvc_conformance.adapters import web
+from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.operation import operations
+from gsvc_conformance.vectors import VECTORS, set_hash
 
 ROOT = VECTORS.parent
-WEB = "conformance/adapters/web"
+WEB = "conformance/gsvc_conformance/adapters/web"
 SOME = [
     "decode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum",
     "rendering_work", "to_frame", "render_frame",

@@ -7,11 +7,11 @@ import pytest
 
 wgpu = pytest.importorskip("wgpu", reason="wgpu is one of the extra adapters")
 
-from conformance import spec  # noqa: E402
-from conformance.adapters import webgpu  # noqa: E402
-from conformance.adapters.webgpu import entropy, gpu, rendering  # noqa: E402
+from gsvc_conformance import spec  # noqa: E402
+from gsvc_conformance.adapters import webgpu  # noqa: E402
+from gsvc_conformance.adapters.webgpu import entropy, gpu, rendering  # noqa: E402
 
-MODULE = "conformance.adapters.webgpu"
+MODULE = "gsvc_conformance.adapters.webgpu"
 OPERATIONS = (
     "read_stream",
     "decode_plane",

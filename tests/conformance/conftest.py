@@ -19,7 +19,7 @@ def toys(monkeypatch) -> dict:
     """The toy operations in place of all others."""
     for name in USERS:
         monkeypatch.setattr(
-            importlib.import_module(f"conformance.{name}"), "operations", lambda: toy_operations.OPERATIONS
+            importlib.import_module(f"gsvc_conformance.{name}"), "operations", lambda: toy_operations.OPERATIONS
         )
     return toy_operations.OPERATIONS
 

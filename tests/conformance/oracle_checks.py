@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from conformance.case import TIERS, Case, of_operation
-from conformance.cases import CAPACITY
-from conformance.expectations import Expectation
-from conformance.operation import Values
+from gsvc_conformance.case import TIERS, Case, of_operation
+from gsvc_conformance.cases import CAPACITY
+from gsvc_conformance.expectations import Expectation
+from gsvc_conformance.operation import Values
 
 
 @cache

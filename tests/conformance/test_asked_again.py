@@ -9,11 +9,11 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS, PROGRAM, judge, module, outcomes, write_program
 
-from conformance.__main__ import main
-from conformance.commands.judging import shuffled
-from conformance.process import ProcessImplementation
-from conformance.report.json import read
-from conformance.vector_folder import Selection
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.commands.judging import shuffled
+from gsvc_conformance.process import ProcessImplementation
+from gsvc_conformance.report.json import read
+from gsvc_conformance.vector_folder import Selection
 
 HALVE = Selection(operations=("halve",))
 NAME = "core/halve/one_to_six"

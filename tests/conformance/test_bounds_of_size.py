@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from conformance.operation import operations
+from gsvc_conformance.operation import operations
 from gsvc_ref.rendering import exact_gradients_with_bound, render_gradients
 from gsvc_ref.rendering.bounds import additions, gamma
 from gsvc_ref.splats import Splats

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from conformance.case import TIERS, cases
-from conformance.cases import FLAGS
-from conformance.expectations import Refusal
+from gsvc_conformance.case import TIERS, cases
+from gsvc_conformance.cases import FLAGS
+from gsvc_conformance.expectations import Refusal
 
 CASES = [case for case in cases().values() if case.tier in TIERS]
 

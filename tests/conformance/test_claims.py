@@ -8,19 +8,19 @@ import pytest
 import toy_operations
 from toy_operations import judge, module
 
-from conformance.__main__ import main
-from conformance.case import cases
-from conformance.cases.faults import overview
-from conformance.claim import Claim, read_claim
-from conformance.level import LEVELS, level_of
-from conformance.operation import operations
-from conformance.report.console import describe, last_line
-from conformance.report.json import from_object, to_object
-from conformance.report.junit import junit_xml
-from conformance.report.page import report_html
-from conformance.results import OutputResult, Report, Result
-from conformance.spec import namespace
-from conformance.vectors import sums_of
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.case import cases
+from gsvc_conformance.cases.faults import overview
+from gsvc_conformance.claim import Claim, read_claim
+from gsvc_conformance.level import LEVELS, level_of
+from gsvc_conformance.operation import operations
+from gsvc_conformance.report.console import describe, last_line
+from gsvc_conformance.report.json import from_object, to_object
+from gsvc_conformance.report.junit import junit_xml
+from gsvc_conformance.report.page import report_html
+from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.spec import namespace
+from gsvc_conformance.vectors import sums_of
 from gsvc_ref.errors import UsageError
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vectors version": "1"}
@@ -32,7 +32,7 @@ def result(level, outcome="pass", group="rendering", slug="x", tier="core"):
 
 
 def report_of(*results, claim=None, whole=True):
-    return Report(ENVIRONMENT, "python -m conformance run --impl ./toy", "", [], results, claim=claim, whole=whole)
+    return Report(ENVIRONMENT, "gsvc-conformance run --impl ./toy", "", [], results, claim=claim, whole=whole)
 
 
 def claim(level, *options):

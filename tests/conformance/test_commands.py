@@ -1,4 +1,4 @@
-"""The commands of ``python -m conformance``: what they print, write and return."""
+"""The commands of ``gsvc-conformance``: what they print, write and return."""
 
 import json
 import re
@@ -12,12 +12,12 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS, good_program, write_program
 
-from conformance import reference
-from conformance.__main__ import COMMANDS, main
-from conformance.commands import list as listing
-from conformance.report.json import from_object
-from conformance.vector_folder import VectorFolder
-from conformance.vectors import set_hash
+from gsvc_conformance import reference
+from gsvc_conformance.__main__ import COMMANDS, main
+from gsvc_conformance.commands import list as listing
+from gsvc_conformance.report.json import from_object
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
 QUIET = ["--quiet", "--no-diagnosis"]
@@ -59,10 +59,12 @@ def test_wrong_use(capsys):
 
 
 def test_only_the_module_of_the_command_is_imported():
-    code = "import sys; from conformance.__main__ import build_parser; build_parser('streams'); print(*sys.modules)"
+    code = (
+        "import sys; from gsvc_conformance.__main__ import build_parser; build_parser('streams'); print(*sys.modules)"
+    )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
-    assert "conformance.commands.streams" in out
-    assert "conformance.commands.run" not in out
+    assert "gsvc_conformance.commands.streams" in out
+    assert "gsvc_conformance.commands.run" not in out
     assert "numba" not in out.split()
 
 
@@ -86,7 +88,7 @@ def test_a_run_that_fails_and_the_commands_that_run_one_vector_again(folder, toy
     out = capsys.readouterr().out
     assert "FAIL core/halve/one_to_six: The vector one_to_six." in out
     assert "count is 0, expected 6" in out
-    (again,) = re.findall(r"again: python -m conformance (.*)", out)
+    (again,) = re.findall(r"again: gsvc-conformance (.*)", out)
     assert again == f"run --module {name} --vectors {folder} --case core/halve/one_to_six"
     assert main([*again.split(), *QUIET]) == 1
     out = capsys.readouterr().out
@@ -107,7 +109,7 @@ def test_a_run_of_a_command(folder, tmp_path, capsys):
 def test_missing_vectors_and_empty_selections_are_no_success(folder, toy_module, tmp_path, capsys):
     name = toy_module()
     assert run(tmp_path / "nowhere", "--module", name) == 2
-    assert "python -m conformance generate" in capsys.readouterr().err
+    assert "gsvc-conformance generate" in capsys.readouterr().err
     assert run(folder, "--module", name, "--case", "unicorn") == 2
     assert run(folder, "--module", name, "--operation", "unicorn") == 2
     assert "there is no operation 'unicorn'" in capsys.readouterr().err
@@ -261,7 +263,7 @@ def test_a_part_of_a_class_is_no_failure(folder, toy_module, capsys):
         (["--case", "by_two", "--case", "xyzzy"], "no vector matches --case xyzzy; see: "),
         (["--skip", "by_tow"], "no vector matches --skip by_tow; did you mean by_two"),
         (["--operation", "scale", "--case", "one_to_six"], "no vector is selected by operation scale, case one_to_six"),
-        (["--tier", "full"], "python -m conformance generate --full DIR, then add --vectors DIR"),
+        (["--tier", "full"], "gsvc-conformance generate --full DIR, then add --vectors DIR"),
         (["--rule", "R-13-33"], "no vector has R-13-33 among its rules; did you mean R-13-3"),
         (["--equation", "77-1"], "no vector has 77-1 among its equations; "),
         (["--flag", "needle"], "no vector has needle among its flags; "),
@@ -309,7 +311,7 @@ def test_a_missing_package_is_named_before_any_work(folder, monkeypatch, capsys)
     monkeypatch.setitem(sys.modules, "jsonschema", None)
     assert main(["verify", "--vectors", str(folder)]) == 2
     streams = capsys.readouterr()
-    assert streams.err == "conformance verify: needs jsonschema: pip install '.[conformance]'\n"
+    assert streams.err == "gsvc-conformance verify: needs jsonschema: pip install 'gsvc-conformance[verify]'\n"
     assert streams.out == ""
 
 
@@ -319,11 +321,11 @@ def test_a_package_that_an_adapter_misses_is_named(monkeypatch, folder, tmp_path
     monkeypatch.setitem(sys.modules, "wgpu", None)
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("conformance.adapters.__path__", [str(tmp_path)])
-    assert run(folder, "--module", "conformance.adapters.without_wgpu") == 2
-    assert capsys.readouterr().err.endswith("; pip install '.[adapters]'\n")
-    assert run(folder, "--module", "conformance.adapters.without_torch") == 2
-    assert capsys.readouterr().err.endswith("; pip install '.[peers]'\n")
+    monkeypatch.setattr("gsvc_conformance.adapters.__path__", [str(tmp_path)])
+    assert run(folder, "--module", "gsvc_conformance.adapters.without_wgpu") == 2
+    assert capsys.readouterr().err.endswith("; pip install 'gsvc-conformance[adapters]'\n")
+    assert run(folder, "--module", "gsvc_conformance.adapters.without_torch") == 2
+    assert capsys.readouterr().err.endswith("; pip install torch\n")
     assert run(folder, "--module", "without_wgpu") == 2
     assert "[adapters]" not in capsys.readouterr().err
 
@@ -331,29 +333,31 @@ def test_a_package_that_an_adapter_misses_is_named(monkeypatch, folder, tmp_path
 def test_the_package_of_the_authors_comes_from_elsewhere(monkeypatch, folder, capsys):
     pytest.importorskip("torch", reason="the adapter of the authors' rasteriser needs PyTorch")
     monkeypatch.setitem(sys.modules, "gsplat", None)
-    monkeypatch.delitem(sys.modules, "conformance.adapters.gsplat_cuda", raising=False)
-    assert run(folder, "--module", "conformance.adapters.gsplat_cuda") == 2
-    assert capsys.readouterr().err.endswith("; conformance/adapters/gsplat_cuda/__init__.py says where it is\n")
+    monkeypatch.delitem(sys.modules, "gsvc_conformance.adapters.gsplat_cuda", raising=False)
+    assert run(folder, "--module", "gsvc_conformance.adapters.gsplat_cuda") == 2
+    assert capsys.readouterr().err.endswith(
+        "; conformance/gsvc_conformance/adapters/gsplat_cuda/__init__.py says where it is\n"
+    )
 
 
 @pytest.mark.parametrize("package", ["numpy", "numba"])
 @pytest.mark.parametrize("words", [["run", "--reference"], ["list"], ["spec"], ["streams", "nowhere"], ["generate"]])
 def test_without_a_package_no_command_works(package, words):
     code = (
-        f"import sys; sys.modules[{package!r}] = None; from conformance.__main__ import main; sys.exit(main({words}))"
+        f"import sys; sys.modules[{package!r}] = None; import gsvc_conformance.__main__ as k; sys.exit(k.main({words}))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 2
-    assert done.stderr.endswith(f"conformance {words[0]}: needs {package}: pip install .\n")
+    assert done.stderr.endswith(f"conformance {words[0]}: needs {package}: pip install 'gsvc-conformance'\n")
     assert done.stdout == ""
 
 
 def test_what_is_told_of_the_search_for_causes(folder, toy_module, monkeypatch, capsys):
     name = toy_module(scale=lambda values, factor: {"scaled": np.full_like(values, 9)}, halve=wrong_halves)
     toys = [ToyMutant(name, {"scale"}) for name in "abc"]
-    monkeypatch.setattr("conformance.diagnosis.mutants_for", lambda vector: toys)
+    monkeypatch.setattr("gsvc_conformance.diagnosis.mutants_for", lambda vector: toys)
     known = {"core/scale/by_two": ["a nine"], "core/scale/by_a_third": []}
-    monkeypatch.setattr("conformance.diagnosis.diagnose", lambda failures, passed, errors: known)
+    monkeypatch.setattr("gsvc_conformance.diagnosis.diagnose", lambda failures, passed, errors: known)
     assert main(["run", "--module", name, "--vectors", str(folder), "--quiet"]) == 1
     out = capsys.readouterr().out
     assert "Probable cause: a nine (scale: 1 of 2 examined)\n" in out
@@ -431,7 +435,7 @@ def test_list_in_markdown(folder, tmp_path, capsys):
 
 def test_verify(folder, monkeypatch, capsys):
     found: list[str] = []
-    monkeypatch.setattr("conformance.coverage.verify", lambda vectors: found)
+    monkeypatch.setattr("gsvc_conformance.coverage.verify", lambda vectors: found)
     assert main(["verify", "--vectors", str(folder)]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].split() == ["operation", "core", "uncommon", "stress", "faulty"]
@@ -444,12 +448,12 @@ def test_verify(folder, monkeypatch, capsys):
 
 
 def test_generate(folder, monkeypatch, capsys):
-    monkeypatch.setattr("conformance.generate.generate", lambda folder, on_case, jobs: len(INPUTS))
+    monkeypatch.setattr("gsvc_conformance.generate.generate", lambda folder, on_case, jobs: len(INPUTS))
     assert main(["generate", "--vectors", str(folder), "--quiet"]) == 0
     assert f"SHA-256 of the set {set_hash(folder)}" in capsys.readouterr().out
     for found, status in (([], 0), (["core/x differs", "to write them again: ..."], 1)):
-        monkeypatch.setattr("conformance.generate.make", lambda on_case, jobs, kills_in: {})
-        monkeypatch.setattr("conformance.generate.differences", lambda folder, made, found=found: found)
+        monkeypatch.setattr("gsvc_conformance.generate.make", lambda on_case, jobs, kills_in: {})
+        monkeypatch.setattr("gsvc_conformance.generate.differences", lambda folder, made, found=found: found)
         assert main(["generate", "--check", "--vectors", str(folder), "--quiet"]) == status
         assert all(line in capsys.readouterr().out for line in found[:1])
     assert main(["generate", "--check", "--vectors", str(folder / "none"), "--quiet"]) == 2
@@ -470,9 +474,9 @@ def test_mutants(folder, monkeypatch, capsys):
         ToyMutant("alive", {"paint"}),
     )
     killed = {"found-early": "core/scale/by_two", "found-late": "faulty/parse/bad_letter"}
-    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
-    monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
-    monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
+    monkeypatch.setattr("gsvc_conformance.mutants.MUTANTS", mutants)
+    monkeypatch.setattr("gsvc_conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
+    monkeypatch.setattr("gsvc_conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     words = ["mutants", "--vectors", str(folder), "--quiet"]
     assert main(words) == 1
     assert capsys.readouterr().out.splitlines() == [
@@ -498,9 +502,9 @@ def test_mutants_of_a_selection_are_those_that_it_is_to_find(folder, monkeypatch
         ToyMutant("alive", {"halve"}),
     )
     killed = {"of-both": "core/halve/one_to_six"}
-    monkeypatch.setattr("conformance.mutants.MUTANTS", mutants)
-    monkeypatch.setattr("conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
-    monkeypatch.setattr("conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
+    monkeypatch.setattr("gsvc_conformance.mutants.MUTANTS", mutants)
+    monkeypatch.setattr("gsvc_conformance.mutants.called", lambda operation, inputs: frozenset({operation.name}))
+    monkeypatch.setattr("gsvc_conformance.mutants.kills", lambda vector, mutant: killed.get(mutant.name) == vector.id)
     monkeypatch.setattr(
         VectorFolder, "killed_by", lambda self, names: {"claimed"} if "core/scale/by_two" in names else {}
     )

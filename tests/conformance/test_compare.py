@@ -5,11 +5,11 @@ import json
 import pytest
 from toy_operations import INPUTS, OPERATIONS
 
-from conformance.__main__ import main
-from conformance.commands.compare import BEGIN, END
-from conformance.report.comparison import Entry, comparison, operation_cell
-from conformance.report.json import to_text
-from conformance.results import OutputResult, Report, Result
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.commands.compare import BEGIN, END
+from gsvc_conformance.report.comparison import Entry, comparison, operation_cell
+from gsvc_conformance.report.json import to_text
+from gsvc_conformance.results import OutputResult, Report, Result
 
 
 def report_of(name, outcomes, runs_on=None, **environment) -> Report:
@@ -158,7 +158,7 @@ def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
         ([str(good), str(tmp_path / "b" / "good.json")], "two reports are called good"),
         ([str(good), "--speeds", str(other)], "has not the form speeds/1"),
         ([str(good), "--speeds", str(tmp_path / "none.json")], "none.json"),
-        ([str(good), "--markdown", str(other)], "needs the line '<!-- begin: python -m conformance compare -->' once"),
+        ([str(good), "--markdown", str(other)], "needs the line '<!-- begin: gsvc-conformance compare -->' once"),
     ):
         assert main(["compare", *words]) == 2
         assert message in capsys.readouterr().err

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from conformance.case import of_operation
-from conformance.cases.building import overview_bytes
-from conformance.element_values import plane_values, used, values
-from conformance.elements import ELEMENTS, UNCOVERED, coverage
-from conformance.operation import operations
-from conformance.spec import SPEC
+from gsvc_conformance.case import of_operation
+from gsvc_conformance.cases.building import overview_bytes
+from gsvc_conformance.element_values import plane_values, used, values
+from gsvc_conformance.elements import ELEMENTS, UNCOVERED, coverage
+from gsvc_conformance.operation import operations
+from gsvc_conformance.spec import SPEC
 from gsvc_ref.draws import Draws
 
 

@@ -6,9 +6,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from conformance.distinct import distinct
-from conformance.elementary import exp, log, power
-from conformance.expansions import (
+from gsvc_conformance.distinct import distinct
+from gsvc_conformance.elementary import exp, log, power
+from gsvc_conformance.expansions import (
     PRECISIONS,
     Expansion,
     certain,
@@ -20,7 +20,7 @@ from conformance.expansions import (
     two_sum,
     where,
 )
-from conformance.operation import operations
+from gsvc_conformance.operation import operations
 
 COUNT = 40
 BITS = 1500

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from conformance.expectations import RELATIVE_BIAS, RELATIVE_L2, Bounded, Decision, Exact, Interval, Refusal
+from gsvc_conformance.expectations import RELATIVE_BIAS, RELATIVE_L2, Bounded, Decision, Exact, Interval, Refusal
 
 VALUES = np.array([[0.5, -2.0, 3.25], [1.0, 0.0, 7.5]], "<f4")
 INTEGERS = np.array([[3, 1, 4], [1, 5, 9]], "<u2")

@@ -5,11 +5,11 @@ from typing import Final
 
 import pytest
 
-from conformance import reference, spec
-from conformance.cases.building import operated
-from conformance.cases.faults import colored, flat, overview, rich, three
-from conformance.cases.faulty import faults
-from conformance.spec import SPEC
+from gsvc_conformance import reference, spec
+from gsvc_conformance.cases.building import operated
+from gsvc_conformance.cases.faults import colored, flat, overview, rich, three
+from gsvc_conformance.cases.faulty import faults
+from gsvc_conformance.spec import SPEC
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.stream import StreamReader
 

@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from conformance import generate
-from conformance.__main__ import main
-from conformance.coverage import coverage_page
-from conformance.vectors import SUMS, VECTORS, set_hash, write
+from gsvc_conformance import generate
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.coverage import coverage_page
+from gsvc_conformance.vectors import SUMS, VECTORS, set_hash, write
 
 NAMES = (
     "core/render_sum/a_splat_in_the_middle",
@@ -19,7 +19,7 @@ NAMES = (
 )
 
 FROM_STANDARD_INPUT = """
-from conformance import generate
+from gsvc_conformance import generate
 
 names = [name for name in generate.cases() if name.startswith("faulty/")][:9]
 cases = {name: generate.cases()[name] for name in names}
@@ -60,7 +60,7 @@ def test_a_bit_of_any_file_is_a_difference(folder, made):
             other = {**made, name: {**files, part: data[:-2] + bytes([data[-2] ^ 1]) + data[-1:]}}
             found = generate.differences(folder, other)
             assert found[:2] == [f"{name}/{part} differs", f"{SUMS} is not that of what the cases make"]
-            assert found[-1] == "to write them again: python -m conformance generate"
+            assert found[-1] == "to write them again: gsvc-conformance generate"
 
 
 def test_files_without_a_case_and_cases_without_a_file(folder, made):
@@ -88,7 +88,7 @@ def test_without_kills_the_stored_ones_count(folder, made, capsys):
     assert "--without-kills goes with --check" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("jobs", "said"), [(1, "9 made"), (2, "not from standard input; `python -m conformance")])
+@pytest.mark.parametrize(("jobs", "said"), [(1, "9 made"), (2, "not from standard input; `gsvc-conformance")])
 def test_processes_that_cannot_start_end_with_a_sentence(jobs, said):
     script = FROM_STANDARD_INPUT.replace("JOBS", str(jobs))
     done = subprocess.run(

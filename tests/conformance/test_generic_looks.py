@@ -5,19 +5,19 @@ import time
 import numpy as np
 import pytest
 
-from conformance.diagnosis import diagnose
-from conformance.diagnosis.curves import curve_candidates
-from conformance.diagnosis.cutoffs import cutoff_candidates
-from conformance.diagnosis.failures import Failure, parts
-from conformance.diagnosis.ratios import factor_name
-from conformance.diagnosis.regions import region_candidates, size_hint
-from conformance.diagnosis.terms import pixel_gradients
-from conformance.expectations import Bounded
-from conformance.names import element, with_names
-from conformance.operation import operations
-from conformance.spec import complexity, namespace
-from conformance.vector_folder import VectorFolder
-from conformance.vectors import VECTORS, Vector
+from gsvc_conformance.diagnosis import diagnose
+from gsvc_conformance.diagnosis.curves import curve_candidates
+from gsvc_conformance.diagnosis.cutoffs import cutoff_candidates
+from gsvc_conformance.diagnosis.failures import Failure, parts
+from gsvc_conformance.diagnosis.ratios import factor_name
+from gsvc_conformance.diagnosis.regions import region_candidates, size_hint
+from gsvc_conformance.diagnosis.terms import pixel_gradients
+from gsvc_conformance.expectations import Bounded
+from gsvc_conformance.names import element, with_names
+from gsvc_conformance.operation import operations
+from gsvc_conformance.spec import complexity, namespace
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vectors import VECTORS, Vector
 
 FOLDER = VectorFolder(VECTORS)
 CORNERS = "core/render_sum/corners_of_tiles"

@@ -22,7 +22,7 @@ from growth_examples import (
 )
 
 import gsvc_ref
-from conformance import spec
+from gsvc_conformance import spec
 from gsvc_ref.testing import split_chunks
 
 TEXT = SPEC.read_text(encoding="utf-8")

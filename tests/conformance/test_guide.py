@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from conformance import diagnosis, expectations
-from conformance.__main__ import main
-from conformance.commands import judging
-from conformance.mutants import MUTANTS
+from gsvc_conformance import diagnosis, expectations
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.commands import judging
+from gsvc_conformance.mutants import MUTANTS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 STEPS = BLOCK.findall(GUIDE.read_text(encoding="utf-8"))
-COMMAND = "$ python -m conformance "
+COMMAND = "$ gsvc-conformance "
 DIGITS = re.compile(r"(?<=sha256 )[0-9a-f]{8}(?=…)")
 """Of the hash of the vectors, which are another set after each change."""
 

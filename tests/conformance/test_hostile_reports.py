@@ -14,10 +14,10 @@ import pytest
 import toy_operations
 from toy_operations import write_program
 
-from conformance.__main__ import main
-from conformance.report.json import from_object, read, to_object
-from conformance.results import OutputResult, Report, Result
-from conformance.runner import judge_outputs
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.report.json import from_object, read, to_object
+from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.runner import judge_outputs
 from gsvc_ref.errors import UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -132,7 +132,7 @@ def test_a_run_that_ends_early_keeps_what_it_judged(folder, toy_module, tmp_path
         judged.append(vector.id)
         return judge_outputs(vector, *more)
 
-    monkeypatch.setattr("conformance.runner.judge_outputs", judge)
+    monkeypatch.setattr("gsvc_conformance.runner.judge_outputs", judge)
     path = tmp_path / "report.json"
     assert run(folder, "--module", toy_module(), "--json", path, "--html", tmp_path / "page.html") == status
     out, err = capsys.readouterr()
@@ -163,7 +163,7 @@ def test_a_search_for_causes_that_fails_loses_nothing(folder, toy_module, tmp_pa
     def find(self, results):
         raise RecursionError("too deep")
 
-    monkeypatch.setattr("conformance.commands.judging.Causes.find", find)
+    monkeypatch.setattr("gsvc_conformance.commands.judging.Causes.find", find)
     path = tmp_path / "report.json"
     words = ["run", "--vectors", str(folder), "--quiet", "--module", toy_module(), "--json", str(path)]
     assert main(words) == 70
@@ -202,7 +202,7 @@ def test_a_run_that_is_asked_to_end_ends_its_command_and_writes_the_report(tmp_p
     command = [
         sys.executable,
         "-m",
-        "conformance",
+        "gsvc_conformance",
         "run",
         "--impl",
         write_program(tmp_path, text),

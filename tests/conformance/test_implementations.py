@@ -9,8 +9,8 @@ import pytest
 import toy_operations
 from toy_operations import judge, module
 
-from conformance.expectations import Bounded, Decision, Exact, Interval
-from conformance.vector_folder import Selection
+from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval
+from gsvc_conformance.vector_folder import Selection
 
 ROOT = Path(__file__).parents[2]
 
@@ -90,7 +90,7 @@ def test_what_a_module_does_to_standard_output_harms_no_report(tmp_path, text, w
     command = [
         sys.executable,
         "-m",
-        "conformance",
+        "gsvc_conformance",
         "run",
         "--module",
         "rude",

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from conformance.commands.compare import BEGIN, END, entries
-from conformance.report.comparison import comparison, read_speeds
+from gsvc_conformance.commands.compare import BEGIN, END, entries
+from gsvc_conformance.report.comparison import comparison, read_speeds
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reports"
 SPEEDS = FOLDER / "speeds.json"
@@ -35,6 +35,4 @@ def test_the_table_is_that_of_the_reports():
     text = (FOLDER / "README.md").read_text(encoding="utf-8")
     speeds = read_speeds(SPEEDS) if SPEEDS.exists() else None
     made = comparison(entries(REPORTS, FOLDER), speeds)
-    assert text.partition(BEGIN)[2].partition(END)[0].strip() == made, (
-        "make adapters, or: python -m conformance compare"
-    )
+    assert text.partition(BEGIN)[2].partition(END)[0].strip() == made, "make adapters, or: gsvc-conformance compare"

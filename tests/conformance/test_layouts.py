@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from conformance.diagnosis.layouts import layout_cause
-from conformance.names import SPLAT
+from gsvc_conformance.diagnosis.layouts import layout_cause
+from gsvc_conformance.names import SPLAT
 
 PICTURE = np.random.default_rng(7).uniform(0.1, 1, (43, 60, 3)).astype(np.float32)
 SPLATS = np.random.default_rng(8).uniform(1, 9, (11, 8)).astype(np.float32)

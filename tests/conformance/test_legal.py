@@ -1,13 +1,13 @@
-"""``python -m conformance legal``: whether the file of an encoder is a stream, and what is wrong with it."""
+"""``gsvc-conformance legal``: whether the file of an encoder is a stream, and what is wrong with it."""
 
 import json
 
 import pytest
 
-from conformance.__main__ import main
-from conformance.cases.faults import overview, rich
-from conformance.commands import legal
-from conformance.commands.legal import examine, sentence
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.cases.faults import overview, rich
+from gsvc_conformance.commands import legal
+from gsvc_conformance.commands.legal import examine, sentence
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.testing import Lie
 

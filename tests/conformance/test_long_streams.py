@@ -5,11 +5,11 @@ from typing import Any, Final
 
 import pytest
 
-from conformance import spec
-from conformance.case import cases
-from conformance.expectations import Expectation
-from conformance.mutants import judge
-from conformance.operation import Values
+from gsvc_conformance import spec
+from gsvc_conformance.case import cases
+from gsvc_conformance.expectations import Expectation
+from gsvc_conformance.mutants import judge
+from gsvc_conformance.operation import Values
 
 SURVIVORS: Final = "    parameters = reference[survivors == 1]  # R-6.4-5\n"
 WRONG: Final = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracle_checks import assert_legal, in_blocks, runs
 
-from conformance.operations.color_map import ColorMap
+from gsvc_conformance.operations.color_map import ColorMap
 
 F4 = np.float32
 

@@ -6,7 +6,7 @@ from typing import get_args
 import planted
 import pytest
 
-from conformance.mutants import MUTANTS
+from gsvc_conformance.mutants import MUTANTS
 
 MIN_RIGHT, MAX_WRONG = 0.9, 0.04
 """Fraction of the caught mutants of the sample tuned on first that are named or located rightly, at least, and fraction

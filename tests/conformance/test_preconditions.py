@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from conformance.operation import Values, operations
-from conformance.vectors import VECTORS, read
+from gsvc_conformance.operation import Values, operations
+from gsvc_conformance.vectors import VECTORS, read
 
 SIDES: Final = ("width", "height", "new_width", "new_height")
 RANGES: Final = {

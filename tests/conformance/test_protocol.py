@@ -15,19 +15,19 @@ import pytest
 from jsonschema import Draft202012Validator
 from toy_operations import INPUTS
 
-from conformance.case import of_operation
-from conformance.commands.list import BEGIN, END, markdown
-from conformance.diagnosis import EXAMINED
-from conformance.expectations import Exact
-from conformance.implementations import ModuleImplementation, Unsupported, load_module
-from conformance.operation import operations
-from conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
-from conformance.report.console import CONCLUSIONS
-from conformance.results import EXIT_CODES, OUTCOMES, Verdict
-from conformance.runner import judge_vector, run_suite
-from conformance.streams import PARTS
-from conformance.vector_folder import SCHEMA, matches
-from conformance.vectors import VECTORS, Vector, files_of, from_files
+from gsvc_conformance.case import of_operation
+from gsvc_conformance.commands.list import BEGIN, END, markdown
+from gsvc_conformance.diagnosis import EXAMINED
+from gsvc_conformance.expectations import Exact
+from gsvc_conformance.implementations import ModuleImplementation, Unsupported, load_module
+from gsvc_conformance.operation import operations
+from gsvc_conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
+from gsvc_conformance.report.console import CONCLUSIONS
+from gsvc_conformance.results import EXIT_CODES, OUTCOMES, Verdict
+from gsvc_conformance.runner import judge_vector, run_suite
+from gsvc_conformance.streams import PARTS
+from gsvc_conformance.vector_folder import SCHEMA, matches
+from gsvc_conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")
@@ -36,7 +36,7 @@ EXAMPLES = ROOT / "conformance" / "examples"
 
 def test_the_table_of_operations_is_that_of_the_code():
     between = PROTOCOL.partition(BEGIN)[2].partition(END)[0].strip()
-    assert between == markdown(VECTORS), "write it again: python -m conformance list --markdown conformance/protocol.md"
+    assert between == markdown(VECTORS), "write it again: gsvc-conformance list --markdown conformance/protocol.md"
 
 
 @pytest.mark.parametrize("name", ["minimal.c", "minimal.py"])
@@ -50,8 +50,8 @@ def test_what_the_protocol_says_of_the_code():
     assert f"| {EXIT_UNSUPPORTED} |" in PROTOCOL
     assert MAX_BYTES == 256 << 20
     assert "256 MiB" in PROTOCOL
-    for command in re.findall(r"python -m conformance (\w+)", PROTOCOL):
-        assert (ROOT / "conformance" / "commands" / f"{command}.py").is_file()
+    for command in re.findall(r"gsvc-conformance (\w+)", PROTOCOL):
+        assert (ROOT / "conformance" / "gsvc_conformance" / "commands" / f"{command}.py").is_file()
 
 
 def test_vectors_that_documents_name_exist():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from oracle_checks import assert_legal, in_blocks, judged
 
-from conformance.operations.codebooks import books_of
-from conformance.operations.quantization import commitment_oracle, lsq_gradients_oracle, rvq_assign_oracle
+from gsvc_conformance.operations.codebooks import books_of
+from gsvc_conformance.operations.quantization import commitment_oracle, lsq_gradients_oracle, rvq_assign_oracle
 
 F4 = np.float32
 

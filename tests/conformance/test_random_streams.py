@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from conformance.element_values import IGNORED, values
-from conformance.elements import ELEMENTS
-from conformance.streams import stream_of, write_streams
+from gsvc_conformance.element_values import IGNORED, values
+from gsvc_conformance.elements import ELEMENTS
+from gsvc_conformance.streams import stream_of, write_streams
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import split_chunks
 

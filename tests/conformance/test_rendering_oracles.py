@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from conformance import reference
-from conformance.case import of_operation
-from conformance.cases import CAPACITY
-from conformance.cases.gradients import ALL_GROUPS, noise, slope
-from conformance.cases.splat_sets import MIN_GUARDS, population, splat, splats
-from conformance.operation import operations
-from conformance.operations.rendering import MIN_SPLATS, edge_margins
+from gsvc_conformance import reference
+from gsvc_conformance.case import of_operation
+from gsvc_conformance.cases import CAPACITY
+from gsvc_conformance.cases.gradients import ALL_GROUPS, noise, slope
+from gsvc_conformance.cases.splat_sets import MIN_GUARDS, population, splat, splats
+from gsvc_conformance.operation import operations
+from gsvc_conformance.operations.rendering import MIN_SPLATS, edge_margins
 from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL
 
 

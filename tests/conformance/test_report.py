@@ -14,17 +14,24 @@ import pytest
 from PIL import Image
 from toy_operations import OPERATIONS, REFERENCE, paint
 
-from conformance.expectations import Bounded, Decision, Exact, Interval
-from conformance.implementations import ModuleImplementation
-from conformance.report.console import cause_lines, describe, ends, last_line, progress_text
-from conformance.report.json import from_object, to_object, to_text
-from conformance.report.junit import junit_xml
-from conformance.report.page import MAX_FAULTS, report_html
-from conformance.report.pictures import NOT_FINITE, WORST_OF_OPERATION, PictureBook, error_ratios, pictures_of, ramp
-from conformance.results import OutputResult, Report, Result
-from conformance.runner import judge_vector
-from conformance.vector_folder import Selection, VectorFolder
-from conformance.vectors import Vector
+from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval
+from gsvc_conformance.implementations import ModuleImplementation
+from gsvc_conformance.report.console import cause_lines, describe, ends, last_line, progress_text
+from gsvc_conformance.report.json import from_object, to_object, to_text
+from gsvc_conformance.report.junit import junit_xml
+from gsvc_conformance.report.page import MAX_FAULTS, report_html
+from gsvc_conformance.report.pictures import (
+    NOT_FINITE,
+    WORST_OF_OPERATION,
+    PictureBook,
+    error_ratios,
+    pictures_of,
+    ramp,
+)
+from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.runner import judge_vector
+from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.vectors import Vector
 from gsvc_ref.errors import UsageError
 
 EVIL = '<script>alert("&")</script>'
@@ -52,7 +59,7 @@ ENVIRONMENT = {"implementation": "./toy", "vectors": "0" * 64}
 
 @pytest.fixture
 def report(toys) -> Report:
-    return Report(ENVIRONMENT, "python -m conformance run --impl ./toy", "", ["a note"], RESULTS)
+    return Report(ENVIRONMENT, "gsvc-conformance run --impl ./toy", "", ["a note"], RESULTS)
 
 
 def test_verdicts(report):
@@ -79,7 +86,7 @@ def test_the_console(report):
     assert "FAIL core/scale/wrong: Shows wrong." in lines
     assert "  scaled is inf" in lines
     assert "  looks like a factor of two" in lines
-    assert "  again: python -m conformance run --impl ./toy --case core/scale/wrong" in lines
+    assert "  again: gsvc-conformance run --impl ./toy --case core/scale/wrong" in lines
     assert "CRASH core/scale/dead" in text
     assert "waived: core/parse/known: bug 12" in text
     assert "note: a note" in text

@@ -9,10 +9,10 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS, REFERENCE, good_program, judge, module, outcomes, verdicts
 
-from conformance.implementations import ModuleImplementation, from_namespace, load_module
-from conformance.process import ProcessImplementation
-from conformance.runner import judge_outputs
-from conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.implementations import ModuleImplementation, from_namespace, load_module
+from gsvc_conformance.process import ProcessImplementation
+from gsvc_conformance.runner import judge_outputs
+from gsvc_conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref.errors import UsageError
 
 

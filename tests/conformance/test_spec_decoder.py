@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from conformance import reference
-from conformance.cases.faulty import faults
-from conformance.spec import namespace
+from gsvc_conformance import reference
+from gsvc_conformance.cases.faulty import faults
+from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import render_exact_with_bound

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conformance import spec
-from conformance.operation import Port, operations
-from conformance.vectors import VECTORS
+from gsvc_conformance import spec
+from gsvc_conformance.operation import Port, operations
+from gsvc_conformance.vectors import VECTORS
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

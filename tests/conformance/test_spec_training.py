@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.random import Generator
 
-from conformance import reference
-from conformance.spec import namespace
+from gsvc_conformance import reference
+from gsvc_conformance.spec import namespace
 from gsvc_ref.rendering.definition import exact_gradients
 from gsvc_ref.splats import Splats
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-import conformance
+import gsvc_conformance
 import gsvc_ref
-from conformance.operation import MODULES
+from gsvc_conformance.operation import MODULES
 
-KIT = Path(conformance.__file__).parent
+KIT = Path(gsvc_conformance.__file__).parent
 CODEC = Path(gsvc_ref.__file__).parent
 SOURCES = sorted(
     [

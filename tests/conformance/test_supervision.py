@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from toy_operations import write_program
 
-from conformance import process
-from conformance.implementations import Failure
-from conformance.process import ProcessImplementation
-from conformance.supervision import LOG_BYTES, Log, run_program
+from gsvc_conformance import process
+from gsvc_conformance.implementations import Failure
+from gsvc_conformance.process import ProcessImplementation
+from gsvc_conformance.supervision import LOG_BYTES, Log, run_program
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell who lost its parent")
 

@@ -8,13 +8,13 @@ import subprocess
 import pytest
 
 import gsvc_ref.syntax as reading
-from conformance.__main__ import main
-from conformance.c_header import c_header
-from conformance.elements import ELEMENTS
-from conformance.runner import judge_outputs
-from conformance.spec import SPEC, namespace
-from conformance.syntax_files import FILES, ROOT, stale, write
-from conformance.vectors import VECTORS, read
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.c_header import c_header
+from gsvc_conformance.elements import ELEMENTS
+from gsvc_conformance.runner import judge_outputs
+from gsvc_conformance.spec import SPEC, namespace
+from gsvc_conformance.syntax_files import FILES, ROOT, stale, write
+from gsvc_conformance.vectors import VECTORS, read
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.syntax import elements, named, number, rules_of, syntax
 
@@ -37,9 +37,9 @@ def test_files_are_what_the_document_gives(tmp_path, capsys):
 
 
 def test_the_command_tells_what_to_do(monkeypatch, capsys):
-    monkeypatch.setattr("conformance.commands.syntax.stale", lambda: ["spec/gsvc.h"])
+    monkeypatch.setattr("gsvc_conformance.commands.syntax.stale", lambda: ["spec/gsvc.h"])
     assert main(["syntax"]) == 1
-    assert "spec/gsvc.h is not what spec.md gives; write it with: python -m conformance syntax --write" in (
+    assert "spec/gsvc.h is not what spec.md gives; write it with: gsvc-conformance syntax --write" in (
         capsys.readouterr().out
     )
 
@@ -182,7 +182,7 @@ def test_the_header_is_c(tmp_path, compiler, options):
 
 def test_two_constants_of_one_name_are_refused(monkeypatch):
     twice = {"name": "HALF", "value": "0.5", "hexadecimal": "0x1p-1", "meaning": None, "section": "9"}
-    monkeypatch.setattr("conformance.c_header.syntax", lambda: syntax() | {"constants": [twice, twice]})
+    monkeypatch.setattr("gsvc_conformance.c_header.syntax", lambda: syntax() | {"constants": [twice, twice]})
     with pytest.raises(ValueError, match="GSVC_HALF"):
         c_header()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from oracle_checks import assert_found, assert_legal, in_blocks, judged
 
-from conformance.operations.training import loss_oracle
+from gsvc_conformance.operations.training import loss_oracle
 
 F4 = np.float32
 

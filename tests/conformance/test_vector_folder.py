@@ -10,10 +10,10 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS
 
-from conformance.__main__ import main
-from conformance.expectations import Exact
-from conformance.vector_folder import Selection, VectorFolder, check_manifest
-from conformance.vectors import SUMS, files_of, from_files
+from gsvc_conformance.__main__ import main
+from gsvc_conformance.expectations import Exact
+from gsvc_conformance.vector_folder import Selection, VectorFolder, check_manifest
+from gsvc_conformance.vectors import SUMS, files_of, from_files
 from gsvc_ref.errors import UsageError
 
 

@@ -5,17 +5,17 @@ import re
 import numpy as np
 import pytest
 
-from conformance import spec
-from conformance.coverage import _requirements, verify
-from conformance.diagnosis import EXAMINED, diagnose
-from conformance.expectations import Bounded, Refusal
-from conformance.generate import differences, make
-from conformance.implementations import Unsupported, from_namespace
-from conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
-from conformance.reference import namespace as reference
-from conformance.results import Report
-from conformance.runner import run_suite
-from conformance.vectors import VECTORS, load
+from gsvc_conformance import spec
+from gsvc_conformance.coverage import _requirements, verify
+from gsvc_conformance.diagnosis import EXAMINED, diagnose
+from gsvc_conformance.expectations import Bounded, Refusal
+from gsvc_conformance.generate import differences, make
+from gsvc_conformance.implementations import Unsupported, from_namespace
+from gsvc_conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
+from gsvc_conformance.reference import namespace as reference
+from gsvc_conformance.results import Report
+from gsvc_conformance.runner import run_suite
+from gsvc_conformance.vectors import VECTORS, load
 
 
 @pytest.fixture(scope="module")

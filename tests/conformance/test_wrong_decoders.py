@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import pytest
 
-from conformance import spec
-from conformance.case import cases
-from conformance.cases.faulty import faults
-from conformance.expectations import Refusal
-from conformance.mutants import MUTANTS, Mutant, answer, judge, mutant
+from gsvc_conformance import spec
+from gsvc_conformance.case import cases
+from gsvc_conformance.cases.faulty import faults
+from gsvc_conformance.expectations import Refusal
+from gsvc_conformance.mutants import MUTANTS, Mutant, answer, judge, mutant
 
 READ: Final = "core/read_stream/"
 LEGAL: Final = "core/reconstruct_stream/"

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from conformance.case import Case, Fault
-from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
-from conformance.implementations import ModuleImplementation
-from conformance.operation import Operation, Values, _ports
-from conformance.results import Report
-from conformance.runner import run_suite
-from conformance.vector_folder import Selection, VectorFolder
-from conformance.vectors import files_of, write
+from gsvc_conformance.case import Case, Fault
+from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
+from gsvc_conformance.implementations import ModuleImplementation
+from gsvc_conformance.operation import Operation, Values, _ports
+from gsvc_conformance.results import Report
+from gsvc_conformance.runner import run_suite
+from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.vectors import files_of, write
 
 
 def scale(values, factor):

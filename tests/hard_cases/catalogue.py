@@ -1,13 +1,13 @@
 """The catalogue of hard cases: each is named, says what could go wrong, and can be measured.
 
-A hard case is a case of the conformance kit (`conformance.cases`), so that its inputs are a golden vector as well, and
-beside it
+A hard case is a case of the conformance kit (`gsvc_conformance.cases`), so that its inputs are a golden vector as
+well, and beside it
 
 - the *truth*: the same outputs from the same inputs in 60 digits, written from the equations of spec.md, which shares
   nothing with gsvc_ref nor with the kit's own oracles (`tests.hard_cases.oracle`);
 - a *naive* formula that loses the case, as proof that the bound is not idle: one of the kit's mutants
-  (`conformance.mutants`) where there is one, else a formula of `tests.hard_cases.naive`, because it needs binary32 or
-  binary16 throughout, or another algorithm, which no patch of spec.md's code makes.
+  (`gsvc_conformance.mutants`) where there is one, else a formula of `tests.hard_cases.naive`, because it needs binary32
+  or binary16 throughout, or another algorithm, which no patch of spec.md's code makes.
 
 What no vector can hold, such as a hundred thousand steps, is a `LongRun`. Each module of `tests.hard_cases.fields` has
 a tuple CASES of both.
@@ -20,8 +20,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from conformance.case import Case, cases
-from conformance.operation import operations
+from gsvc_conformance.case import Case, cases
+from gsvc_conformance.operation import operations
 from tests.hard_cases.measuring import Measurement, Truth, Variant, implementations, measure
 
 

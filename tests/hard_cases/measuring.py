@@ -9,10 +9,10 @@ import numpy as np
 from mpmath import mpf, workdps
 from numpy.typing import ArrayLike, NDArray
 
-from conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
-from conformance.mutants import MUTANTS
-from conformance.operation import Values, operations
-from conformance.spec import namespace
+from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
+from gsvc_conformance.mutants import MUTANTS
+from gsvc_conformance.operation import Values, operations
+from gsvc_conformance.spec import namespace
 
 DIGITS: Final = 60
 """Decimal digits of the truth."""

@@ -5,8 +5,8 @@ from math import prod
 import numpy as np
 import pytest
 
-from conformance.case import TIERS, of_operation
-from conformance.expectations import Bounded
+from gsvc_conformance.case import TIERS, of_operation
+from gsvc_conformance.expectations import Bounded
 from gsvc_ref.draws import Draws
 from tests.hard_cases.oracle import losses, metrics, quantization, rendering, training
 

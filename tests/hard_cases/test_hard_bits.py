@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from conformance.case import cases
-from conformance.spec import namespace
+from gsvc_conformance.case import cases
+from gsvc_conformance.spec import namespace
 from gsvc_ref.rendering import render_sum_deterministic
 from tests.hard_cases.catalogue import HardCase, catalogue
 

@@ -4,8 +4,8 @@ from functools import cache
 
 import pytest
 
-from conformance.cases import FLAGS
-from conformance.expectations import Bounded
+from gsvc_conformance.cases import FLAGS
+from gsvc_conformance.expectations import Bounded
 from tests.hard_cases.catalogue import HardCase, catalogue
 from tests.hard_cases.measuring import FAR, Measurement
 

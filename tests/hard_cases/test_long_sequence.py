@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from conformance.spec import namespace
+from gsvc_conformance.spec import namespace
 from gsvc_ref.stream import StreamReader, StreamWriter, decode
 from tests.hard_cases.long_sequence import FRAMES, HEADER, HEIGHT, SPLATS, WIDTH, closed_loop, decoded, source
 

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from conformance.spec import namespace
+from gsvc_conformance.spec import namespace
 from gsvc_ref.rendering import (
     exact_gradients_with_bound,
     render_exact_with_bound,

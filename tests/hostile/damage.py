@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from conformance.spec import namespace
+from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader

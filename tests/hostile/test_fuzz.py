@@ -19,7 +19,7 @@ from fuzz.fuzzing import CORPUS, TARGETS
 from fuzz.layout import elements, split
 from fuzz.stream_mutations import MUTATIONS, mutate_stream
 
-from conformance.cases.faulty import faults
+from gsvc_conformance.cases.faulty import faults
 from gsvc_ref.bitstream import CATEGORIES
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.rans import encode_plane

@@ -12,10 +12,10 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from conformance.cases.building import HEADER, intra_block, operated
-from conformance.elements import ELEMENTS
-from conformance.reference import reconstruct_stream
-from conformance.spec import namespace
+from gsvc_conformance.cases.building import HEADER, intra_block, operated
+from gsvc_conformance.elements import ELEMENTS
+from gsvc_conformance.reference import reconstruct_stream
+from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.reconstruction import FrameCodes
@@ -51,7 +51,7 @@ class Row:
     Attributes
     ----------
     element
-        Of `conformance.elements.ELEMENTS`.
+        Of `gsvc_conformance.elements.ELEMENTS`.
     values
         What the element says.
     rule

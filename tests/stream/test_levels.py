@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import gsvc_ref
-from conformance.spec import namespace
+from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.cli import main
 from gsvc_ref.errors import GsvcError, UsageError

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from conformance.cases.building import HEADER
-from conformance.cases.container import equal_splats
-from conformance.cases.pace import BYTES, LARGEST, heavy, paced, padded, repeated, two_seconds
+from gsvc_conformance.cases.building import HEADER
+from gsvc_conformance.cases.container import equal_splats
+from gsvc_conformance.cases.pace import BYTES, LARGEST, heavy, paced, padded, repeated, two_seconds
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import FrameCodes

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gsvc_ref
-from conformance.cases.seeking import forged
+from gsvc_conformance.cases.seeking import forged
 from gsvc_ref import spec
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main

@@ -32,7 +32,7 @@ for line in (["encode", source, stream, "--splats", "20", "--iterations", "3"], 
 """,
     "conformance": OFFLINE
     + """
-from conformance.__main__ import main
+from gsvc_conformance.__main__ import main
 
 raise SystemExit(main(["run", "--reference", "--operation", "from_half"]))
 """,

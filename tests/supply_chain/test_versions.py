@@ -5,19 +5,22 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROJECT, KIT = (
+    tomllib.loads((ROOT / home / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for home in ("", "conformance")
+)
 REQUIREMENT = re.compile(r"(?P<name>[a-z0-9_-]+)(?:\[.*\])?(?P<relation>[<>=!~]*)(?P<version>[0-9.]*)", re.IGNORECASE)
 
 PINNED = {"lint", "clips", "peers"}
 """Extras that state one version: of tools whose opinions change, of files, and of what numbers are compared with."""
 
 
-def required(*, extras: set[str]) -> dict[str, tuple[str, str]]:
-    """Relation and version by package."""
-    lines = [*PROJECT["dependencies"]] if "core" in extras else []
+def required(project: dict, *, extras: set[str]) -> dict[str, tuple[str, str]]:
+    """Relation and version by package, without our own."""
+    lines = [*project["dependencies"]] if "core" in extras else []
     for extra in extras - {"core"}:
-        lines += PROJECT["optional-dependencies"][extra]
-    found = [REQUIREMENT.fullmatch(line) for line in lines if not line.startswith("gsvc_ref[")]
+        lines += project["optional-dependencies"][extra]
+    found = [REQUIREMENT.fullmatch(line) for line in lines if not line.startswith(("gsvc_ref", "gsvc-conformance"))]
     assert all(found), lines
     return {match["name"]: (match["relation"], match["version"]) for match in found if match}
 
@@ -29,7 +32,9 @@ def version(text: str) -> tuple[int, ...]:
 
 def test_everything_that_is_not_pinned_has_a_tested_minimum() -> None:
     open_ended = {"core", *PROJECT["optional-dependencies"]} - PINNED
-    needed = required(extras=open_ended)
+    needed = required(PROJECT, extras=open_ended)
+    of_the_kit = required(KIT, extras={"core", *KIT["optional-dependencies"]})
+    assert all(needed.setdefault(name, minimum) == minimum for name, minimum in of_the_kit.items())
     assert {relation for relation, _ in needed.values()} == {">="}
     lines = (Path(__file__).parent / "lowest.txt").read_text(encoding="utf-8").splitlines()
     lowest = dict(line.split("==") for line in lines if not line.startswith("#"))
@@ -38,4 +43,4 @@ def test_everything_that_is_not_pinned_has_a_tested_minimum() -> None:
 
 
 def test_what_is_pinned_is_pinned_to_one_version() -> None:
-    assert {relation for relation, _ in required(extras=PINNED).values()} == {"=="}
+    assert {relation for relation, _ in required(PROJECT, extras=PINNED).values()} == {"=="}

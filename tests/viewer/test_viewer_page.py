@@ -10,10 +10,10 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 
 import web_pages
 
-from conformance.adapters.web import browser
-from conformance.vectors import VECTORS
+from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.vectors import VECTORS
 
-DECODER = "conformance/adapters/web"
+DECODER = "conformance/gsvc_conformance/adapters/web"
 
 
 @pytest.mark.parametrize(("place", "kind"), [("disk", "webgl2"), ("server", "webgl2"), ("disk", "webgpu")])

@@ -24,15 +24,15 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from conformance import spec
-from conformance.commands.judging import Causes
-from conformance.diagnosis import VAGUE
-from conformance.implementations import ModuleImplementation
-from conformance.report.console import cause_lines
-from conformance.results import Report
-from conformance.runner import Judged, judge_vector
-from conformance.vector_folder import VectorFolder
-from conformance.vectors import VECTORS, Vector
+from gsvc_conformance import spec
+from gsvc_conformance.commands.judging import Causes
+from gsvc_conformance.diagnosis import VAGUE
+from gsvc_conformance.implementations import ModuleImplementation
+from gsvc_conformance.report.console import cause_lines
+from gsvc_conformance.results import Report
+from gsvc_conformance.runner import Judged, judge_vector
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vectors import VECTORS, Vector
 
 Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
 Part = Literal["tuned", "held back", "new, tuned", "new, held back"]

@@ -61,7 +61,7 @@ PLANTED = (
 
 
 def _last_box(inputs):
-    from conformance import spec
+    from gsvc_conformance import spec
 
     names = spec.namespace()
     left, right, top, bottom = names["boxes"](

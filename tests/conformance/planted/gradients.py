@@ -39,7 +39,7 @@ def covered(weights):
 
 
 def stale():
-    from conformance import spec
+    from gsvc_conformance import spec
 
     kept = np.zeros((0, 8), np.float32)
 

@@ -27,7 +27,7 @@ def some_splats(select):
 
 def stale():
     """A buffer that is not cleared before splats are added."""
-    from conformance import spec
+    from gsvc_conformance import spec
 
     kept = np.zeros(0, np.float32)
 
@@ -46,7 +46,7 @@ def stale():
 
 def unwritten_rows():
     """The last row keeps what the picture before had there."""
-    from conformance import spec
+    from gsvc_conformance import spec
 
     kept = np.zeros(0, np.float32)
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from conformance.operation import operations
+from gsvc_conformance.operation import operations
 from tests.hard_cases.catalogue import Entry, HardCase
 from tests.hard_cases.fields.rendering import BINARY16, DIVIDING, INVERSE, NORMALIZED
 from tests.hard_cases.measuring import Truth, Variant

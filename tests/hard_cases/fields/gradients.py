@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.case import cases
-from conformance.operation import Values, operations
+from gsvc_conformance.case import cases
+from gsvc_conformance.operation import Values, operations
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
 from gsvc_ref.splats import Splats

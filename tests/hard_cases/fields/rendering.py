@@ -4,7 +4,7 @@ from typing import Final
 
 from numpy.typing import NDArray
 
-from conformance.operation import Values
+from gsvc_conformance.operation import Values
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
 from gsvc_ref.splats import Splats

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from conformance.expectations import Exact
+from gsvc_conformance.expectations import Exact
 from tests.hard_cases.catalogue import Entry, HardCase
 from tests.hard_cases.measuring import Measurement, Truth, Variant, exactly, implementations, measure, mutated
 from tests.hard_cases.naive import selection as naive

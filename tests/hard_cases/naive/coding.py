@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.operation import Values
+from gsvc_conformance.operation import Values
 from tests.hard_cases.oracle.coding import Bits
 
 U2 = NDArray[np.uint16]

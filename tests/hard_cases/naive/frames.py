@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.operation import Values
-from conformance.spec import Patch, namespace
+from gsvc_conformance.operation import Values
+from gsvc_conformance.spec import Patch, namespace
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]

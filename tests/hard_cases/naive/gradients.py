@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.operation import Values
+from gsvc_conformance.operation import Values
 from tests.hard_cases.naive.rendering import LN_255, covariance, forward_substitution, renderer
 
 F4 = NDArray[np.float32]

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.operation import Values
-from conformance.operations.codebooks import books_of
-from conformance.spec import namespace
+from gsvc_conformance.operation import Values
+from gsvc_conformance.operations.codebooks import books_of
+from gsvc_conformance.spec import namespace
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]

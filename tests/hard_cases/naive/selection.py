@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from conformance.operation import Values
+from gsvc_conformance.operation import Values
 from tests.hard_cases.measuring import Variant
 
 F4 = NDArray[np.float32]

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from conformance.spec import namespace
+from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer

@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
-from conformance.reference import decode_stream_deterministic, read_stream, reconstruct_stream, seek
-from conformance.spec import namespace
+from gsvc_conformance.reference import decode_stream_deterministic, read_stream, reconstruct_stream, seek
+from gsvc_conformance.spec import namespace
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import Precision, rendering_work
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter

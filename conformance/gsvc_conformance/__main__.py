@@ -1,0 +1,98 @@
+"""``gsvc-conformance``: one module per command in `gsvc_conformance.commands`, imported when it is asked for.
+
+Exit codes: 0 nothing is wrong, or done; 1 something is wrong with the implementation or the vectors; 2 wrong use, or
+nothing was judged; 70, 130, 141 as ``gsvc``.
+"""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Final
+
+from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
+from gsvc_ref.cli.parser import Parser
+from gsvc_ref.errors import UsageError
+from gsvc_ref.interrupts import termination_as_ctrl_c
+
+PROGRAM: Final = "gsvc-conformance"
+COMMANDS: Final = {
+    "run": "judge an implementation by the vectors",
+    "list": "show the operations, with their inputs and outputs, or the cases",
+    "report": "make the HTML page or JUnit XML again from the JSON of a run",
+    "compare": "show several reports beside each other, an operation a row",
+    "capacities": "show how large the vectors are, and what they catch",
+    "spec": "run the decoder inside spec.md over the vectors",
+    "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
+    "verify": "check the vectors: schemas, hashes, coverage, counts",
+    "generate": "write the vectors, or compare them with what the cases make",
+    "mutants": "check the suite: every mutant must be found",
+    "legal": "say whether files that an encoder wrote are streams by spec.md",
+    "streams": "write random legal streams with what they decode to",
+}
+
+OURS: Final = ("gsvc_conformance",)
+EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "hypothesis": "reference"}
+"""Packages that a plain installation does not bring, and the extra that does."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code.
+
+    Parameters
+    ----------
+    argv
+        The arguments without the program's name; None takes those of the process.
+    """
+    prepare_streams()
+    words = list(sys.argv[1:] if argv is None else argv)
+    named = words[0] if words and words[0] in COMMANDS else None
+    with termination_as_ctrl_c():
+        return guarded(f"{PROGRAM} {named}" if named else PROGRAM, lambda: _with_packages(words, named))
+
+
+def build_parser(named: str | None) -> Parser:
+    """The parser; only the command that is named gets its arguments, so that only its module is imported."""
+    parser = Parser(prog=PROGRAM, description="The conformance kit of GSVC.", allow_abbrev=False)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name, sentence in COMMANDS.items():
+        description = f"{sentence[0].upper()}{sentence[1:]}."
+        command = commands.add_parser(name, help=sentence, description=description, allow_abbrev=False)
+        if name == named:
+            module = importlib.import_module(f"gsvc_conformance.commands.{name}")
+            module.add_arguments(command)
+            command.set_defaults(run=module.run)
+    parser.epilog = (
+        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --reference --operation to_frame"
+    )
+    return parser
+
+
+def _with_packages(words: list[str], named: str | None) -> int:
+    """Run a command; a package that is missing is wrong use, and the message says what to install."""
+    try:
+        return _run(words, named)
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package in ("", *OURS):
+            raise
+        extra = f"[{EXTRAS[package]}]" if package in EXTRAS else ""
+        raise UsageError(f"needs {package}: pip install 'gsvc-conformance{extra}'") from None
+
+
+def _run(words: list[str], named: str | None) -> int:
+    parser = build_parser(named)
+    try:
+        arguments = parser.parse_args(words)
+    except SystemExit as end:  # argparse has said why
+        return int(end.code or 0)
+    if arguments.command is None:
+        parser.print_help(sys.stderr)
+        return EXIT_USAGE
+    if "run" not in arguments:
+        say(PROGRAM, f"the command comes first: {PROGRAM} {arguments.command} ...")
+        return EXIT_USAGE
+    return int(arguments.run(arguments))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,105 @@
+"""GSVC in PyTorch: forward functions of tensors, whose gradients autograd finds; on a CPU, or with CUDA if it is there.
+
+    gsvc-conformance run --module gsvc_conformance.adapters.pytorch
+
+needs PyTorch: pip install '.[peers]', or the command of pytorch.org for a GPU (ROCm's calls itself CUDA, too).
+`GSVC_TORCH_DEVICE=cpu` or `cuda:1` chooses a device; it must have binary64, which Apple's MPS has not. Start at
+`rendering.render`, which can be put into any loss as it is, and `training.loss_of`. Streams are parsed by the code of
+spec.md on the host, so `read_stream`, `decode_plane`, `encode_plane` and `seek` are not here.
+"""
+
+import platform
+
+import torch
+
+from gsvc_conformance.adapters.pytorch.color import frame_to_planes, planes_to_frame
+from gsvc_conformance.adapters.pytorch.decisions import converged, pruning_plan, select_key_frames
+from gsvc_conformance.adapters.pytorch.deterministic import (
+    render_sum_deterministic,
+    scale_parameters,
+    to_frame_deterministic,
+)
+from gsvc_conformance.adapters.pytorch.device import DEVICE
+from gsvc_conformance.adapters.pytorch.metrics import metrics
+from gsvc_conformance.adapters.pytorch.quantization import (
+    commitment,
+    lsq_gradients,
+    lsq_quantize,
+    rvq_assign,
+    rvq_update,
+)
+from gsvc_conformance.adapters.pytorch.reconstruction import (
+    from_half,
+    lsq_dequantize,
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    rendering_work,
+    to_half,
+)
+from gsvc_conformance.adapters.pytorch.rendering import render_frame, render_gradients, render_sum, to_frame
+from gsvc_conformance.adapters.pytorch.streams import decode_stream, decode_stream_deterministic, reconstruct_stream
+from gsvc_conformance.adapters.pytorch.training import (
+    adan_step,
+    augment,
+    compact,
+    learning_rates,
+    loss,
+    prune,
+    weighted_gradients,
+    weighted_parameters,
+)
+
+__all__ = [
+    "adan_step",
+    "augment",
+    "commitment",
+    "compact",
+    "converged",
+    "decode_stream",
+    "decode_stream_deterministic",
+    "environment",
+    "frame_to_planes",
+    "from_half",
+    "learning_rates",
+    "loss",
+    "lsq_dequantize",
+    "lsq_gradients",
+    "lsq_quantize",
+    "metrics",
+    "parameter_checksum",
+    "planes_to_frame",
+    "prune",
+    "pruning_plan",
+    "reconstruct_inter",
+    "reconstruct_intra",
+    "reconstruct_stream",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "render_sum_deterministic",
+    "rendering_work",
+    "rvq_assign",
+    "rvq_update",
+    "scale_parameters",
+    "select_key_frames",
+    "to_frame",
+    "to_frame_deterministic",
+    "to_half",
+    "weighted_gradients",
+    "weighted_parameters",
+]
+
+
+def environment() -> dict[str, str]:
+    """The device, versions and settings that results may depend on."""
+    with_cuda = DEVICE.type == "cuda"
+    return {
+        "device": torch.cuda.get_device_name(DEVICE) if with_cuda else f"{DEVICE.type} ({platform.machine()})",
+        "CUDA": torch.version.cuda or f"ROCm {torch.version.hip}" if with_cuda else "not used",
+        "vectors": torch.backends.cpu.get_cpu_capability(),
+        "threads": str(torch.get_num_threads()),
+        "float32 matmul precision": torch.get_float32_matmul_precision(),
+        "PyTorch": torch.__version__,
+        "Python": platform.python_version(),
+    }

@@ -1,0 +1,138 @@
+"""A decoder in JavaScript, with rendering in WebGPU or WebGL2, judged inside a headless Chromium.
+
+The page for people, viewer/index.html, has the same scripts. Judge them with `gsvc-conformance run --module
+gsvc_conformance.adapters.web`, which needs Playwright (`pip install playwright`) and a Chromium: that of `playwright
+install chromium`, one in PATH, or the one that GSVC_WEB_BROWSER names. GSVC_WEB_RENDERER is `webgpu`, `webgl2` or
+`auto` (the default). GSVC_WEB_ARGUMENTS takes the place of the arguments that let Chromium draw without a GPU, for
+machines that have one.
+
+It is a decoder: bitstream, reconstruction, rendering and deterministic rendering, nothing of training. The functions
+below only carry arrays to the page and back; GSVC.operations of operations.js has what they call.
+"""
+
+from importlib.metadata import version
+from typing import Any
+
+from gsvc_conformance.adapters.web.browser import ask, described
+
+Values = dict[str, Any]
+
+
+def environment() -> dict[str, str]:
+    """The browser, the renderer, its adapter, and the version of Playwright."""
+    return {**described(), "playwright": version("playwright")}
+
+
+def read_stream(stream: bytes) -> Values:
+    """The contents of a stream's bytes (spec.md section 12.4)."""
+    return ask("read_stream", stream=stream)
+
+
+def decode_plane(data: Any, count: int, alphabet: int, entropy_precision: int, lane_count: int) -> Values:
+    """The symbols of one plane (sections 6.6 and 7)."""
+    return ask(
+        "decode_plane",
+        data=data,
+        count=count,
+        alphabet=alphabet,
+        entropy_precision=entropy_precision,
+        lane_count=lane_count,
+    )
+
+
+def encode_plane(symbols: Any, frequencies: Any, entropy_precision: int, lane_count: int) -> Values:
+    """Lane states and words of symbols (7-2)."""
+    return ask(
+        "encode_plane",
+        symbols=symbols,
+        frequencies=frequencies,
+        entropy_precision=entropy_precision,
+        lane_count=lane_count,
+    )
+
+
+def reconstruct_stream(stream: bytes) -> Values:
+    """The splats of all complete frames, and the first fault (section 12)."""
+    return ask("reconstruct_stream", stream=stream)
+
+
+def seek(stream: bytes, first: int, last: int) -> Values:
+    """The splats of some frames, decoded from the last I-frame at or before them (section 12.6)."""
+    return ask("seek", stream=stream, first=first, last=last)
+
+
+def decode_stream(stream: bytes) -> Values:
+    """The frames of a stream, drawn by the GPU."""
+    return ask("decode_stream", stream=stream)
+
+
+def decode_stream_deterministic(stream: bytes) -> Values:
+    """The frames of a stream by section 9.3, in JavaScript."""
+    return ask("decode_stream_deterministic", stream=stream)
+
+
+def from_half(bits: Any) -> Values:
+    """The values of binary16 patterns (8-5)."""
+    return ask("from_half", bits=bits)
+
+
+def to_half(values: Any) -> Values:
+    """The binary16 patterns nearest to values (8-6)."""
+    return ask("to_half", values=values)
+
+
+def reconstruct_intra(**codes: Any) -> Values:
+    """The splats of an intra block (8-1) to (8-4)."""
+    return ask("reconstruct_intra", **codes)
+
+
+def reconstruct_inter(**codes: Any) -> Values:
+    """The survivors after an inter block (8-1) to (8-4)."""
+    return ask("reconstruct_inter", **codes)
+
+
+def parameter_checksum(parameters: Any) -> Values:
+    """The checksum of a frame's parameters (R-6.4-3)."""
+    return ask("parameter_checksum", parameters=parameters)
+
+
+def rendering_work(parameters: Any, width: int, height: int) -> Values:
+    """The number of pixels in the boxes of splats (5-1)."""
+    return ask("rendering_work", parameters=parameters, width=width, height=height)
+
+
+def render_sum(parameters: Any, width: int, height: int) -> Values:
+    """The sum of splats (9-2), by the GPU."""
+    return ask("render_sum", parameters=parameters, width=width, height=height)
+
+
+def render_sum_deterministic(parameters: Any, width: int, height: int) -> Values:
+    """The sum of splats (9-6), in JavaScript."""
+    return ask("render_sum_deterministic", parameters=parameters, width=width, height=height)
+
+
+def to_frame(sum: Any, bit_depth: int) -> Values:
+    """Clamp, scale and round (R-9.1-1)."""
+    return ask("to_frame", sum=sum, bit_depth=bit_depth)
+
+
+def to_frame_deterministic(sum: Any, bit_depth: int) -> Values:
+    """Clamp, scale and round (9-7)."""
+    return ask("to_frame_deterministic", sum=sum, bit_depth=bit_depth)
+
+
+def render_frame(parameters: Any, width: int, height: int, bit_depth: int) -> Values:
+    """The frame of a set of splats, by the GPU."""
+    return ask("render_frame", parameters=parameters, width=width, height=height, bit_depth=bit_depth)
+
+
+def scale_parameters(parameters: Any, width: int, height: int, new_width: int, new_height: int) -> Values:
+    """The splats for another size (9-8)."""
+    return ask(
+        "scale_parameters",
+        parameters=parameters,
+        width=width,
+        height=height,
+        new_width=new_width,
+        new_height=new_height,
+    )

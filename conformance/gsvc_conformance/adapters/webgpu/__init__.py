@@ -1,0 +1,145 @@
+"""WebGPU from Python: all arithmetic in WGSL, which wgpu-py runs on Vulkan, Metal or Direct3D 12.
+
+    gsvc-conformance run --module gsvc_conformance.adapters.webgpu
+
+needs wgpu (pip install 'gsvc-conformance[adapters]') and a driver: that of a GPU, or Mesa's lavapipe for CPUs (mesa-vulkan-drivers in
+Debian). WGPUPY_WGPU_ADAPTER_NAME chooses a device by a part of its name; without it, it is the fastest.
+
+It has a whole decoder (entropy coding, reconstruction, bounded and deterministic rendering), the entropy encoder, and
+gradients; the shader of bounded rendering is that of the browser page, ../web/render.wgsl.js. Streams are parsed by
+the code inside spec.md. Missing are the rest of training and quantisation, colour, metrics, and what a decoder asks of
+a frame on the host before it renders it: its checksum and its rendering work.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import wgpu
+
+from gsvc_conformance.adapters.host import stream_operations
+from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
+from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
+from gsvc_conformance.adapters.webgpu.gpu import Array, device
+
+Outputs = dict[str, Array]
+
+
+def environment() -> dict[str, str]:
+    """The device that the operations run on; Metal, for one, does not name its driver."""
+    info = device().adapter.info
+    told = {
+        "device": info["device"],
+        "driver": info["description"],
+        "back end": f"{info['backend_type']} ({info['adapter_type']})",
+        "wgpu": wgpu.__version__,
+    }
+    return {name: text for name, text in told.items() if text}
+
+
+def encode_plane(symbols: Array, frequencies: Array, entropy_precision: int, lane_count: int) -> Outputs:
+    """The states u4 (lanes,) and words u2 (n,) of a plane's symbols: (7-2)."""
+    lane_states, words = encode_symbols(symbols, frequencies, entropy_precision, lane_count)
+    return {"lane_states": lane_states, "words": words}
+
+
+def from_half(bits: Array) -> Outputs:
+    """The values of binary16 patterns, f4 (N,): (8-5)."""
+    return {"values": reconstruction.each_value("from_halves", bits).view(np.float32)}
+
+
+def to_half(values: Array) -> Outputs:
+    """The binary16 patterns nearest to values, u2 (N,): (8-6)."""
+    return {"bits": reconstruction.each_value("to_halves", values).astype(np.uint16)}
+
+
+def lsq_dequantize(codes: Array, scale: Array, offset: Array) -> Outputs:
+    """The values of LSQ+ codes, f4 (N, C): (10-17)."""
+    quantizers = np.stack([scale, offset], axis=1)
+    return {"values": reconstruction.each_value("dequantize", codes, quantizers=quantizers).view(np.float32)}
+
+
+def reconstruct_intra(width: int, height: int, positions: Array, **codes: Array) -> Outputs:
+    """The splats of an intra block, f4 (N, 8): the left column of (8-1) to (8-4)."""
+    return {"parameters": reconstruction.block("intra", (width, height), len(positions), positions, **codes)}
+
+
+def reconstruct_inter(width: int, height: int, reference: Array, survivors: Array, **codes: Array) -> Outputs:
+    """The survivors after an inter block, f4 (n, 8): the right column of (8-1) to (8-4)."""
+    numbers = np.flatnonzero(survivors)
+    size, count = (width, height), len(numbers)
+    parameters = reconstruction.block("inter", size, count, reference=reference, survivors=numbers, **codes)
+    return {"parameters": parameters}
+
+
+def render_sum(parameters: Array, width: int, height: int) -> Outputs:
+    """The sum of the splats over a frame, f4 (H, W, 3): (9-2)."""
+    return {"sum": rendering.read_sums(rendering.rendered(parameters, width, height)).reshape(height, width, 3)}
+
+
+def render_sum_deterministic(parameters: Array, width: int, height: int) -> Outputs:
+    """The sum by the operations of (9-3) to (9-6), f4 (H, W, 3): the same bytes everywhere."""
+    bands = rendering.rendered(parameters, width, height, exact=True)
+    return {"sum": rendering.read_sums(bands).reshape(height, width, 3)}
+
+
+def to_frame(sum: Array, bit_depth: int) -> Outputs:
+    """The samples of a sum, u1 or u2 (H, W, 3): R-9.1-1."""
+    return {"frame": rendering.read_frame(rendering.uploaded(sum, bit_depth), bit_depth).reshape(sum.shape)}
+
+
+def to_frame_deterministic(sum: Array, bit_depth: int) -> Outputs:
+    """The samples of a sum, u1 or u2 (H, W, 3): (9-7)."""
+    return {"frame": rendering.read_frame(rendering.uploaded(sum, bit_depth), bit_depth, exact=True).reshape(sum.shape)}
+
+
+def render_frame(parameters: Array, width: int, height: int, bit_depth: int) -> Outputs:
+    """The frame of splats, u1 or u2 (H, W, 3): R-9.1-1 of (9-2); the sums stay on the device."""
+    bands = rendering.rendered(parameters, width, height, bit_depth)
+    return {"frame": rendering.read_frame(bands, bit_depth).reshape(height, width, 3)}
+
+
+def scale_parameters(parameters: Array, width: int, height: int, new_width: int, new_height: int) -> Outputs:
+    """The splats for a frame of another size, f4 (N, 8): (9-8)."""
+    sizes = (width, height, new_width, new_height)
+    return {"parameters": reconstruction.each_value("scale", parameters, sizes).view(np.float32)}
+
+
+def render_gradients(parameters: Array, residual: Array) -> Outputs:
+    """dL/dparameters, f4 (N, 8), of the residual dL/dC: (10-7) to (10-9)."""
+    return {"gradients": training.gradients(parameters, residual)}
+
+
+_BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
+    "reconstruct_intra": reconstruct_intra,
+    "reconstruct_inter": reconstruct_inter,
+    "render_frame": render_frame,
+    "render_sum_deterministic": render_sum_deterministic,
+    "to_frame_deterministic": to_frame_deterministic,
+}
+_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols)
+
+
+def read_stream(stream: bytes) -> dict[str, Any]:
+    """The contents of a stream's bytes: section 12.4."""
+    return _STREAM_OPERATIONS["read_stream"](stream)
+
+
+def decode_plane(**inputs: Any) -> dict[str, Any]:
+    """The symbols of a plane, u2 (count,): section 6.6 and (7-1)."""
+    return _STREAM_OPERATIONS["decode_plane"](**inputs)
+
+
+def reconstruct_stream(stream: bytes) -> dict[str, Any]:
+    """The splats of all complete frames, and the first fault: section 12.4."""
+    return _STREAM_OPERATIONS["reconstruct_stream"](stream)
+
+
+def decode_stream(stream: bytes) -> dict[str, Any]:
+    """The frames of a stream, in `bounded` rendering: section 12.4."""
+    return _STREAM_OPERATIONS["decode_stream"](stream)
+
+
+def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
+    """The frames of a stream, in `deterministic` rendering: section 12.4."""
+    return _STREAM_OPERATIONS["decode_stream_deterministic"](stream)

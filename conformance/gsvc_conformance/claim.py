@@ -1,0 +1,82 @@
+"""Claims of conformance: classes, a profile, a level and options (spec.md section 13.1)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, get_args
+
+from gsvc_conformance.level import LEVELS
+from gsvc_conformance.operation import OPTIONS, Group
+from gsvc_conformance.spelling import question
+from gsvc_conformance.vectors import PROFILE
+from gsvc_ref.errors import UsageError
+
+DECLARED: Final = ("live",)
+"""Options that no vector judges: an implementation declares them."""
+FORM: Final = "CLASS[+CLASS...],PROFILE,LEVEL[,OPTION...]"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What an implementation says that it does.
+
+    Attributes
+    ----------
+    classes
+        Classes of conformance, at least one.
+    profile
+        The name of a profile.
+    level
+        The highest level of spec.md section 5 that it is ready for.
+    options
+        Classes that are options (`OPTIONS`), and options that are only declared (`DECLARED`).
+    """
+
+    classes: tuple[str, ...]
+    profile: str
+    level: int
+    options: tuple[str, ...] = ()
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """The classes that vectors judge, options among them."""
+        return tuple(dict.fromkeys((*self.classes, *(option for option in self.options if option in OPTIONS))))
+
+    @property
+    def declared(self) -> tuple[str, ...]:
+        """The options that no vector judges."""
+        return tuple(option for option in self.options if option in DECLARED)
+
+    def __str__(self) -> str:
+        return ",".join(["+".join(self.classes), self.profile, str(self.level), *self.options])
+
+
+def read_claim(text: str) -> Claim:
+    """A claim in words, such as ``bitstream+rendering,paper,2,sizes``.
+
+    Raises
+    ------
+    UsageError
+        It has another form, or names what spec.md does not know.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) < 3:
+        raise UsageError(f"the claim {text!r} must have the form {FORM}: bitstream+rendering,{PROFILE},2")
+    classes, profile, level, options = parts[0].split("+"), parts[1], parts[2], parts[3:]
+    _check("class", classes, get_args(Group))
+    _check("profile", [profile], (PROFILE,))
+    _check("level", [level], [str(number) for number in LEVELS])
+    _check("option", options, (*OPTIONS, *DECLARED))
+    return Claim(tuple(classes), profile, int(level), tuple(options))
+
+
+def _check(what: str, given: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse what a claim cannot name, and what it names twice."""
+    for name in given:
+        if name not in known:
+            raise UsageError(f"a claim knows no {what} {name!r}{question(name, known) or f'; it is {_one_of(known)}'}")
+        if given.count(name) > 1:
+            raise UsageError(f"the claim names the {what} {name} twice")
+
+
+def _one_of(names: Sequence[str]) -> str:
+    return f"one of {', '.join(names)}" if len(names) > 1 else names[0]

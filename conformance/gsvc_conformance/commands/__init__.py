@@ -1,0 +1,78 @@
+"""The commands of ``gsvc-conformance``, each with `add_arguments` and `run`, and what they share."""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+from typing import get_args
+
+from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.spelling import question
+from gsvc_conformance.vector_folder import ALL_TIERS, Selection
+from gsvc_conformance.vectors import VECTORS
+from gsvc_ref.cli.arguments import whole
+from gsvc_ref.errors import UsageError
+
+
+def add_vectors(parser: ArgumentParser) -> None:
+    """The folder of the vectors."""
+    parser.add_argument("--vectors", type=Path, default=VECTORS, metavar="DIR", help="the vectors (default: vectors/)")
+
+
+def add_selection(parser: ArgumentParser) -> None:
+    """Options that select vectors or cases; each may be given several times."""
+    options = parser.add_argument_group(
+        "selection", "each may be given several times, for any of the values; what different options say must all hold"
+    )
+    options.add_argument("--tier", action="append", default=[], choices=ALL_TIERS, help="of this tier")
+    options.add_argument("--operation", action="append", default=[], metavar="NAME", help="of this operation")
+    options.add_argument(
+        "--class", action="append", default=[], choices=get_args(Group), dest="group", help="of this conformance class"
+    )
+    options.add_argument(
+        "--case", action="append", default=[], metavar="GLOB", help="whose id, or its last part, matches: '*needle*'"
+    )
+    options.add_argument("--rule", action="append", default=[], metavar="ID", help="that exercise it: R-10.3-1")
+    options.add_argument("--equation", action="append", default=[], metavar="NUMBER", help="that exercise it: 9-4")
+    options.add_argument(
+        "--flag",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="for this class of mistakes: needle; vectors/COVERAGE.md lists them",
+    )
+
+
+def selection(arguments: Namespace) -> Selection:
+    """The selection that the options make.
+
+    Raises
+    ------
+    UsageError
+        An operation does not exist.
+    """
+    for name in arguments.operation:
+        if name not in operations():
+            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
+            raise UsageError(f"there is no operation {name!r}{near}")
+    return Selection(
+        tiers=tuple(arguments.tier),
+        operations=tuple(arguments.operation),
+        groups=tuple(arguments.group),
+        patterns=tuple(arguments.case),
+        rules=tuple(arguments.rule),
+        equations=tuple(equation.strip("()") for equation in arguments.equation),
+        flags=tuple(arguments.flag),
+    )
+
+
+def count(text: str) -> int:
+    """A whole number that is not negative."""
+    if (value := whole(text)) < 0:
+        raise ArgumentTypeError(f"{text!r} is less than 0")
+    return value
+
+
+def times(text: str) -> int:
+    """A whole number of times, at least once."""
+    if (value := count(text)) < 1:
+        raise ArgumentTypeError(f"{text!r} is less than 1")
+    return value

@@ -1,0 +1,41 @@
+"""``verify``: check the vectors themselves."""
+
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+from importlib import import_module
+
+from gsvc_conformance.commands import add_vectors
+from gsvc_conformance.operation import operations
+from gsvc_conformance.vector_folder import ALL_TIERS, VectorFolder
+from gsvc_conformance.vectors import set_hash
+from gsvc_ref.cli.text import plural, show, table
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    add_vectors(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Print counts, the hash of the set and what is wrong; 0 if nothing is, else 1."""
+    import_module("jsonschema")  # if it is missing, this is said before any work
+    from gsvc_conformance.coverage import verify
+
+    names = VectorFolder(arguments.vectors).names
+    show(*counts(names))
+    size = sum(path.stat().st_size for path in arguments.vectors.rglob("*") if path.is_file())
+    show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
+    problems = verify(arguments.vectors)
+    for problem in problems:
+        show(problem)
+    show(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
+    return 1 if problems else 0
+
+
+def counts(names: list[str]) -> list[str]:
+    """A table of vectors by operation and tier."""
+    count = Counter(tuple(name.split("/")[:2]) for name in names)
+    tiers = [tier for tier in ALL_TIERS if any(key[0] == tier for key in count)]
+    rows = [[name, *(str(count[tier, name] or "") for tier in tiers)] for name in operations()]
+    total = ["all", *(str(sum(n for key, n in count.items() if key[0] == tier)) for tier in tiers)]
+    return table(["operation", *tiers], [*rows, total])

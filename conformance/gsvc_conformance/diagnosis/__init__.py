@@ -1,0 +1,190 @@
+"""Diagnosis of wrong outputs: it says what it knows, and nothing else.
+
+The generic looks come first, since they need to know no mutant: an output that nothing was written to, what the vector
+before left, the right numbers in other places, terms of a sum that were lost, a part from some place on, a factor. Then
+the catalogue of mutants is asked, both ways. Where neither says anything, the report says where the errors are.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from gsvc_conformance.diagnosis import catalogue
+from gsvc_conformance.diagnosis.catalogue import mutants_for
+from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
+from gsvc_conformance.diagnosis.looks import Look, generic_looks
+from gsvc_conformance.diagnosis.places import common_condition, output_sentence
+from gsvc_conformance.diagnosis.ratios import spread
+from gsvc_conformance.diagnosis.streams import kind_sentence, refusal_sentence
+from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
+from gsvc_conformance.expectations import Bounded, Exact, Refusal
+from gsvc_conformance.operation import input_size
+from gsvc_conformance.vectors import Vector
+
+__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "mutants_for"]
+
+EXAMINED: Final = 12
+"""Failures of an operation that are looked at, from the smallest inputs to the largest."""
+
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
+"""Beginnings of sentences that say where errors are, not what they are."""
+
+MAX_SENTENCES: Final = 3
+"""Maximum number of sentences about one failure."""
+
+COARSE: Final = 2.0**-6
+"""Maximum relative error that may be one of arithmetic."""
+
+ALIKE: Final = 8.0
+"""Relative errors of arithmetic are alike: nine tenths are at most this many times the median."""
+
+ONE_SIDED: Final = 0.8
+"""Maximum fraction of numbers that rounding makes too large; cut numbers are always too small."""
+
+LAST_PLACES: Final = 2.0**-20
+"""Differences up to this, relative to the largest number, are in the last bits."""
+
+MANY: Final = 16
+"""An output of integers with fewer elements has no few places."""
+
+FEW: Final = 0.25
+"""Maximum fraction of the elements that counts as few."""
+
+FORMATS: Final = {8: "bfloat16", 11: "binary16"}
+"""Formats by their significant bits."""
+
+
+def examined(failures: Sequence[Failure]) -> list[Failure]:
+    """The failures that are looked at, of all sizes, the simplest first."""
+    ordered = sorted(failures, key=lambda failure: input_size(failure.vector.inputs))
+    if len(ordered) <= EXAMINED:
+        return ordered
+    return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
+
+
+def diagnose(
+    failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
+) -> dict[str, list[str]]:
+    """Describe what the failures of one operation look like.
+
+    Parameters
+    ----------
+    failures
+        All of the operation; those that `examined` chooses are looked at.
+    passed
+        Vectors of the operation that were answered rightly.
+    errors
+        Vectors of the operation that ended with an error.
+
+    Returns
+    -------
+    dict[str, list[str]]
+        At most `MAX_SENTENCES` sentences by the id of a vector, the better ones first.
+    """
+    chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
+    looks = generic_looks(chosen, passed)
+    unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
+    accounted = {name for name, look in looks.items() if look.strong}
+    named = catalogue.named(unnamed, passed, accounted)
+    wrong = [Failure(*failure) for failure in failures]
+    if kind := kind_sentence(wrong, passed):
+        return {failure.vector.id: [kind] for failure in chosen}
+    common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
+    open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
+    alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    said = {
+        failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
+        for failure in chosen
+    }
+    never = [] if passed or failures or not errors else [_simplest(errors)]
+    return said | {vector.id: alike or ([common] if common else never) for vector in errors}
+
+
+def _simplest(errors: Sequence[Vector]) -> str:
+    """The sentence about an implementation that answers nothing but errors."""
+    first = min(errors, key=lambda vector: input_size(vector.inputs))
+    return f"every vector ends with an error, the smallest too, which is {first.id}"
+
+
+def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
+    """The sentences of one failure: what it is, or at least where."""
+    found = [*look.strong[:2], *mutants]
+    if not found:
+        given = parts(failure)
+        compared = given if len(given) == len(wrong_outputs(failure.vector, failure.outputs)) else []
+        found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
+        found = found or _one_step(compared) or _imprecision(failure)
+    if not found or found == look.weak[:1]:
+        found += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
+    return list(dict.fromkeys(found))[:MAX_SENTENCES]
+
+
+def _outputs(failure: Failure) -> str:
+    return output_sentence(failure.vector, failure.outputs)
+
+
+def _not_numbers(found: Sequence[Part]) -> list[str]:
+    """A sentence for outputs whose wrong elements are all NaN, or infinite."""
+    if not found:
+        return []
+    if any(part.given.dtype.kind != "f" or np.isfinite(part.mine[part.wrong]).any() for part in found):
+        return []
+    if all(np.isnan(part.mine[part.wrong]).all() for part in found):
+        return [
+            "NaN from 0 times infinity or infinity minus infinity (mask the factors, not the product), or from 0 / 0"
+        ]
+    return ["an overflow, or 0 times infinity or infinity minus infinity (mask the factors, not the product)"]
+
+
+def _last_bits(found: Sequence[Part]) -> list[str]:
+    """A sentence for exact numbers that are wrong in the last bits alone."""
+    if not found or not all(part.given.dtype.kind == "f" and isinstance(part.expectation, Exact) for part in found):
+        return []
+    sizes = [abs(part.right) + np.max(abs(part.right[np.isfinite(part.right)]), initial=0.0) for part in found]
+    near = [abs(part.mine - part.right) <= LAST_PLACES * size for part, size in zip(found, sizes, strict=True)]
+    if not all(bool(mask[part.wrong].all()) for part, mask in zip(found, near, strict=True)):
+        return []
+    return ["errors in the last bits alone: operations in another order, fused, or not each rounded to binary32"]
+
+
+def _one_step(found: Sequence[Part]) -> list[str]:
+    """A sentence for integers that are one off, in few places."""
+    whole = found and all(part.given.dtype.kind in "iu" and part.right.size >= MANY for part in found)
+    if not whole or not all(part.wrong.mean() <= FEW and _one_off(part) for part in found):
+        return []
+    return ["errors in few places, of one step: operations in another order or precision before the rounding"]
+
+
+def _one_off(part: Part) -> bool:
+    return bool((abs(part.mine - part.right)[part.wrong] == 1).all())
+
+
+def _imprecision(failure: Failure) -> list[str]:
+    """A sentence for outputs whose relative errors are small, and alike everywhere."""
+    found = parts(failure)
+    if any(isinstance(failure.vector.expected[name], Refusal) for name in wrong_outputs(*failure[:2])) or not found:
+        return []
+    bits = [_bits(part) for part in found]
+    if not all(bits):
+        return []
+    least = min(bits)
+    kind = f", as in {FORMATS[least]}" if least in FORMATS else ""
+    return [f"errors of arithmetic with few bits: about {least} bits are right everywhere{kind} (half precision, "
+            "a fast exp or division)"]  # fmt: skip
+
+
+def _bits(part: Part) -> int:
+    """The number of right bits of an output, if it is alike everywhere; else 0."""
+    errors = spread(part)
+    if not isinstance(part.expectation, Bounded) or errors is None or errors.size < 16:
+        return 0
+    some = errors[errors > 0]
+    if some.size < errors.size / 2 or part.wrong.mean() < 0.25:
+        return 0
+    away = np.sign(part.mine - part.right)[abs(part.right) > 0] * np.sign(part.right)[abs(part.right) > 0]
+    middle = float(np.median(some))
+    if middle > COARSE or float(np.quantile(some, 0.9)) > ALIKE * middle or float(away.mean()) > ONE_SIDED:
+        return 0
+    return round(-math.log2(2 * middle))

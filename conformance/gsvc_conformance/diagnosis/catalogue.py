@@ -1,0 +1,230 @@
+"""Mutants that an implementation looks like, asked both ways.
+
+A mutant *explains* a failure if it gives nearly all elements that are wrong, and nearly all elements that it gets wrong
+were given. Small numbers agree by chance, so a mutant must fit the whole operation: one that would fail vectors that
+the implementation passes fits badly. Where a failure is only a refusal or a few wrong elements, mutants that have
+nothing in common agree: then the report says that they end in the same refusal, not that one of them is there.
+"""
+
+from collections import Counter
+from collections.abc import Container, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
+from gsvc_conformance.expectations import Exact, Refusal
+from gsvc_conformance.mutants import MUTANTS, Mutant, answer, called
+from gsvc_conformance.operation import Values
+from gsvc_conformance.vectors import Vector
+
+MIN_FIT: Final = 0.5
+"""Minimum fit of a mutant that is named."""
+
+MIN_FIT_OF_FEW: Final = 0.9
+"""Minimum fit of mutants that explain only failures that tell little."""
+
+FEW: Final = 4
+"""Number of wrong elements below which a failure tells little."""
+
+LARGE: Final = 2**20
+"""An integer of this size, such as a checksum, agrees with nothing by chance."""
+
+MOST: Final = 2
+"""Maximum number of mutants that are named."""
+
+MAX_ALIKE: Final = 4
+"""Maximum number of mutants named of those that a failure does not tell apart."""
+
+PAIRED: Final = 3
+"""Maximum number of unexplained failures for which pairs of mutants are tried."""
+
+FIRST_OF_PAIR: Final = 2
+"""Number of mutants, those that give most, that are tried in pairs with all others."""
+
+MIN_WRONG: Final = 20
+"""Minimum number of wrong elements that a pair must explain: fewer agree with one of many pairs by chance."""
+
+MISSING: Final = 2
+"""Minimum number of failures by a missing part that a mutant must explain: a part is missing for many reasons."""
+
+ALIKE: Final = "the same refusal as with mutants"
+"""Beginning of the sentence about a refusal that says no more."""
+
+CAPACITY: Final = "capacity"
+"""The flag of vectors that are too large for mutants to be tried on them."""
+
+
+def named(
+    failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()
+) -> dict[str, list[str]]:
+    """Sentences of the mutants that the failures of one operation look like, by the id of a vector; at most two each.
+
+    Parameters
+    ----------
+    failures, passed
+        As those of `diagnose`.
+    accounted
+        Ids of failures for which no two mutants at once are tried, since something else accounts for them.
+    """
+    passed = list(passed)
+    found = {failure.vector.id: _explanations(failure) for failure in failures}
+    open_ones = [failure for failure in failures if not found[failure.vector.id] and failure.vector.id not in accounted]
+    _name_pairs(open_ones, found)
+    explained = Counter(mutant for mutants in found.values() for mutant in mutants)
+    fit = _fit(explained, failures, passed)
+    lost = Counter(
+        mutant for failure in failures if _missing_part(failure) for mutant in found[failure.vector.id]
+    )  # fmt: skip
+    plain = {mutant for failure in failures if not _tells_little(failure) for mutant in found[failure.vector.id]}
+    plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
+    likely = {
+        mutant for mutant in fit
+        if (fit[mutant] >= MIN_FIT if mutant in plain else
+            min(fit[mutant], explained[mutant] / len(failures)) >= MIN_FIT_OF_FEW)
+    }  # fmt: skip
+    ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
+    said = {}
+    for failure in failures:
+        these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
+        sure = [mutant for mutant in these if mutant in plain]
+        if sure:
+            said[failure.vector.id] = _best(sure, fit)[:MOST]
+        else:
+            said[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
+    return said
+
+
+def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterable[Vector]) -> dict[Mutant, float]:
+    """The fraction that each mutant explains of the vectors that it would fail."""
+    vectors = [*passed, *(failure.vector for failure in failures)]
+    foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
+    return {
+        mutant: number / max(number, foreseen[mutant.name])  # of two mutants at once nothing is foreseen
+        for mutant, number in explained.items()
+    }
+
+
+def _tells_little(failure: Failure) -> bool:
+    """Whether all that is wrong is a refusal, with what came before it, or a few elements."""
+    vector, outputs, _ = failure
+    wrong = wrong_outputs(vector, outputs)
+    refused = any(isinstance(vector.expected[name], Refusal) and outputs.get(name) for name in wrong)
+    found = 0
+    for name in wrong:
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
+            whole = mine.shape == expectation.value.shape
+            found += count(expectation, mine) if whole else 0 if refused else mine.size
+            if (
+                whole
+                and isinstance(expectation, Exact)
+                and mine.dtype.kind in "iu"
+                and abs(mine).max(initial=0) >= LARGE
+            ):
+                return False
+    return found < FEW
+
+
+def _missing_part(failure: Failure) -> bool:
+    """Whether all that is wrong is 0."""
+    vector, outputs, _ = failure
+    for name in wrong_outputs(vector, outputs):
+        expectation, mine = vector.expected[name], outputs.get(name)
+        if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray):
+            return False
+        if mine.shape != expectation.value.shape or mine[wrong_elements(expectation, mine)].any():
+            return False
+    return True
+
+
+def _best(ranked: Sequence[Mutant], fit: Mapping[Mutant, float]) -> list[str]:
+    """The sentences of the mutants that fit about as well as the first."""
+    return list(dict.fromkeys(mutant.sentence for mutant in ranked if fit[mutant] >= 0.9 * fit[ranked[0]]))
+
+
+def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
+    """The sentence about mutants that a failure, or an error without outputs, does not tell apart."""
+    if not sentences:
+        return []
+    refused = failure is not None and any(
+        isinstance(failure.vector.expected[name], Refusal) and failure.outputs.get(name)
+        for name in wrong_outputs(failure.vector, failure.outputs)
+    )
+    if not refused and len(sentences) == 1:
+        return sentences
+    others = f"; and {len(sentences) - MAX_ALIKE} others" if len(sentences) > MAX_ALIKE else ""
+    which = "; ".join(sentences[:MAX_ALIKE]) + others
+    if refused:
+        return [f"{ALIKE}, which need not be yours: {which}"]
+    return [f"one of {len(sentences)} mutants not told apart here, or another one: {which}"]
+
+
+def _explanations(failure: Failure) -> list[Mutant]:
+    """The mutants that explain one failure; where none refuses at the same bit, those that name the same rule."""
+    vector, outputs, _ = failure
+    texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
+    for given in (outputs, {**outputs, **texts}):
+        found = [mutant for mutant in mutants_for(vector) if _share(vector, given, mutant) >= EXPLAINED]
+        if found or not texts:
+            return found
+    return []
+
+
+def mutants_for(vector: Vector) -> list[Mutant]:
+    """The mutants that a vector can show: those it is known to find, else all that it reaches; none if it is large."""
+    if CAPACITY in vector.manifest.get("flags", ()):
+        return []
+    kills = vector.manifest.get("kills")
+    if kills is not None:
+        return [mutant for mutant in MUTANTS if mutant.name in kills]
+    run = called(vector.operation, vector.inputs)
+    return [mutant for mutant in MUTANTS if run & mutant.touched()]
+
+
+def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> None:
+    """Name two mutants together for failures that none of them alone explains."""
+    pairs: list[Mutant] = []
+    for vector, outputs, _ in failures:
+        these = [pair for pair in pairs if _share(vector, outputs, pair) >= EXPLAINED]
+        if not these and len(pairs) < PAIRED:
+            these = _pairs(vector, outputs)[:1]
+            pairs += these
+        found[vector.id] = these
+
+
+def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
+    """The pairs of mutants that explain a failure, the best first."""
+    wrong = sum(count(vector.expected[name], outputs.get(name)) for name in wrong_outputs(vector, outputs))
+    if wrong < MIN_WRONG:
+        return []
+    mutants = sorted(mutants_for(vector), key=lambda mutant: -_share(vector, outputs, mutant))
+    tried = [_both(a, b) for place, a in enumerate(mutants[:FIRST_OF_PAIR]) for b in mutants[place + 1 :]]
+    shares = {pair: _share(vector, outputs, pair) for pair in tried}
+    return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
+
+
+def _both(a: Mutant, b: Mutant) -> Mutant:
+    return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
+
+
+def gives(mutant: Mutant, failure: Failure) -> bool:
+    """Whether a mutant explains a failure."""
+    return _share(failure.vector, failure.outputs, mutant) >= EXPLAINED
+
+
+def crashes(mutant: Mutant, vector: Vector) -> bool:
+    """Whether a mutant ends with an error."""
+    return _answer(mutant, vector) is None
+
+
+def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
+    """The share of wrong elements that a mutant and the implementation have in common, both ways."""
+    theirs = _answer(mutant, vector)
+    return 0.0 if theirs is None else share(vector, outputs, theirs)
+
+
+@lru_cache(maxsize=4096)
+def _answer(mutant: Mutant, vector: Vector) -> Values | None:
+    return answer(mutant, vector.operation, vector.inputs)

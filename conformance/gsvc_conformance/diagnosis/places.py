@@ -1,0 +1,237 @@
+"""The places of wrong elements and of failing vectors in the inputs: only ties, only degenerate splats."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, wrong_outputs
+from gsvc_conformance.diagnosis.regions import Candidate, content
+from gsvc_conformance.operation import Values
+from gsvc_conformance.vectors import Vector
+
+Conditions = Iterator[tuple[str, Any]]
+
+COMMON: Final = 0.75
+"""A condition that more of all elements meet says nothing."""
+
+FEWEST: Final = 3
+"""Minimum number of vectors that must fail, and that must pass, before what they have in common is reported."""
+
+MIN_OF_TWO: Final = 4
+"""Minimum number of vectors for two things that they have in common only together."""
+
+Meets = Callable[[Mapping[str, Any]], bool]
+Shared = tuple[str, Meets]
+"""A condition in words, and as a function of a vector's features."""
+
+
+def place_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
+    """Conditions that all wrong elements meet and, where they can, most of those that meet them are wrong."""
+    shape = part.right.shape
+    if not shape or part.wrong.all():
+        return
+    with np.errstate(all="ignore"):
+        for words, met in _conditions(part.operation.name, part.name, failure.vector.inputs, part):
+            mask = _spread(np.asarray(met), shape)
+            if mask is None or not 0 < mask.mean() <= COMMON or not mask[part.wrong].all():
+                continue
+            able = mask & (part.wrong | content(part)[1])
+            if _lines(part.wrong, able) >= EXPLAINED:
+                yield Candidate(f"errors only {words}")
+
+
+def _lines(wrong: Mask, mask: Mask) -> float:
+    """The fraction that is wrong of the items that meet a condition: an item with any wrong element counts."""
+    if wrong.ndim == 2:
+        wrong, mask = np.asarray(wrong.any(axis=1)), np.asarray(mask.any(axis=1))
+    return float(wrong[mask].mean())
+
+
+def _spread(met: Any, shape: tuple[int, ...]) -> Mask | None:
+    """A condition on elements, or on items, as a mask of the output."""
+    if met.shape == shape:
+        return np.asarray(met, np.bool_)
+    if met.ndim < len(shape) and met.shape == shape[: met.ndim]:
+        return np.broadcast_to(met.reshape(met.shape + (1,) * (len(shape) - met.ndim)), shape).copy()
+    return None
+
+
+def _conditions(operation: str, output: str, inputs: Mapping[str, Any], part: Part) -> Conditions:
+    yield from OF_OPERATIONS.get(operation, _nothing)(inputs)
+    right = part.right
+    if right.min() < 0:
+        yield "where the right number is negative", right < 0
+    if part.given.dtype.kind == "f":
+        yield "where the right number is infinite", np.isinf(right)
+        yield "where the right number is subnormal", (right != 0) & (abs(right) < 2.0**-126)
+        yield "where the right number is 0", right == 0
+        yield "where the right number is above 1", right > 1
+    elif right.max() > 0:
+        yield "where the right number is the largest", right == right.max()
+        yield "where the right number is 0", right == 0
+        yield "where the right number is 256 or more", right >= 256
+
+
+def _nothing(inputs: Mapping[str, Any]) -> Conditions:
+    return iter(())
+
+
+def _splats(inputs: Mapping[str, Any]) -> Conditions:
+    table = inputs.get("parameters", inputs.get("values")).astype(np.float64)
+    x, y, l11, l21, l22 = table[:, :5].T
+    size = inputs["residual"].shape[:2] if "residual" in inputs else (inputs.get("height", 0), inputs.get("width", 0))
+    yield "in degenerate splats (l11 or l22 not a normal positive number)", ~(
+        (l11 >= 2.0**-126) & (l22 >= 2.0**-126) & np.isfinite(l11) & np.isfinite(l22))  # fmt: skip
+    if any(size):
+        yield "in splats whose centre lies outside the frame", (x < 0) | (y < 0) | (x > size[1]) | (y > size[0])
+    yield "in splats with a negative l21", l21 < 0
+    yield "in splats with l21 other than 0", l21 != 0
+    yield "in splats smaller than a pixel", (l11 < 1) | (l22 < 1)
+    yield "in splats with a negative colour", (table[:, 5:8] < 0).any(axis=1)
+    yield "in splats with a colour above 1", (table[:, 5:8] > 1).any(axis=1)
+
+
+def _samples(inputs: Mapping[str, Any]) -> Conditions:
+    total = inputs["sum"].astype(np.float64)
+    scaled = np.clip(total, 0, 1) * (2 ** inputs["bit_depth"] - 1)
+    yield "where the sum is below 0", total < 0
+    yield "where the sum is above 1", total > 1
+    yield "where the sum is outside of 0 to 1", (total < 0) | (total > 1)
+    yield "where the sum is not a number", np.isnan(total)
+    yield "in ties (a fraction of exactly 1/2)", scaled % 1 == 0.5
+
+
+def _rows(inputs: Mapping[str, Any]) -> Conditions:
+    steps = inputs["steps"]
+    yield "in rows that have taken no step before", steps == 0
+    yield "in rows that have taken steps before", steps > 0
+
+
+def _lsq(inputs: Mapping[str, Any]) -> Conditions:
+    if "x" in inputs:
+        t = ((inputs["x"] - inputs["offset"]) / inputs["scale"]).astype(np.float64)
+        largest = 2 ** inputs["bits"] - 1
+        yield "below the range", t < 0
+        yield "above the range", t > largest
+        yield "outside of the range", (t < 0) | (t > largest)
+        yield "at the ends of the range", (t == 0) | (t == largest)
+        yield "in ties (a fraction of exactly 1/2)", t % 1 == 0.5
+        yield "in ties above an even number", t % 2 == 0.5
+
+
+def _halves(inputs: Mapping[str, Any]) -> Conditions:
+    if "bits" in inputs:
+        bits = inputs["bits"].astype(np.int64)
+        yield "in subnormal numbers", (bits >> 10 & 31 == 0) & (bits & 1023 > 0)
+        yield "in infinities and NaN", bits >> 10 & 31 == 31
+        yield "in negative numbers", bits >> 15 == 1
+        yield "in zeros", bits & 0x7FFF == 0
+    elif "values" in inputs:
+        size = abs(inputs["values"].astype(np.float64))
+        steps = np.ldexp(size, 10 - np.maximum(np.frexp(size)[1] - 1, -14))
+        yield "in numbers that are subnormal in binary16", (size < 2.0**-14) & (size > 0)
+        yield "in ties (a fraction of exactly 1/2)", steps % 1 == 0.5
+        yield "in negative numbers", np.signbit(inputs["values"])
+        yield "in numbers that are rounded up", steps % 1 > 0.5
+
+
+def _losses(inputs: Mapping[str, Any]) -> Conditions:
+    picture = inputs["picture"].astype(np.float64)
+    yield "where the picture is clamped", (picture < 0) | (picture > 1)
+
+
+def _weights(inputs: Mapping[str, Any]) -> Conditions:
+    yield "in splats with a negative weight", inputs["values"][:, 8] < 0
+
+
+OF_OPERATIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = {
+    "render_gradients": _splats, "scale_parameters": _splats, "to_frame": _samples, "to_frame_deterministic": _samples,
+    "adan_step": _rows, "lsq_quantize": _lsq, "lsq_gradients": _lsq, "from_half": _halves, "to_half": _halves,
+    "loss": _losses, "weighted_parameters": _weights, "weighted_gradients": _weights,
+}  # fmt: skip
+
+
+def output_sentence(vector: Vector, outputs: Values) -> str:
+    """Which outputs of several are wrong; '' if all or the operation has one."""
+    wrong = [name for name in wrong_outputs(vector, outputs) if name != "error"]
+    right = [name for name in vector.expected if name not in wrong and name != "error"]
+    if not wrong or not right:
+        return ""
+    return f"errors in {', '.join(wrong)} alone; {', '.join(right)} {'are' if len(right) > 1 else 'is'} right"
+
+
+def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
+    """The numbers and elements that all failing vectors have and no passing one has, in words; '' if there are none.
+
+    One condition if there is one, or two together where vectors are many.
+    """
+    if len(failed) < FEWEST or len(passed) < FEWEST:
+        return ""
+    bad, good = ([_features(vector) for vector in vectors] for vectors in (failed, passed))
+    met = [(words, {place for place, features in enumerate(good) if meets(features)})
+           for words, meets in _shared_conditions(bad, good)]  # fmt: skip
+    if alone := [words for words, others in met if not others]:
+        return f"only vectors {alone[0]} fail"
+    if min(len(failed), len(passed)) >= MIN_OF_TWO:
+        for place, (a, others) in enumerate(met):
+            for b, more in met[place + 1 :]:
+                if not others & more:
+                    return f"only vectors {a} and {b} fail"
+    return ""
+
+
+def _shared_conditions(bad: Sequence[Mapping[str, Any]], good: Sequence[Mapping[str, Any]]) -> Iterator[Shared]:
+    """The numbers and elements that all failing vectors have and some passing ones lack."""
+    for name in sorted(set.intersection(*(set(features) for features in bad))):
+        here = {features[name] for features in bad}
+        there = [features[name] for features in good if name in features]
+        if len(there) < len(good) and not name.startswith("whose stream"):
+            continue
+        if len(here) == 1:
+            value = next(iter(here))
+            if len(there) < len(good) or set(there) != here:
+                yield (name if value is True else f"with {name} = {value}"), _equals(name, value)
+        lower = [value for value in there if not isinstance(value, bool) and value < min(here)]
+        higher = [value for value in there if not isinstance(value, bool) and value > max(here)]
+        if lower:
+            yield f"with {name} above {max(lower)}", _above(name, max(lower))
+        if higher:
+            yield f"with {name} below {min(higher)}", _below(name, min(higher))
+        if there and len(here) > 1 and (rest := Counter(value for value in there if value not in here)):
+            value = rest.most_common(1)[0][0]
+            yield f"with {name} other than {value}", _differs(name, value)
+
+
+def _equals(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] == value
+
+
+def _differs(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] != value
+
+
+def _above(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] > value
+
+
+def _below(name: str, value: Any) -> Meets:
+    return lambda features: name in features and features[name] < value
+
+
+def _features(vector: Vector) -> dict[str, Any]:
+    """Numbers that may set a vector apart: its scalar inputs, the sizes of arrays, the elements of its stream."""
+    found: dict[str, Any] = {}
+    for name, value in vector.inputs.items():
+        if isinstance(value, int | float):
+            found[name] = value
+        elif isinstance(value, np.ndarray) and value.ndim:
+            found[f"the number of {name}" if value.ndim < 3 else f"the height of {name}"] = value.shape[0]
+            if value.ndim == 3:
+                found[f"the width of {name}"] = value.shape[1]
+                found[f"the evenness (0) or oddness (1) of the sides of {name}"] = (value.shape[0] | value.shape[1]) & 1
+    if "data" in vector.inputs and len(vector.inputs["data"]):
+        found["plane_mode"] = int(vector.inputs["data"][0]) >> 6
+    found |= {f"whose stream has {element}": True for element in vector.manifest.get("elements", ())}
+    return found

@@ -1,0 +1,64 @@
+"""Refusals: where in a stream an implementation stopped, by the name of the syntax element."""
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Final
+
+from gsvc_conformance.diagnosis.failures import Failure
+from gsvc_conformance.expectations import Refusal
+from gsvc_conformance.vectors import Vector
+
+MIN_KINDS: Final = 2
+"""Kinds of errors that must be reported as another one."""
+
+
+def refusal_sentence(failure: Failure) -> str:
+    """The rule and the element of a wrong refusal, in words; '' where refusals are right or say too little."""
+    for name, expectation in failure.vector.expected.items():
+        given = failure.outputs.get(name)
+        if not isinstance(expectation, Refusal) or not isinstance(given, str) or expectation.judge(given).passed:
+            continue
+        if not given:
+            return f"a check that is not made ({' '.join(expectation.value.split()[:2])})"
+        words = given.split()
+        rule = f" by {words[1]}" if len(words) > 1 else ""
+        at = element_at(failure.vector.inputs["stream"], int(words[2])) if len(words) > 2 and words[2].isdigit() else ""
+        wrong = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
+        return f"{wrong}{rule}{f' at {at}' if at else ''}"
+    return ""
+
+
+def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
+    """The kind that every error is reported as, whatever it is, in words; '' if there is none, or too few errors."""
+    pairs = [(expectation.value.split()[0], given.split()[0])
+             for vector, outputs, _ in failures for name, expectation in vector.expected.items()
+             if isinstance(expectation, Refusal) and expectation.value
+             and isinstance(given := outputs.get(name), str) and given]  # fmt: skip
+    reported = {kind for _, kind in pairs}
+    others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
+              if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
+    if len(reported) != 1 or len({right for right, _ in pairs}) < MIN_KINDS or not others <= reported:
+        return ""
+    return f"every error reported as of the kind {reported.pop()}, whatever it is"
+
+
+@lru_cache(maxsize=256)
+def element_at(stream: bytes, bit: int) -> str:
+    """The syntax element of a stream that a bit belongs to, without its frame and index; '' if it is not reached."""
+    from gsvc_ref.stream.listing import place_of
+
+    entry = place_of(stream, bit).entry
+    if entry is None:
+        return ""
+    return f"{entry.name} of {entry.of}" if entry.of else entry.name
+
+
+def elements_named(vector: Vector, *texts: object) -> str:
+    """The elements at the bits of refusals, in brackets: `` (bit 4255: frequency[3] of color_index 1, frame 0)``."""
+    from gsvc_ref.stream.listing import name_at
+
+    bits = dict.fromkeys(text.split()[2] for text in texts if isinstance(text, str) and len(text.split()) == 3)
+    stream = vector.inputs.get("stream")
+    found = [(bit, name_at(stream, int(bit))) for bit in bits if bit.isdecimal() and isinstance(stream, bytes)]
+    named = "; ".join(f"bit {bit}: {name}" for bit, name in found if name)
+    return f" ({named})" if named else ""

@@ -1,0 +1,92 @@
+"""The level of a vector: an implementation that claims this level (spec.md section 5) or a higher one must pass it."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import gsvc_ref
+from gsvc_conformance.operation import Operation, Values
+
+LEVELS: Final = range(1, 6)
+"""The levels of spec.md section 5."""
+ROWS: Final = ("N", "count")
+"""Symbols of the first dimension of inputs with a row for each splat."""
+OF_NUMBERS: Final = ("from_half", "to_half")
+"""Operations whose rows are numbers, not splats."""
+
+
+def level_of(operation: Operation, inputs: Values) -> int:
+    """The level of a vector, from 1.
+
+    Of a stream it is the level that its header states, and 1 where the header cannot be read or states none: every
+    decoder has to refuse such a stream. Of anything else it is the least level whose pixels, splats and rendering work
+    the inputs fit, and the highest one where they fit none.
+
+    Parameters
+    ----------
+    operation
+        The operation of the vector.
+    inputs
+        Its inputs, by name.
+    """
+    streams = [value for value in inputs.values() if isinstance(value, bytes)]
+    if streams:
+        return max(map(_stated_level, streams))
+    from gsvc_ref.bitstream import LEVELS as LIMITS
+
+    pixels = max(_pixels(operation, inputs), default=0)
+    splats = max(_splats(operation, inputs), default=0)
+    work = max(_works(inputs), default=0)
+    fitting = (
+        number for number, level in LIMITS.items()
+        if pixels <= level.pixels and splats <= level.splats and work <= level.work
+    )  # fmt: skip
+    return next(fitting, max(LEVELS))
+
+
+def _stated_level(stream: bytes) -> int:
+    """The element `level` of a sequence header that stands where it must; else 1."""
+    from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE
+
+    if not stream.startswith(MAGIC) or stream[PREFIX_SIZE : PREFIX_SIZE + 1] != b"H":
+        return 1
+    payload = PREFIX_SIZE + 2  # behind the type and the length, a uv
+    while stream[payload - 1 : payload] >= b"\x80":
+        payload += 1
+    stated = stream[payload + 1 : payload + 2]  # behind `profile`
+    return stated[0] if stated and stated[0] in LEVELS else 1
+
+
+def _pixels(operation: Operation, inputs: Values) -> Iterator[int]:
+    """The pixels of each picture, and of each size that is given in numbers."""
+    for width, height in (("width", "height"), ("new_width", "new_height")):
+        if width in inputs:
+            yield int(inputs[width]) * int(inputs[height])
+    for port in operation.inputs:
+        if port.shape.startswith("(H, W"):
+            height, width = inputs[port.name].shape[:2]
+            yield height * width
+
+
+def _splats(operation: Operation, inputs: Values) -> Iterator[int]:
+    """The rows of each input that has one for each splat, and numbers of splats."""
+    if operation.name in OF_NUMBERS:
+        return
+    for port in operation.inputs:
+        if port.shape.strip("(").partition(",")[0] in ROWS:
+            yield len(inputs[port.name])
+        elif port.name in ("count", "splats"):
+            yield int(inputs[port.name])
+
+
+def _works(inputs: Values) -> Iterator[int]:
+    """The rendering work of the splats that are drawn, of those of another size, too."""
+    if "parameters" not in inputs:
+        return
+    parameters = inputs["parameters"]
+    if "residual" in inputs:
+        height, width = inputs["residual"].shape[:2]
+        yield gsvc_ref.rendering_work(parameters, width, height)
+    elif "width" in inputs:
+        yield gsvc_ref.rendering_work(parameters, inputs["width"], inputs["height"])
+    if "new_width" in inputs:
+        yield gsvc_ref.rendering_work(gsvc_ref.scale_parameters(**inputs), inputs["new_width"], inputs["new_height"])

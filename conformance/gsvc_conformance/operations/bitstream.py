@@ -1,0 +1,120 @@
+"""Streams: what their bytes say, the splats that they stand for, and their frames (spec.md sections 5 to 9 and 12)."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_conformance.expectations import Exact, Expectation, Interval, Refusal
+from gsvc_conformance.operation import operations, paired
+from gsvc_conformance.spec import namespace
+from gsvc_ref.stream import StreamReader, reconstruct_stream, seek
+from gsvc_ref.stream.whole_streams import StreamSplats
+
+HEADER_ELEMENTS: Final = tuple(name for name, *_ in namespace()["HEADER"])
+"""The elements of the sequence header, in order."""
+
+CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",
+                          "R-6.2-4", "R-6.3-1", "R-6.3-2", "R-6.4-1", "R-6.4-2", "R-6.8-1", "R-6.8-2")  # fmt: skip
+"""Rules that every stream exercises."""
+
+
+paired(
+    "read_stream",
+    "bitstream",
+    "What the bytes of a legal stream say: header, frame types, survivors, and the codes of all splat blocks.",
+    inputs="stream: stream",
+    outputs="header: i8 (22,); frame_types: u1 (T,); counts: i8 (T,); survivors: u1 (S,); blocks: i8 (K, 8); "
+    "positions: u2 (P, 2); cholesky: u2 (C, 3); quantizers: f4 (Q, 3, 2); codebook_sizes: i8 (M,); "
+    "codewords: u2 (W, 3); color_indices: u2 (I,)",
+    rules=("R-3.1-5", *CONTAINER_RULES),
+)
+
+
+paired(
+    "decode_plane",
+    "bitstream",
+    "The symbols of one plane, from the bytes of plane().",
+    inputs="data: u1 (n,); count: int; alphabet: int; entropy_precision: int; lane_count: int",
+    outputs="symbols: u2 (count,)",
+    equations=("7-1",),
+    rules=("R-3.1-5", "R-6.6-2", "R-7-2"),
+)
+
+
+paired(
+    "encode_plane",
+    "bitstream",
+    "The states and words with which a decoder finds the symbols again, by the encoder of section 7.",
+    inputs="symbols: u2 (count,); frequencies: i8 (alphabet,); entropy_precision: int; lane_count: int",
+    outputs="lane_states: u4 (lanes,); words: u2 (n,)",
+    equations=("7-2",),
+    rules=("R-6.6-5", "R-7-1", "R-7-3"),
+)
+
+
+def _refused(function: Callable[..., StreamSplats]) -> Callable[..., dict[str, Expectation]]:
+    """The oracle of an operation that does not fail: the parameters exactly; the error in full."""
+
+    def oracle(**inputs: Any) -> dict[str, Expectation]:
+        counts, parameters, error = function(**inputs)
+        return {"counts": Exact(counts), "parameters": Exact(parameters), "error": Refusal(error, in_full=True)}
+
+    return oracle
+
+
+paired(
+    "reconstruct_stream",
+    "bitstream",
+    "The splats of all complete frames of a stream, and what is wrong with it.",
+    inputs="stream: stream",
+    outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
+    equations=("8-1", "8-2", "8-3", "8-4"),
+    rules=("R-3.1-5", "R-6.1-1", "R-6.1-2", "R-8-2"),
+    oracle=_refused(reconstruct_stream),
+)
+
+
+paired(
+    "seek",
+    "seeking",
+    "The splats of some frames of a stream, decoded from the last I-frame at or before them.",
+    inputs="stream: stream; first: int; last: int",
+    outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
+    rules=("R-6.7-3", "R-12.6-2", "R-12.6-3", "R-12.6-4", "R-12.6-5"),
+    oracle=_refused(seek),
+)
+
+
+def _intervals(stream: bytes) -> dict[str, Expectation]:
+    """Each frame's interval, derived from the exact sum and its bound."""
+    header = StreamReader(stream).header
+    size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
+    rendered = operations()["render_frame"].oracle
+    frames = [rendered(parameters=frame.splats.to_array(), **size)["frame"] for frame in StreamReader(stream)]
+    return {
+        "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
+    }
+
+
+paired(
+    "decode_stream",
+    "rendering",
+    "The frames of a legal stream.",
+    inputs="stream: stream",
+    outputs="frames: u1|u2 (T, H, W, 3)",
+    equations=("9-1", "9-2"),
+    rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
+    oracle=_intervals,
+)
+
+
+paired(
+    "decode_stream_deterministic",
+    "deterministic",
+    "The frames of a legal stream, rendered deterministically.",
+    inputs="stream: stream",
+    outputs="frames: u1|u2 (T, H, W, 3)",
+    equations=("9-3", "9-4", "9-5", "9-6", "9-7"),
+    rules=("R-9.1-4", "R-9.3-1"),
+)

@@ -1,0 +1,201 @@
+"""The process protocol (protocol.md): a command that is started for each vector, and files in and out.
+
+Nothing that a command writes is trusted: files are measured before they are read, nothing in them is executed, and no
+process that it started outlives the vector (`supervision`).
+"""
+
+import io
+import os
+import shlex
+import shutil
+import signal
+import stat
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_conformance.implementations import Answer, Failure, Unsupported
+from gsvc_conformance.operation import Operation, Port, Values
+from gsvc_conformance.supervision import Log, run_program
+from gsvc_conformance.vectors import native, npy
+from gsvc_ref.errors import UsageError
+
+EXIT_UNSUPPORTED: Final = 77
+"""Exit status of a command that does not know an operation, or does not support what the inputs ask for."""
+MAX_BYTES: Final = 1 << 28
+"""Maximum size of one output file, in bytes; larger ones are not loaded."""
+MAX_TEXT: Final = 1 << 12
+"""Bytes of an output text."""
+MAX_OUT: Final = 1 << 30
+"""Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
+MIN_FILE: Final = 4096
+"""Bytes on the disk that any file takes at least."""
+PERTURB: Final = "MALLOC_PERTURB_"
+"""Variable by which the memory allocator of glibc fills what it gives; see mallopt(3)."""
+
+
+class ProcessImplementation:
+    """A command that is started as ``CMD OPERATION IN_DIR OUT_DIR`` for each vector (protocol.md).
+
+    Parameters
+    ----------
+    command
+        As for a shell, but no shell sees it.
+    timeout
+        Seconds that it may take for one vector.
+    """
+
+    in_full: Final = False
+    environment: Final[Mapping[str, str]] = MappingProxyType({})
+
+    def __init__(self, command: str, timeout: float) -> None:
+        try:
+            self._words = shlex.split(command)
+        except ValueError as error:
+            raise UsageError(f"the command {command!r} cannot be split into words: {error}") from None
+        if not self._words:
+            raise UsageError("--impl needs a command, such as './decoder --conformance'")
+        if shutil.which(self._words[0]) is None:
+            raise UsageError(_why_no_program(Path(self._words[0])))
+        self.name, self._timeout = command, timeout
+
+    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+        """Start the command and read what it wrote; when it is asked again, new memory is filled with something else.
+
+        So an answer that depends on memory nobody has written to differs, where the command allocates it by glibc.
+        """
+        with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
+            inside, outside = Path(folder, "in"), Path(folder, "out")
+            inside.mkdir()
+            outside.mkdir()
+            write_inputs(inside, inputs)
+            words = [*self._words, operation.name, str(inside), str(outside)]
+            variables = {PERTURB: str(turn * 85 % 255 + 1)} if turn and PERTURB not in os.environ else {}
+            log = Log()
+            try:
+                status = run_program(words, self._timeout, log, variables, lambda: _measure(Path(folder)))
+            except OSError as error:
+                return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
+            except TooMuchError as error:
+                return Failure("error", f"{error}, and was ended", str(log))
+            if failure := self._failure(status, str(log)):
+                return failure
+            try:
+                return {port.name: read_output(outside, port) for port in operation.outputs}
+            except (OSError, ValueError) as error:
+                return Failure("error", f"exit status 0, but {error}", str(log))
+
+    def _failure(self, status: int | None, log: str) -> Unsupported | Failure | None:
+        if status is None:
+            return Failure("timeout", f"no end after {self._timeout:g} s", log)
+        if status == EXIT_UNSUPPORTED:
+            return Unsupported(f"exit status {EXIT_UNSUPPORTED}")
+        if status < 0:
+            return Failure("crash", f"killed by {_signal_name(-status)}", log)
+        return Failure("error", f"exit status {status}", log) if status else None
+
+
+def _why_no_program(path: Path) -> str:
+    if path.is_dir():
+        return f"{path} is a folder, not a program"
+    if path.is_file():
+        if os.access(path, os.X_OK):
+            return f"{path} is in the current folder, which is not searched: say ./{path}"
+        return f"{path} cannot be executed: chmod +x makes it a program, or put its interpreter before it"
+    return f"there is no program {str(path)!r}; give its path, such as ./decoder"
+
+
+def write_inputs(folder: Path, inputs: Values) -> None:
+    """Write the inputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
+    for name, value in inputs.items():
+        if isinstance(value, bytes):
+            (folder / f"{name}.gsvc").write_bytes(value)
+        else:
+            dtype = {int: "<i8", float: "<f8"}.get(type(value))
+            (folder / f"{name}.npy").write_bytes(npy(np.asarray(value, dtype)))
+
+
+def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
+    """An output from its file.
+
+    Raises
+    ------
+    OSError, ValueError
+        It is missing, too large or not what its name says; with a message that begins with the file's name.
+    """
+    if port.type == "text":
+        return _read_file(folder / f"{port.name}.txt", MAX_TEXT).decode(errors="replace").strip()
+    name = f"{port.name}.npy"
+    data = _read_file(folder / name, MAX_BYTES)
+    file = io.BytesIO(data)
+    try:
+        header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, column_order, dtype = header[np.lib.format.read_magic(file)](file)
+    except Exception as error:  # whatever a hostile header makes of Python's parser
+        raise ValueError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
+    if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * _product(shape):
+        raise ValueError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
+    if dtype.str.startswith(">"):
+        raise ValueError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
+    flat = np.frombuffer(data, dtype, offset=file.tell())
+    try:
+        return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")
+    except (ValueError, OverflowError):  # an empty array with a length beyond any address
+        raise ValueError(f"{name} has the shape {shape}") from None
+
+
+def _product(shape: tuple[int, ...]) -> int:
+    """Elements of a shape; -1, which no file fits, for one that is no shape, such as (True,)."""
+    count = 1
+    for length in shape:
+        count = count * length if type(length) is int and length >= 0 <= count else -1
+    return count
+
+
+def _read_file(path: Path, most: int) -> bytes:
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        raise ValueError(f"there is no {path.name}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"{path.name} is no ordinary file")
+    if status.st_size > most:
+        raise ValueError(f"{path.name} has {status.st_size} bytes; at most {most} are read")
+    return path.read_bytes()
+
+
+def _measure(folder: Path) -> None:
+    """Refuse a folder that fills the disk.
+
+    Raises
+    ------
+    TooMuchError
+        It holds more than `MAX_OUT` bytes.
+    """
+    held, folders = 0, [folder]
+    while folders and held <= MAX_OUT:
+        with suppress(OSError), os.scandir(folders.pop()) as entries:  # what is there may go at any time
+            for entry in entries:
+                status = entry.stat(follow_symlinks=False)
+                held += max(getattr(status, "st_blocks", 0) * 512, MIN_FILE)
+                if entry.is_dir(follow_symlinks=False):
+                    folders.append(Path(entry.path))
+    if held > MAX_OUT:
+        raise TooMuchError(f"it wrote more than {MAX_OUT >> 20} MiB to IN_DIR and OUT_DIR")
+
+
+class TooMuchError(Exception):
+    """A program fills the disk."""
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,196 @@
+"""Several reports beside each other, in Markdown: what was judged where, classes, operations, and speeds."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.report.console import conclusion, ratio_text
+from gsvc_conformance.results import Report, Summary
+from gsvc_ref.errors import UsageError
+
+SPEEDS: Final = "speeds/1"
+"""The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
+ALIKE: Final = ("vectors", "spec.md", "kit")
+"""Entries of the environment that all reports of a comparison should share."""
+NOTHING: Final = "–"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A report that is compared with others.
+
+    Attributes
+    ----------
+    name
+        The name of its column.
+    report
+        The report.
+    links
+        Links to its files, by their text.
+    """
+
+    name: str
+    report: Report
+    links: Mapping[str, str] = field(default_factory=dict)
+
+
+def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None) -> str:
+    """The tables, an implementation a column.
+
+    Parameters
+    ----------
+    entries
+        In the order of the columns.
+    speeds
+        The result of `read_speeds`.
+    """
+    parts = [_implementations(entries), *_notes(entries), _classes(entries), _operations(entries)]
+    if speeds is not None:
+        parts += _speeds(entries, speeds)
+    return "\n\n".join(parts)
+
+
+def read_speeds(path: Path) -> dict[str, Any]:
+    """The file of ``python -m gsvc_lab.benchmarks.adapters``.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from None
+    parts = {"date", "machine", "works", "implementations"}
+    if not isinstance(value, dict) or value.get("form") != SPEEDS or not parts <= value.keys():
+        raise UsageError(f"{path} has not the form {SPEEDS} that `python -m gsvc_lab.benchmarks.adapters` writes")
+    return value
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines)
+
+
+def _implementations(entries: Sequence[Entry]) -> str:
+    rows = []
+    for entry in entries:
+        where = [
+            *(f"{name}: {value}" for name, value in entry.report.runs_on.items()),
+            entry.report.environment.get("platform", ""),
+        ]
+        links = ", ".join(f"[{text}]({target})" for text, target in entry.links.items())
+        date = entry.report.environment.get("date", "").partition("T")[0]
+        rows.append([entry.name, "".join(conclusion(entry.report)), "<br>".join(filter(None, where)), date, links])
+    return table(["implementation", "conclusion", "on", "date", "report"], rows)
+
+
+def _notes(entries: Sequence[Entry]) -> Iterable[str]:
+    """The differences that keep the reports from being compared."""
+    for name in ALIKE:
+        values: dict[str, list[str]] = {}
+        for entry in entries:
+            values.setdefault(entry.report.environment.get(name, "unknown"), []).append(entry.name)
+        if len(values) > 1:
+            parts = (f"{value[:16]} of {', '.join(names)}" for value, names in values.items())
+            yield f"**Not the same {name}**: {'; '.join(parts)}."
+    for entry in entries:
+        if entry.report.selection:
+            yield f"**{entry.name}** was judged in part: {entry.report.selection}."
+        if entry.report.claim:
+            yield f"**{entry.name}** was judged by its claim: {entry.report.claim}."
+
+
+def _classes(entries: Sequence[Entry]) -> str:
+    verdicts = [{group.name: _verdict(group) for group in entry.report.groups()} for entry in entries]
+    names = [name for name in get_args(Group) if any(name in verdict for verdict in verdicts)]
+    rows = [[name, *(verdict.get(name, NOTHING) for verdict in verdicts)] for name in names]
+    return table(["class", *(entry.name for entry in entries)], rows)
+
+
+def _verdict(group: Summary) -> str:
+    """The verdict of a class, and the level that it passes at."""
+    return f"{group.verdict}, level {group.level}" if group.level else str(group.verdict)
+
+
+def _operations(entries: Sequence[Entry]) -> str:
+    summaries = [{summary.name: summary for summary in entry.report.operations()} for entry in entries]
+    ratios = [core_ratios(entry.report) for entry in entries]
+    names = [name for name in operations() if any(name in summary for summary in summaries)]
+    columns = list(zip(summaries, ratios, strict=True))
+    rows = [
+        [f"`{name}`", *(operation_cell(summary.get(name), core.get(name)) for summary, core in columns)]
+        for name in names
+    ]
+    return table(["operation", *(entry.name for entry in entries)], rows)
+
+
+def core_ratios(report: Report) -> dict[str, float]:
+    """The worst error/bound ratio of the core vectors of each operation that has any."""
+    worst: dict[str, float] = {}
+    for result in report.results:
+        if result.tier == "core" and result.ratio is not None:
+            worst[result.operation] = max(result.ratio, worst.get(result.operation, 0.0))
+    return worst
+
+
+def operation_cell(summary: Summary | None, core: float | None) -> str:
+    """``82/82 (0.113; 1)``: what passes of how many vectors, what becomes of the others, the worst error/bound ratios.
+
+    The first ratio is that of core vectors, the second that of all, if it is another: where a stress vector has a pixel
+    on the very edge of a splat, both decisions are right and one of them has a ratio of nearly 1.
+    """
+    if summary is None or summary.counts.get("unsupported", 0) == summary.total:
+        return NOTHING
+    parts = [f"{summary.counts.get('pass', 0)}/{summary.total}"]
+    parts += [f"**{summary.faults} wrong**"] * bool(summary.faults)
+    parts += [
+        f"{count} {name}" for name in ("waived", "skipped", "unsupported") if (count := summary.counts.get(name, 0))
+    ]
+    ratios = dict.fromkeys(ratio_text(ratio) for ratio in (core, summary.ratio) if ratio is not None)
+    return ", ".join(parts) + (f" ({'; '.join(ratios)})" if ratios else "")
+
+
+def _speeds(entries: Sequence[Entry], speeds: Mapping[str, Any]) -> Iterable[str]:
+    """The medians of all that was measured; columns that are in the reports, too, come first and in their order."""
+    measured = list(speeds["implementations"])
+    columns = []
+    for entry in entries:
+        if (found := _measured(entry.report, measured)) is not None:
+            measured.remove(found)
+            columns.append((entry.name, found))
+    columns += [(_name(other), other) for other in measured]
+    machine = "; ".join(f"{name}: {value}" for name, value in speeds["machine"].items())
+    yield f"Milliseconds, medians, measured on {speeds['date']} ({machine}):"
+    rows = [
+        [sentence, *(_time_text(found, work) for _, found in columns)] for work, sentence in speeds["works"].items()
+    ]
+    yield table(["work", *(name for name, _ in columns)], rows)
+
+
+def _measured(report: Report, measured: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """The speeds of a report's implementation; of several settings those with the same environment."""
+    same = [other for other in measured if other["implementation"] == report.environment.get("implementation")]
+    if len(same) > 1:
+        same = [other for other in same if _on_one_line(other["environment"]).items() <= report.runs_on.items()]
+    return same[0] if len(same) == 1 else None
+
+
+def _on_one_line(entries: Mapping[str, str]) -> dict[str, str]:
+    return {" ".join(name.split()): " ".join(value.split()) for name, value in entries.items()}
+
+
+def _name(measured: Mapping[str, Any]) -> str:
+    name = str(measured["implementation"]).rpartition(".")[2]
+    settings = ", ".join(f"{key}={value}" for key, value in measured["settings"].items())
+    return f"{name} ({settings})" if settings else name
+
+
+def _time_text(measured: Mapping[str, Any], work: str) -> str:
+    seconds = measured["seconds"].get(work)
+    return NOTHING if seconds is None else f"{1000 * seconds['median']:.3g}"

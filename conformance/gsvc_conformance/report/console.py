@@ -1,0 +1,214 @@
+"""A run of the suite in lines of text."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from gsvc_conformance.diagnosis import EXAMINED, VAGUE
+from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
+from gsvc_conformance.spec import complexity
+from gsvc_ref.cli.text import plural, table
+
+INDENT: Final = "  "
+END_LINES: Final = 3
+"""Number of lines of a command's output that are shown from the beginning, and from the end."""
+LONGEST: Final = 240
+"""Characters of such a line."""
+MAX_CAUSES: Final = 3
+RARE: Final = 0.3
+"""Minimum fraction of the examined failures of its operations that look like a probable cause."""
+CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
+    "passed": ("passed", ""),
+    "failed": ("failed", ""),
+    "ended early": ("ended early", ", before all vectors were judged"),
+    "nothing judged": ("nothing was judged", ": no vector passed, and none is wrong"),
+}
+
+
+def describe(report: Report, most: int) -> list[str]:
+    """The report: tables, a number of failures, their causes, and the verdicts of the classes.
+
+    Parameters
+    ----------
+    report
+        The report.
+    most
+        Maximum number of failures to describe.
+    """
+    lines = [*runs_on_lines(report), *operation_table(report), ""]
+    faults = report.simplest_first()
+    for result in faults[:most]:
+        lines += [*describe_fault(result, report.again(result.id)), ""]
+    if len(faults) > most:
+        lines += [f"... and {plural(len(faults) - most, 'more vector')} (--show N, --html FILE, --json FILE)", ""]
+    lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
+    lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
+    lines += [f"note: {note}" for note in report.notes]
+    lines += refusal_lines(report, most)
+    return [*lines, *class_table(report)]
+
+
+def runs_on_lines(report: Report) -> list[str]:
+    """The environment of the implementation, and an empty line; nothing if it does not say."""
+    width = max(map(len, report.runs_on), default=0)
+    return [*(f"{name.ljust(width)}  {value}" for name, value in report.runs_on.items()), *[""] * bool(report.runs_on)]
+
+
+def last_line(report: Report) -> str:
+    """The conclusion, for those who read nothing else."""
+    words, rest = conclusion(report)
+    return words.upper() + rest
+
+
+def conclusion(report: Report) -> tuple[str, str]:
+    """The conclusion, and what restricts it."""
+    if report.claim and report.conclusion != "ended early":
+        return f"the claim {'holds' if report.passed else 'does not hold'}", f": {report.claim}"
+    if report.conclusion != "incomplete":
+        return CONCLUSIONS[report.conclusion]
+    verdicts = {group.name: group.verdict for group in report.groups()}
+    incomplete = ", ".join(name for name, verdict in verdicts.items() if verdict == "incomplete")
+    complete = not {"passed", "waived"}.isdisjoint(verdicts.values())
+    return "nothing is wrong", f", but incomplete: {incomplete}" if complete else "; no class is complete"
+
+
+def cause_lines(report: Report) -> list[str]:
+    """The causes that most failures look like, the most frequent first, and where; none that others cover."""
+    like: dict[str, list[Result]] = {}
+    for result in report.faults:
+        for cause in result.causes:
+            like.setdefault(cause, []).append(result)
+    failures = Counter(result.operation for result in report.faults if result.outcome == "fail")
+    errors = Counter(result.operation for result in report.faults if result.outcome != "fail" and result.causes)
+    looked = {operation: min(failures[operation], EXAMINED) + errors[operation] for operation in {*failures, *errors}}
+    explained: set[str] = set()
+    lines: list[str] = []
+    for cause, results in sorted(like.items(), key=_by_weight):
+        if _rare(results, looked):
+            continue
+        if not explained.issuperset(result.id for result in results) and len(lines) < MAX_CAUSES:
+            explained.update(result.id for result in results)
+            places = [
+                f"{operation}: {count} of {looked[operation]} examined"
+                for operation, count in Counter(result.operation for result in results).items()
+            ]
+            lines.append(f"{cause} ({', '.join(places)})")
+    return lines
+
+
+def refusal_lines(report: Report, most: int) -> list[str]:
+    """Rules and bits that refusals name, by class, and the wrong rules: advice only, since the kind alone is judged.
+
+    Parameters
+    ----------
+    report
+        The report.
+    most
+        Maximum number of vectors whose rule is wrong to list.
+    """
+    counts = [f"refusals, class {name}: {rule_counts(refused)} (only the kind is judged)"
+              for name, refused in report.refusals().items()]  # fmt: skip
+    named = report.advice()
+    lines = [f"advice: {result.id} {output.name} {output.advice}" for result, output in named[:most]]
+    left = [f"advice: {plural(len(named) - most, 'more vector')} with a wrong rule"] if len(named) > most else []
+    return [*counts, *lines, *left]
+
+
+def rule_counts(refused: Sequence[str]) -> str:
+    """The number of refusals whose rule and whose bit are right, in words."""
+    rule = sum(what in REFUSED[:2] for what in refused)
+    bit = sum(what == REFUSED[0] for what in refused)
+    return f"rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)}"
+
+
+def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
+    """The rank of a cause: by the number of failures that look like it; sentences about mere places come last."""
+    cause, results = entry
+    return cause.startswith(VAGUE), -len(results), min(complexity(result.operation) for result in results)
+
+
+def _rare(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
+    """Whether too few of the examined failures look like this for a probable cause."""
+    examined = sum(looked[operation] for operation in {result.operation for result in results})
+    return len(results) < RARE * examined or len(results) < min(2, examined - 1)
+
+
+def operation_table(report: Report) -> list[str]:
+    """Counts and the worst ratio of each operation."""
+    answered, unsupported = folded(report.operations())
+    rows = [_cells(summary) for summary in answered]
+    lines = (
+        table(["operation", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound"], rows)
+        if rows
+        else []
+    )
+    return [*lines, unsupported] if unsupported else lines
+
+
+def folded(operations: Sequence[Summary]) -> tuple[list[Summary], str]:
+    """The operations of which anything is not unsupported, and a line about the others."""
+    answered = [operation for operation in operations if operation.counts.get("unsupported", 0) < operation.total]
+    others = [operation for operation in operations if operation not in answered]
+    vectors = plural(sum(operation.total for operation in others), "vector")
+    return answered, f"{plural(len(others), 'operation')}: unsupported ({vectors})" if others else ""
+
+
+def class_table(report: Report) -> list[str]:
+    """The verdict of each class."""
+    groups = report.groups()
+    width = max(len(group.name) for group in groups)
+    lines = [f"class {group.name.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
+    quotes = report.quotes()
+    return [
+        *lines, *[f"of {report.selection} only"] * bool(report.selection), *[""] * bool(quotes), *quotes
+    ]  # fmt: skip
+
+
+def _cells(summary: Summary) -> list[str]:
+    count = summary.counts
+    excused = count.get("waived", 0) + count.get("skipped", 0)
+    numbers = (summary.total, count.get("pass", 0), summary.faults, count.get("unsupported", 0), excused)
+    return [summary.name, *(str(number) for number in numbers), ratio_text(summary.ratio)]
+
+
+def describe_fault(result: Result, command: str) -> list[str]:
+    """One wrong vector: its errors, what they look like, and the command that runs it again."""
+    lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
+    lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
+    lines += [f"{INDENT}{line}" for line in table_lines(result.table)]
+    lines += [f"{INDENT}| {line}" for line in ends(result.log)]
+    return [*lines, f"{INDENT}again: {command}"]
+
+
+def table_lines(shown: Table | None) -> list[str]:
+    """A table of ratios; nothing if there is none."""
+    if shown is None:
+        return []
+    return [f"{shown.title}:", *table(["", *shown.columns], [list(row) for row in shown.rows])]
+
+
+def ends(log: str) -> list[str]:
+    """The first and the last lines of what a command printed, none of them endless."""
+    lines = [line if len(line) <= LONGEST else f"{line[:LONGEST]}..." for line in log.splitlines() if line.strip()]
+    return lines if len(lines) <= 2 * END_LINES else [*lines[:END_LINES], "...", *lines[-END_LINES:]]
+
+
+def ratio_text(ratio: float | None) -> str:
+    """An error/bound ratio in three digits."""
+    if ratio is None:
+        return ""
+    return f"{ratio:.3g}" if math.isfinite(ratio) else "infinite"
+
+
+def progress_text(operation: str, results: Sequence[Result]) -> str:
+    """The progress line's words about the operation that runs."""
+    count = Counter(result.outcome for result in results if result.operation == operation)
+    wrong = sum(count[outcome] for outcome in FAULTS)
+    parts = [f"{count['pass']} pass", f"{wrong} wrong" if wrong else "", plural_unsupported(count["unsupported"])]
+    return f"{operation}: {', '.join(part for part in parts if part)}"
+
+
+def plural_unsupported(count: int) -> str:
+    """The number of unsupported vectors in words, or nothing."""
+    return f"{count} unsupported" if count else ""

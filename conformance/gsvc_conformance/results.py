@@ -1,0 +1,413 @@
+"""The findings of a run as plain data: results, verdicts, the report."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal, get_args
+
+from gsvc_conformance.claim import Claim
+from gsvc_conformance.level import LEVELS
+from gsvc_conformance.names import dimensions, element
+from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.spec import complexity
+from gsvc_conformance.vectors import PROFILE
+from gsvc_ref.cli.text import plural, printable
+
+Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
+TIERS: Final = ("core", "uncommon", "stress", "faulty", "full")
+"""From the simple to the hard."""
+
+REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
+"""Parts of a refusal that may be right."""
+
+OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
+FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
+"""Outcomes of something that is wrong."""
+
+Verdict = Literal["passed", "waived", "incomplete", "failed", "not claimed"]
+
+Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended early"]
+EXIT_CODES: Final[Mapping[Conclusion, int]] = {
+    "passed": 0, "incomplete": 0, "failed": 1, "nothing judged": 2, "ended early": 2,
+}  # fmt: skip
+"""The conclusion of a run: incomplete is no fault, so that whoever has three operations can keep them right.
+
+A claim that is incomplete does not hold, which is a fault."""
+HASH_DIGITS: Final = 8
+"""Digits of a set's hash that verdicts quote."""
+
+
+@dataclass(frozen=True)
+class OutputResult:
+    """The judgement of one output.
+
+    Attributes
+    ----------
+    name, check
+        The output and its class of check.
+    passed, message, ratio, place, wrong
+        As in `expectations.Judgement`.
+    refused
+        The right part of a refusal that names the rule and the bit, of `REFUSED`; empty for everything else.
+    advice
+        Of a refusal of the right kind that names another rule than expected: both rules, in words.
+    """
+
+    name: str
+    check: str
+    passed: bool
+    message: str = ""
+    ratio: float | None = None
+    place: tuple[int, ...] | None = None
+    wrong: int = 0
+    refused: str = ""
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A few rows of a wrong output, for people.
+
+    Attributes
+    ----------
+    title
+        The sentence of its manifest that says what it shows.
+    columns
+        Their names.
+    rows
+        The name of each row and its cells.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        _make_printable(self)
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of one vector.
+
+    Attributes
+    ----------
+    id, title
+        Id, title and class of the vector; the id is ``tier/operation/slug``.
+    group
+        The conformance class.
+    outcome
+        One of `OUTCOMES`.
+    message
+        Why it did not pass, a sentence; for a pass, how the answers differed, if they did.
+    outputs
+        The judgement of each output; none where there was no answer.
+    causes
+        Sentences about what the wrong outputs look like, the most likely first.
+    log
+        The beginning and the end of what a process printed.
+    seconds
+        The time that the implementation took, in seconds.
+    table
+        The worst rows of a wrong table of splats: what was given as a multiple of what is expected.
+    size
+        Bytes of the inputs; of what is wrong only.
+    level
+        The level of spec.md section 5 from which on a claim needs the vector.
+    """
+
+    id: str
+    title: str
+    group: str
+    outcome: Outcome
+    message: str = ""
+    outputs: tuple[OutputResult, ...] = ()
+    causes: tuple[str, ...] = ()
+    log: str = ""
+    seconds: float = 0.0
+    table: Table | None = None
+    size: int = 0
+    level: int = 1
+
+    def __post_init__(self) -> None:
+        _make_printable(self)
+
+    @property
+    def tier(self) -> str:
+        """``core``, ``uncommon``, ``stress``, ``faulty`` or ``full``."""
+        return self.id.split("/")[0]
+
+    @property
+    def operation(self) -> str:
+        """The name of the operation."""
+        return self.id.split("/")[1]
+
+    @property
+    def ratio(self) -> float | None:
+        """The worst error as a multiple of its bound, of all outputs that have one."""
+        return max((output.ratio for output in self.outputs if output.ratio is not None), default=None)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """An operation or a class of operations in numbers.
+
+    Attributes
+    ----------
+    name
+        The name of the operation or class.
+    counts
+        Vectors by outcome.
+    ratio, place
+        The worst error/bound ratio of the bounded outputs, and where: ``id output element``.
+    verdict
+        The verdict on a class; None for an operation.
+    reason
+        A sentence that gives the reason of the verdict.
+    level
+        Of a class: the level of the claim that it passes; without a claim the highest level up to which every vector
+        passes. 0 if there is none.
+    """
+
+    name: str
+    counts: Mapping[Outcome, int]
+    ratio: float | None
+    place: str
+    verdict: Verdict | None = None
+    reason: str = ""
+    level: int = 0
+
+    @property
+    def total(self) -> int:
+        """The number of vectors."""
+        return sum(self.counts.values())
+
+    @property
+    def faults(self) -> int:
+        """The number of wrong ones."""
+        return sum(self.counts.get(outcome, 0) for outcome in FAULTS)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A run of the suite.
+
+    Attributes
+    ----------
+    environment
+        The kit, the document, the vectors, the machine and the time, by name.
+    command
+        The command that ran it; with ``--case ID`` behind it, it runs one vector again.
+    selection
+        The selection in words; empty for all.
+    notes
+        Sentences that a reader must know.
+    results
+        In the order of the vectors.
+    runs_on
+        The implementation's own environment as it says, such as device and driver.
+    ended
+        Why vectors that were selected are missing, a sentence; empty if none is.
+    claim
+        The claim that was judged, or None.
+    whole
+        Whether all vectors of each class that was judged were selected, so that verdicts can be quoted.
+    """
+
+    environment: Mapping[str, str]
+    command: str
+    selection: str
+    notes: Sequence[str]
+    results: Sequence[Result] = field(default=())
+    runs_on: Mapping[str, str] = field(default_factory=dict)
+    ended: str = ""
+    claim: Claim | None = None
+    whole: bool = False
+
+    def __post_init__(self) -> None:
+        _make_printable(self)
+
+    @property
+    def faults(self) -> list[Result]:
+        """The wrong results."""
+        return [result for result in self.results if result.outcome in FAULTS]
+
+    def simplest_first(self) -> list[Result]:
+        """The wrong results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
+        tiers = {tier: place for place, tier in enumerate(TIERS)}
+        return sorted(
+            self.faults, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id)
+        )  # fmt: skip
+
+    @property
+    def conclusion(self) -> Conclusion:
+        """The conclusion of the verdicts of the classes; a class that is waived has to be accompanied by a pass."""
+        if self.faults:
+            return "failed"
+        if self.ended:
+            return "ended early"
+        if self.claim:
+            held = all(group.verdict in ("passed", "waived") for group in self.groups())
+            return "passed" if held else "incomplete"
+        if all(result.outcome != "pass" for result in self.results):
+            return "nothing judged"
+        return "incomplete" if any(group.verdict == "incomplete" for group in self.groups()) else "passed"
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is wrong, something passes, and each class of which anything does is complete."""
+        return self.conclusion == "passed"
+
+    @property
+    def exit_code(self) -> int:
+        """0 if nothing is wrong and something passes, or if the claim holds; 1 if not; 2 if nothing can be said."""
+        return 1 if self.claim and self.conclusion == "incomplete" else EXIT_CODES[self.conclusion]
+
+    @property
+    def vectors(self) -> str:
+        """The set of vectors in words, as verdicts quote it: its version and its hash."""
+        version, digest = self.environment.get("vectors version", "?"), self.environment.get("vectors", "")
+        return f"GSVC vectors {version} (sha256 {digest[:HASH_DIGITS]}…)"
+
+    def quotes(self) -> list[str]:
+        """The verdicts in words that can be quoted: on each class of the claim, or on each one that passes at a level.
+
+        There are none without all vectors of the classes.
+        """
+        if not self.whole or self.ended:
+            return []
+        groups = [group for group in self.groups() if self.claim or group.verdict in ("passed", "waived")]
+        declared = self.claim.declared if self.claim else ()
+        return [*map(self._quote, groups), *(f"declares {option}, which no vector judges" for option in declared)]
+
+    def _quote(self, group: Summary) -> str:
+        level = self.claim.level if self.claim else group.level
+        what = f"{self.vectors}, class {group.name}, profile {PROFILE}, level {level}"
+        if group.verdict in ("passed", "waived"):
+            return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
+        return f"does not pass {what}: {group.reason}"
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in a sentence."""
+        names: dict[str, list[str]] = {}
+        for group in self.groups():
+            names.setdefault(str(group.verdict), []).append(group.name)
+        parts = [f"{verdict}: {', '.join(names[verdict])}" for verdict in get_args(Verdict) if verdict in names]
+        of = f" (only {self.selection})" if self.selection else ""
+        return f"{'; '.join(parts)}{of}"
+
+    def refusals(self) -> dict[str, list[str]]:
+        """By class what is right of each refusal that names a rule and a bit, of `REFUSED`."""
+        found: dict[str, list[str]] = {}
+        for result in self.results:
+            found.setdefault(result.group, []).extend(output.refused for output in result.outputs if output.refused)
+        return {name: refused for name, refused in found.items() if refused}
+
+    def advice(self) -> list[tuple[Result, OutputResult]]:
+        """The refusals of the right kind that name another rule than expected, with their vectors."""
+        return [
+            (result, output) for result in self.results for output in result.outputs
+            if output.passed and output.advice
+        ]  # fmt: skip
+
+    def again(self, vector: str) -> str:
+        """The command that runs one vector again."""
+        return f"{self.command} --case {vector}"
+
+    def operations(self) -> list[Summary]:
+        """Each operation in numbers, in the order of spec.md."""
+        names = [name for name in operations() if any(result.operation == name for result in self.results)]
+        return [_summary(name, [result for result in self.results if result.operation == name]) for name in names]
+
+    def groups(self) -> list[Summary]:
+        """Each conformance class with its verdict, in the order of spec.md, section 13.1."""
+        there = {result.group for result in self.results}
+        names = [name for name in get_args(Group) if name in there]
+        claimed = self.claim.level if self.claim else None
+        return [_class(name, [result for result in self.results if result.group == name], claimed) for name in names]
+
+
+def _make_printable(record: "OutputResult | Table | Result | Report") -> None:
+    """Let texts of others (logs, titles, names) do nothing to the terminal or the file where they are shown."""
+    for name in (entry.name for entry in fields(record)):
+        object.__setattr__(record, name, _printable(getattr(record, name)))
+
+
+def _printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, Mapping):
+        return {_printable(key): _printable(item) for key, item in value.items()}
+    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+        return type(value)(map(printable, value))
+    return value
+
+
+def _summary(name: str, results: Sequence[Result]) -> Summary:
+    counts = Counter(result.outcome for result in results)
+    measured = [(out.ratio, result, out) for result in results for out in result.outputs if out.ratio is not None]
+    if not measured:
+        return Summary(name, counts, None, "")
+    ratio, result, output = max(measured, key=lambda entry: entry[0])
+    index = f" {_element(result.operation, output)}" if output.place else ""
+    return Summary(name, counts, ratio, f"{result.id} {output.name}{index}")
+
+
+def _element(operation: str, output: OutputResult) -> str:
+    """The name of the worst element, or its indices where this kit does not know the operation or form of a report."""
+    known, place = operations().get(operation), output.place or ()
+    if known is None or len(place) != len(dimensions(known, output.name)):
+        return str(list(place))
+    return element(known, output.name, place)
+
+
+def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary:
+    """The verdict of a class by R-13-1: every vector of the level passes, and none above it is wrong.
+
+    Without a claim the level is the highest one up to which every vector passes.
+    """
+    summary = _summary(name, results)
+    level = claimed or _highest(results)
+    inside = [result for result in results if result.level <= level] if level else results
+    missing = [result for result in inside if result.outcome in ("unsupported", "skipped")]
+    passing = sum(result.outcome == "pass" for result in inside)
+    waived = summary.counts.get("waived", 0)
+    unsupported = summary.counts.get("unsupported", 0)
+    verdict: Verdict
+    if summary.faults:
+        verdict, reason = "failed", f"{summary.faults} of {len(results)} vectors are wrong"
+        reason += f"; without {_without(missing, results)}" if missing else ""
+        reason += f"; every one up to level {level} passes" if level and not claimed else ""
+    elif not summary.counts.get("pass", 0):
+        verdict, reason = "not claimed", f"{plural(unsupported, 'vector')} unsupported"
+        excused = waived + summary.counts.get("skipped", 0)
+        reason += f", {excused} waived or skipped" if excused else ""
+    elif missing:
+        verdict, reason = "incomplete", f"{plural(passing, 'vector')} pass, none is wrong"
+        reason += f"; without {_without(missing, results)}"
+        reason += f"; {waived} waived" if waived else ""
+    elif waived:
+        verdict, reason = "waived", f"{plural(passing, 'vector')} pass, {waived} are waived"
+    else:
+        verdict, reason = "passed", f"{plural(passing, 'vector')} pass"
+    held = verdict in ("passed", "waived")
+    if held and len(inside) < len(results):
+        above = Counter(result.outcome for result in results if result.level > level)
+        said = ", ".join(f"{number} {outcome}" for outcome, number in above.items())
+        reason += f" up to level {level}; above it {said}"
+    return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason, level if held else 0)
+
+
+def _highest(results: Sequence[Result]) -> int:
+    """The highest level up to which every vector passes or is waived; 0 if there is none."""
+    short = (result.level for result in results if result.outcome not in ("pass", "waived"))
+    return min(short, default=max(LEVELS) + 1) - 1
+
+
+def _without(missing: Sequence[Result], results: Sequence[Result]) -> str:
+    """The operations of vectors that must pass and are unsupported or skipped, and how many vectors."""
+    answered = {result.operation for result in results if result.outcome not in ("unsupported", "skipped")}
+    names = dict.fromkeys(result.operation for result in missing)
+    parts = [f"part of {name}" if name in answered else name for name in names]
+    return f"{', '.join(parts)} ({plural(len(missing), 'vector')})"

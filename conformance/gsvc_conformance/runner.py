@@ -1,0 +1,259 @@
+"""The judgement of an implementation, vector by vector."""
+
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from gsvc_conformance.diagnosis.streams import elements_named
+from gsvc_conformance.expectations import Expectation, Refusal
+from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
+from gsvc_conformance.names import with_names
+from gsvc_conformance.operation import Operation, Values, input_size
+from gsvc_conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
+from gsvc_conformance.side_by_side import comparison
+from gsvc_conformance.vectors import Vector
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A vector, what was answered (None: nothing) and what became of it."""
+
+    vector: Vector
+    outputs: Values | None
+    result: Result
+
+
+class Answered(NamedTuple):
+    """An answer and the seconds that it took."""
+
+    answer: Answer
+    seconds: float
+
+
+def run_suite(
+    implementation: Implementation,
+    vectors: Iterable[Vector],
+    *,
+    waivers: Mapping[str, str] | None = None,
+    skips: Mapping[str, str] | None = None,
+    on_result: Callable[[Judged], object] | None = None,
+    jobs: int = 1,
+    repeat: int = 1,
+    level: int = 1,
+) -> list[Result]:
+    """Judge an implementation by vectors.
+
+    Parameters
+    ----------
+    implementation
+        Is given copies of the inputs.
+    vectors
+        In the order in which they are run.
+    waivers, skips
+        Reasons by id: why a wrong vector does not count, and why one is not run.
+    on_result
+        Is called after each vector, in their order.
+    jobs
+        Number of vectors that are asked for at the same time; they are judged one after the other.
+    repeat
+        Number of times that each is asked for, one after the other.
+    level
+        The level up to which no stream may be refused as unsupported: that of the claim, or the lowest.
+    """
+    skips = skips or {}
+
+    def judged_vector(vector: Vector) -> Callable[[], Judged]:
+        if vector.id in skips:
+            return lambda: Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
+        answers = list(_asked(implementation, vector, repeat))
+        return lambda: judge_answers(vector, answers, implementation.in_full, level)
+
+    results = []
+    with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
+        for judge in mapped:
+            judged = judge()
+            if judged.vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
+                reason = (waivers or {})[judged.vector.id]
+                message = f"{reason} (waived {judged.result.outcome}: {judged.result.message})"
+                judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
+            results.append(judged.result)
+            if on_result:
+                on_result(judged)
+    return results
+
+
+def judge_vector(implementation: Implementation, vector: Vector) -> Judged:
+    """Ask for one vector's outputs and judge them."""
+    return judge_answer(vector, ask(implementation, vector), implementation.in_full)
+
+
+def _asked(implementation: Implementation, vector: Vector, times: int) -> Iterator[Answered]:
+    """The answers to one vector; what is not supported, or takes too long, is not asked again."""
+    for turn in range(times):
+        answered = ask(implementation, vector, turn)
+        yield answered
+        if isinstance(answered.answer, Unsupported) or getattr(answered.answer, "outcome", "") == "timeout":
+            return
+
+
+def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Generator[U]:
+    """The results in the order of the values; with several jobs these are all taken at the beginning."""
+    if jobs == 1:
+        yield from map(function, values)
+        return
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(function, values)
+
+
+def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
+    """The answer of an implementation to one vector that it was asked for `turn` times before."""
+    start = time.perf_counter()
+    answer = implementation.run(vector.operation, _copies(vector.inputs), turn)
+    return Answered(answer, time.perf_counter() - start)
+
+
+def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False, level: int = 1) -> Judged:
+    """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
+    judged = [judge_answer(vector, answer, in_full, level) for answer in answers]
+    wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
+    worst = judged[wrong[0]] if wrong else judged[0]
+    seconds = sum(one.result.seconds for one in judged)
+    keys = [_key(answer.answer) for answer in answers]
+    difference = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
+    message = "; ".join(part for part in (difference, worst.result.message) if part)
+    return replace(worst, result=replace(worst.result, message=message, seconds=seconds))
+
+
+def _difference(keys: Sequence[object], wrong: int, times: int) -> str:
+    """The difference of the answers to one vector in words, and what may cause it."""
+    what = f"gave {len(set(keys))} different answers in {times} runs"
+    if not wrong:
+        return f"{what}, each within what is allowed: an order of summation that changes from run to run does that"
+    what += f", of which {wrong} {'is' if wrong == 1 else 'are'} wrong" if wrong < times else ""
+    if times > 2 and len(set(keys[1:])) == 1:
+        return f"{what}: only the first differs, so it has something of the vector before, or of what is done once"
+    return f"{what}: a race, or memory that is read before it is written"
+
+
+def _key(answer: Answer) -> object:
+    """Something that is equal for answers that are the same."""
+    if isinstance(answer, Unsupported | Failure):
+        return type(answer), getattr(answer, "outcome", "")
+    return tuple((name, _bytes(value)) for name, value in sorted(answer.items()))
+
+
+def _bytes(value: object) -> object:
+    array = np.asarray(value)
+    return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
+
+
+def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, level: int = 1) -> Judged:
+    """Judge an answer to one vector."""
+    answer, seconds = answered
+    if isinstance(answer, Unsupported):
+        return Judged(vector, None, _result(vector, "unsupported", answer.reason, seconds=seconds))
+    if isinstance(answer, Failure):
+        result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
+        return Judged(vector, None, result)
+    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds, level))
+
+
+def judge_outputs(
+    vector: Vector, outputs: Values, in_full: bool = False, seconds: float = 0.0, level: int = 1
+) -> Result:
+    """The result of a vector whose outputs are there.
+
+    Parameters
+    ----------
+    vector, outputs
+        The vector and all its outputs.
+    in_full
+        Whether rule and bit offset of refusals are judged, too.
+    seconds
+        The time that they took, in seconds.
+    level
+        The level above which a stream may be refused as unsupported (R-13-5).
+    """
+    judged = tuple(
+        _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
+    )
+    wrong = [output for output in judged if not output.passed]
+    if not wrong:
+        return _result(vector, "pass", "", judged, seconds)
+    if vector.level > level and (refusal := _refusal_as_unsupported(vector, outputs)):
+        return _result(vector, "unsupported", f"{refusal}: its level is {vector.level}", seconds=seconds)
+    message = "; ".join(
+        f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
+    )
+    result = _result(vector, "fail", message, judged, seconds)
+    return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
+
+
+def _judge(operation: Operation, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
+    if in_full and isinstance(expectation, Refusal):
+        expectation = replace(expectation, in_full=True)
+    judgement = expectation.judge(actual)
+    message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    refused = _refused(expectation, actual)
+    return OutputResult(
+        name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
+        refused, _advice(expectation, actual, refused),
+    )  # fmt: skip
+
+
+def _refused(expectation: Expectation, actual: object) -> str:
+    """The right part of a refusal that names the rule and the bit."""
+    if not isinstance(expectation, Refusal) or not isinstance(actual, str) or len(actual.split()) < 3:
+        return ""
+    expected, given = expectation.value.split(), actual.split()[:3]
+    same = sum(expected[:n] == given[:n] for n in (1, 2, 3))
+    return REFUSED[3 - same] if expected else ""
+
+
+def _advice(expectation: Expectation, actual: object, refused: str) -> str:
+    """Both rules of a refusal of the right kind by another rule, in words."""
+    if refused != "kind" or not isinstance(expectation, Refusal) or not isinstance(actual, str):
+        return ""
+    return f"names {actual.split()[1]}, expected {expectation.value.split()[1]}"
+
+
+def _elements(vector: Vector, name: str, outputs: Values) -> str:
+    """The elements of a stream that a wrong refusal and the right one are about."""
+    expectation = vector.expected[name]
+    return elements_named(vector, outputs[name], expectation.value) if isinstance(expectation, Refusal) else ""
+
+
+def _refusal_as_unsupported(vector: Vector, outputs: Values) -> str:
+    """The sentence about a stream that is refused as unsupported, without frames; empty if it is not."""
+    for name, expected in vector.expected.items():
+        given = outputs[name]
+        if isinstance(expected, Refusal) and isinstance(given, str) and given.split()[:1] == ["unsupported"]:
+            others = [value for other, value in outputs.items() if other != name]
+            return f"{name} is {given!r}" if all(map(_is_nothing, others)) else ""
+    return ""
+
+
+def _is_nothing(value: object) -> bool:
+    """Whether an output has no elements, or is a single zero."""
+    return bool(np.size(value) == 0 if np.ndim(value) else not value)  # type: ignore[arg-type]
+
+
+def _result(
+    vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
+) -> Result:
+    title = str(vector.manifest["title"])
+    return Result(
+        vector.id, title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level
+    )
+
+
+def _copies(inputs: Values) -> Values:
+    return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in inputs.items()}

@@ -1,0 +1,36 @@
+"""The files that are made of the syntax of spec.md: spec/syntax.json and spec/gsvc.h."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from gsvc_conformance.c_header import c_header
+from gsvc_ref.syntax import syntax
+
+ROOT: Final = Path(__file__).parents[2]
+
+
+def syntax_json() -> str:
+    """The text of spec/syntax.json, whose shape is that of spec/syntax.schema.json."""
+    return json.dumps(syntax(), ensure_ascii=False, indent=1) + "\n"
+
+
+FILES: Final[Mapping[str, Callable[[], str]]] = {"spec/syntax.json": syntax_json, "spec/gsvc.h": c_header}
+
+
+def stale(folder: Path = ROOT) -> list[str]:
+    """The files that are not, or not as spec.md gives them."""
+    return [
+        name for name, text in FILES.items()
+        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text()
+    ]  # fmt: skip
+
+
+def write(folder: Path = ROOT) -> list[str]:
+    """Write the files that are not as spec.md gives them; their names."""
+    names = stale(folder)
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(FILES[name](), encoding="utf-8")
+    return names

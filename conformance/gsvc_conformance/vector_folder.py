@@ -1,0 +1,272 @@
+"""Which vectors to run, and their reading: nothing is run that SHA256SUMS does not list or that was changed since."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_conformance.case import FULL, TIERS
+from gsvc_conformance.level import LEVELS
+from gsvc_conformance.operation import operations
+from gsvc_conformance.spelling import question
+from gsvc_conformance.vectors import SUMS, Vector, from_files
+from gsvc_ref.errors import UsageError
+
+SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
+MANIFEST: Final = "manifest.json"
+ALL_TIERS: Final = (*TIERS, FULL)
+SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
+"""The last part of an id, which is the name of a folder."""
+MAX_NAMED: Final = 4
+"""Maximum number of selected names that are listed; more are counted."""
+GENERATE: Final = "write them with: gsvc-conformance generate"
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A selection of vectors: all kinds must hold, each by any of its values; an empty tuple selects everything.
+
+    A pattern of a case is matched with the whole id and with its last part. Rules, equations and flags stand in
+    manifests.
+    """
+
+    tiers: tuple[str, ...] = ()
+    operations: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    patterns: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
+    equations: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+
+    def holds(self, name: str) -> bool:
+        """Whether a vector is selected, as far as its id tells."""
+        tier, operation, slug = name.split("/")
+        return (
+            (not self.tiers or tier in self.tiers)
+            and (not self.operations or operation in self.operations)
+            and (not self.groups or operations()[operation].group in self.groups)
+            and (not self.patterns or matches(name, slug, patterns=self.patterns))
+        )
+
+    @property
+    def of_manifests(self) -> dict[str, tuple[str, ...]]:
+        """The values to look up in manifests, by the name of the field."""
+        kinds = {"rules": self.rules, "equations": self.equations, "flags": self.flags}
+        return {field: values for field, values in kinds.items() if values}
+
+    @property
+    def whole(self) -> bool:
+        """Whether all vectors of the classes are selected that any vector is selected of."""
+        return not (self.tiers or self.operations or self.patterns or self.of_manifests)
+
+    def __str__(self) -> str:
+        kinds = {"tier": self.tiers, "operation": self.operations, "class": self.groups, "case": self.patterns,
+                 "rule": self.rules, "equation": self.equations, "flag": self.flags}  # fmt: skip
+        return ", ".join(_named(kind, values) for kind, values in kinds.items() if values)
+
+
+def _named(kind: str, values: tuple[str, ...]) -> str:
+    """Values by name, or their number if they are many."""
+    return (
+        f"{kind} {' or '.join(values)}"
+        if len(values) <= MAX_NAMED
+        else f"{len(values)} {kind}{'es' if kind.endswith('s') else 's'}"
+    )
+
+
+def matches(*names: str, patterns: tuple[str, ...]) -> bool:
+    """Whether one of some names matches one of some patterns."""
+    return any(fnmatchcase(name, pattern) for name in names for pattern in patterns)
+
+
+class VectorFolder:
+    """The vectors of a folder, as its SHA256SUMS lists them.
+
+    Parameters
+    ----------
+    folder
+        With ``<tier>/<operation>/<slug>/manifest.json`` and SHA256SUMS.
+
+    Raises
+    ------
+    UsageError
+        There are no vectors, or some of an operation that this kit does not know.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        if not (folder / SUMS).is_file():
+            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {GENERATE}")
+        try:
+            lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+            self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
+        except ValueError:
+            raise UsageError(f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {GENERATE}") from None
+        self._parts: dict[str, list[str]] = {}
+        for name in self._sums:
+            self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
+        for name in self._parts:
+            parts = name.split("/")
+            known = len(parts) == 3 and parts[0] in ALL_TIERS and parts[1] in operations() and SLUG.match(parts[2])
+            if not known:
+                raise UsageError(
+                    f"{name} is a vector of a tier or operation that this kit does not know: use the same version of "
+                    "the kit and of the vectors"
+                )
+        place = {operation: index for index, operation in enumerate(operations())}
+        self.names = sorted(self._parts, key=lambda n: (ALL_TIERS.index(n.split("/")[0]), place[n.split("/")[1]], n))
+
+    def select(self, selection: Selection) -> list[str]:
+        """The ids that are selected, by tier and then by the order of the operations.
+
+        Raises
+        ------
+        UsageError
+            None is: running nothing must not look like success.
+        """
+        self.check_patterns("--case", selection.patterns)
+        if FULL in selection.tiers and not any(name.startswith(f"{FULL}/") for name in self.names):
+            raise UsageError(f"{self.folder} has no vectors of the tier {FULL}: write them with "
+                             "gsvc-conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
+        chosen = [name for name in self.names if selection.holds(name)]
+        for field, values in selection.of_manifests.items():
+            chosen = self._having(field, values, chosen)
+        if chosen:
+            return chosen
+        what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
+        raise UsageError(f"{what}; see gsvc-conformance list --cases")
+
+    def check_patterns(self, option: str, patterns: tuple[str, ...]) -> None:
+        """Refuse a pattern that no vector of the folder matches: it is mistyped.
+
+        Raises
+        ------
+        UsageError
+            There is one, and what may be meant.
+        """
+        for pattern in patterns if self.names else ():
+            if not any(matches(name, name.split("/")[2], patterns=(pattern,)) for name in self.names):
+                near = question(pattern, [*self.names, *(name.split("/")[2] for name in self.names)])
+                raise UsageError(
+                    f"no vector matches {option} {pattern}{near or '; see: gsvc-conformance list --cases'}"
+                )
+
+    def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:
+        """The vectors whose manifests have one of some values in a field; each value must be that of some vector."""
+        has = {name: self._manifest(name)[field] for name in self.names}
+        known = dict.fromkeys(value for found in has.values() for value in found)
+        for value in values:
+            if value not in known:
+                near = question(value, known)
+                raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
+        return [name for name in names if not set(values).isdisjoint(has[name])]
+
+    def killed_by(self, names: Iterable[str]) -> set[str]:
+        """The mutants that the manifests of some vectors say to find."""
+        return {mutant for name in names for mutant in self._manifest(name).get("kills", ())}
+
+    def read(self, names: list[str]) -> Iterator[Vector]:
+        """Vectors by id, each when it is asked for.
+
+        Raises
+        ------
+        UsageError
+            A file is missing, was changed or is damaged, or a manifest is none that this kit knows.
+        """
+        for name in names:
+            manifest = self._manifest(name)
+            with _damaged(self.folder / name):
+                check_manifest(name, manifest)
+                vector = from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+                for port, value in vector.inputs.items():
+                    if (
+                        not isinstance(value, np.ndarray | int | float | bytes)
+                        or np.asarray(value).dtype.kind not in "uifS"
+                    ):
+                        raise TypeError(f"the input {port} is no array of numbers")
+            yield vector
+
+    def _manifest(self, name: str) -> Mapping[str, Any]:
+        if MANIFEST not in self._parts[name]:
+            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
+        data = self._file(f"{name}/{MANIFEST}")
+        with _damaged(self.folder / name):
+            manifest = json.loads(data)
+            if not isinstance(manifest, dict):
+                raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
+        return manifest
+
+    def _file(self, name: str) -> bytes:
+        try:
+            data = (self.folder / name).read_bytes()
+        except FileNotFoundError:
+            raise UsageError(f"{self.folder / name} is missing; {GENERATE}") from None
+        if hashlib.sha256(data).hexdigest() != self._sums[name]:
+            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {GENERATE}")
+        return data
+
+
+@contextmanager
+def _damaged(vector: Path) -> Iterator[None]:
+    """Say of which vector it is that a file cannot be understood, whatever is wrong with it.
+
+    Raises
+    ------
+    UsageError
+        It cannot.
+    """
+    try:
+        yield
+    except UsageError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {GENERATE}") from None
+
+
+@cache
+def _schema() -> Mapping[str, Any]:
+    schema: Mapping[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    return schema
+
+
+def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
+    """Refuse fields that this kit does not know, it might judge without what they say, and names of other ports.
+
+    Names of inputs and outputs become names of files. `verify` holds manifests against the whole schema.
+
+    Raises
+    ------
+    UsageError
+        The manifest has an unknown field or check, is not that of the vector, or has not the ports of its operation.
+    """
+    kinds = _schema()["$defs"]
+    problems = [f"the field {field}" for field in manifest.keys() - _schema()["properties"].keys()]
+    known = {field for kind in ("number", "stream", "array") for field in kinds[kind]["properties"]}
+    for port, entry in manifest["inputs"].items():
+        problems += [f"the field {field} of {port}" for field in entry.keys() - known]
+    for port, entry in manifest["outputs"].items():
+        kind = kinds.get(entry["check"], {}).get("properties", {})
+        problems += [f"the field {field} of {port} (check {entry['check']})" for field in entry.keys() - kind.keys()]
+    if problems:
+        raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
+                        "not know: use the same version of the kit and of the vectors")  # fmt: skip
+    if manifest["tier"] != name.split("/")[0] or manifest["level"] not in LEVELS:
+        raise UsageError(f"the manifest of {name} has the tier {manifest['tier']!r}, which must be the first part of "
+                         f"the id, and the level {manifest['level']!r}, of 1 to {max(LEVELS)}")  # fmt: skip
+    if manifest["id"] != name or manifest["operation"] != name.split("/")[1]:
+        raise UsageError(f"the manifest of {name} is that of {manifest['id']}, operation {manifest['operation']}")
+    operation = operations()[name.split("/")[1]]
+    for kind, ports in (("inputs", operation.inputs), ("outputs", operation.outputs)):
+        if (found := set(manifest[kind])) != (known := {port.name for port in ports}):
+            raise UsageError(f"the manifest of {name} has the {kind} {', '.join(sorted(found))}; those of "
+                             f"{operation.name} are {', '.join(sorted(known))}")  # fmt: skip
+    if not isinstance(manifest["title"], str):
+        raise UsageError(f"the title in the manifest of {name} is {manifest['title']!r}, not a text")

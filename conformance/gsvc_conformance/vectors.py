@@ -1,0 +1,241 @@
+"""Golden vectors on disk: `vectors/<tier>/<operation>/<slug>/manifest.json` and its parts.
+
+A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Large arrays that repeat themselves are
+stored as runs (`runs`). Single numbers among the inputs and texts among the outputs stand in the manifest. `SHA256SUMS`
+has every file; `manifest.schema.json` says what a manifest is.
+"""
+
+import hashlib
+import io
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_conformance.case import Case
+from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Expectation, Refusal
+from gsvc_conformance.level import level_of
+from gsvc_conformance.operation import Operation, Values, operations
+from gsvc_conformance.runs import pack, unpack
+
+VECTORS: Final = Path(__file__).parents[2] / "vectors"
+SUMS: Final = "SHA256SUMS"
+VECTORS_VERSION: Final = 1
+"""The version of the set that claims name, beside its hash."""
+SPEC_VERSION: Final = "1.0-draft.1"
+PROFILE: Final = "paper"
+ERROR_MODEL: Final = "fp32/1"
+CHECK_RULES: Final = {"decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4"}
+"""The requirement that each check holds an output against (spec.md section 13.2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vector:
+    """One vector as it was read: its manifest, the inputs, and what the outputs must be."""
+
+    id: str
+    manifest: Mapping[str, Any]
+    operation: Operation
+    inputs: Values
+    expected: Mapping[str, Expectation]
+
+    @property
+    def tier(self) -> str:
+        """``core``, ``uncommon``, ``stress`` or ``faulty``."""
+        return self.id.partition("/")[0]
+
+    @property
+    def level(self) -> int:
+        """The level of spec.md section 5 from which on a claim needs the vector; 1 for one that is in no folder."""
+        return int(self.manifest.get("level", 1))
+
+
+def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) -> dict[str, bytes]:
+    """The files of a case's vector by name, relative to its folder.
+
+    Parameters
+    ----------
+    case
+        The case.
+    inputs, expected
+        As `Case.run` returns them.
+    """
+    files: dict[str, bytes] = {}
+    manifest: dict[str, Any] = {
+        "id": case.id,
+        "spec_version": SPEC_VERSION,
+        "profile": PROFILE,
+        "tier": case.tier,
+        "level": level_of(case.operation, inputs),
+        "operation": case.operation.name,
+        "class": case.operation.group,
+        "title": case.title,
+        "reason": case.reason,
+        "rules": sorted({*case.operation.rules, *case.rules, *_rules(expected)}),
+        "equations": sorted({*case.operation.equations, *case.equations}),
+        "flags": sorted(case.flags),
+        "generator": case.generator,
+        "seed": case.seed,
+        "inputs": {name: _store(name, value, files) for name, value in inputs.items()},
+        "outputs": {name: _expectation(name, value, files) for name, value in expected.items()},
+    }
+    if case.fault:
+        manifest["fault"] = {"lie": case.fault.lie, "truth": case.fault.truth}
+    files["manifest.json"] = manifest_bytes(manifest)
+    return files
+
+
+def manifest_bytes(manifest: Mapping[str, Any]) -> bytes:
+    """The text of a manifest: a line for each entry, and one for each input and output."""
+    lines = []
+    for key, value in manifest.items():
+        text = json.dumps(value, ensure_ascii=False)
+        if isinstance(value, dict) and key in ("inputs", "outputs"):
+            entries = (f"  {json.dumps(name)}: {json.dumps(part, ensure_ascii=False)}" for name, part in value.items())
+            text = "{\n" + ",\n".join(entries) + "\n }"
+        lines.append(f" {json.dumps(key)}: {text}")
+    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+
+
+def _rules(expected: Mapping[str, Expectation]) -> Iterator[str]:
+    """The requirements that the checks stand for, and those that a faulty stream breaks."""
+    for expectation in expected.values():
+        if isinstance(expectation, Refusal):
+            if expectation.value:
+                yield from ("R-12-1", "R-12-2", expectation.value.split()[1])
+        elif expectation.check in CHECK_RULES:
+            yield CHECK_RULES[expectation.check]
+
+
+def write(folder: Path, files: Mapping[str, Mapping[str, bytes]]) -> None:
+    """Write vectors, by id the files of each, and their sums; `folder` must not hold other files."""
+    for name, parts in files.items():
+        home = folder / name
+        home.mkdir(parents=True, exist_ok=True)
+        for part, data in parts.items():
+            (home / part).write_bytes(data)
+    (folder / SUMS).write_bytes(sums_of(files))
+
+
+def sums_of(files: Mapping[str, Mapping[str, bytes]]) -> bytes:
+    """The contents of SHA256SUMS of these vectors."""
+    all_files = {f"{name}/{part}": data for name, parts in files.items() for part, data in parts.items()}
+    return "".join(f"{hashlib.sha256(all_files[name]).hexdigest()}  {name}\n" for name in sorted(all_files)).encode()
+
+
+def set_hash(folder: Path = VECTORS) -> str:
+    """The SHA-256 of SHA256SUMS: one number for the whole set."""
+    return hashlib.sha256((folder / SUMS).read_bytes()).hexdigest()
+
+
+def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")) -> Iterator[Vector]:
+    """All vectors of some tiers, by tier and then by the order of the operations."""
+    for tier in tiers:
+        for operation in operations().values():
+            for path in sorted((folder / tier / operation.name).glob("*/manifest.json")):
+                yield read(path.parent)
+
+
+def read(home: Path) -> Vector:
+    """The vector of one folder."""
+    return from_files(_Folder(home))
+
+
+def from_files(files: Mapping[str, bytes]) -> Vector:
+    """The vector of some files, by name."""
+    manifest = json.loads(files["manifest.json"])
+    inputs = {name: _load(files, entry) for name, entry in manifest["inputs"].items()}
+    expected = {name: _expected(files, entry) for name, entry in manifest["outputs"].items()}
+    return Vector(manifest["id"], manifest, operations()[manifest["operation"]], inputs, expected)
+
+
+class _Folder(Mapping[str, bytes]):
+    """The files of a folder, read when they are asked for."""
+
+    def __init__(self, home: Path) -> None:
+        self._home = home
+
+    def __getitem__(self, name: str) -> bytes:
+        return (self._home / name).read_bytes()
+
+    def __iter__(self) -> Iterator[str]:
+        return (path.name for path in self._home.iterdir())
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def npy(array: NDArray[Any]) -> bytes:
+    """The bytes of an .npy file."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, np.ascontiguousarray(array).reshape(np.shape(array)), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def _little(array: NDArray[Any]) -> NDArray[Any]:
+    return array.astype(array.dtype.newbyteorder("<"), copy=False)
+
+
+def native(array: NDArray[Any]) -> NDArray[Any]:
+    """An array from a file in the byte order of the machine."""
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
+    """Put a value into files or into the manifest; its entry."""
+    if isinstance(value, str | int | float) and not isinstance(value, np.generic):
+        return {"value": value}
+    if isinstance(value, bytes):
+        return _file(f"{name}.gsvc", value, files)
+    array = _little(np.asarray(value))
+    packed = pack(native(array))
+    stored = _file(f"{name}.npy", npy(_little(packed.elements if packed else array)), files)
+    form = {"dtype": array.dtype.str, "shape": list(array.shape)}
+    return {**stored, **form, **(packed.entry if packed else {})}
+
+
+def _file(name: str, data: bytes, files: dict[str, bytes]) -> dict[str, Any]:
+    files[name] = data
+    return {"file": name, "sha256": hashlib.sha256(data).hexdigest()}
+
+
+def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -> dict[str, Any]:
+    entry: dict[str, Any] = {"check": expectation.check}
+    if isinstance(expectation, Refusal):
+        return {**entry, "value": expectation.value}
+    for part, array in expectation.parts().items():
+        entry[part or "expected"] = _store(f"{name}.{part or 'expected'}", array, files)
+    if isinstance(expectation, Bounded):
+        entry |= {"dtype": expectation.dtype, "groups": [list(g) for g in expectation.groups], "model": ERROR_MODEL}
+    for number in ("margin", "guard"):
+        if getattr(expectation, number, None) is not None:
+            entry[number] = getattr(expectation, number)
+    return entry
+
+
+def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
+    if "value" in entry:
+        return entry["value"]
+    data = files[entry["file"]]
+    if entry["file"].endswith(".gsvc"):
+        return data
+    array = native(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
+    return unpack(array, entry) if "runs" in entry else array
+
+
+def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Expectation:
+    kind = EXPECTATIONS[entry["check"]]
+    if kind is Refusal:
+        return Refusal(entry["value"])
+    fields = {"value": _load(files, entry["expected"])}
+    for part in ("bound", "alternative", "lowest", "highest"):
+        if part in entry:
+            fields[part] = _load(files, entry[part])
+    if kind is Bounded:
+        fields |= {"dtype": entry["dtype"], "groups": tuple((first, end) for first, end in entry["groups"])}
+    fields |= {number: entry[number] for number in ("margin", "guard") if number in entry}
+    return kind(**fields)
