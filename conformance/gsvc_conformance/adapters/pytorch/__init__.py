@@ -2,7 +2,7 @@
 
     gsvc-conformance run --module gsvc_conformance.adapters.pytorch
 
-needs PyTorch: pip install '.[peers]', or the command of pytorch.org for a GPU (ROCm's calls itself CUDA, too).
+needs PyTorch: pip install torch, or the command of pytorch.org for a GPU (ROCm's calls itself CUDA, too).
 `GSVC_TORCH_DEVICE=cpu` or `cuda:1` chooses a device; it must have binary64, which Apple's MPS has not. Start at
 `rendering.render`, which can be put into any loss as it is, and `training.loss_of`. Streams are parsed by the code of
 spec.md on the host, so `read_stream`, `decode_plane`, `encode_plane` and `seek` are not here.

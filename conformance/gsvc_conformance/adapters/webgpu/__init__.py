@@ -2,8 +2,9 @@
 
     gsvc-conformance run --module gsvc_conformance.adapters.webgpu
 
-needs wgpu (pip install 'gsvc-conformance[adapters]') and a driver: that of a GPU, or Mesa's lavapipe for CPUs (mesa-vulkan-drivers in
-Debian). WGPUPY_WGPU_ADAPTER_NAME chooses a device by a part of its name; without it, it is the fastest.
+needs wgpu (pip install 'gsvc-conformance[adapters]') and a driver: that of a GPU, or Mesa's lavapipe for CPUs
+(mesa-vulkan-drivers in Debian). WGPUPY_WGPU_ADAPTER_NAME chooses a device by a part of its name; without it, it is the
+fastest.
 
 It has a whole decoder (entropy coding, reconstruction, bounded and deterministic rendering), the entropy encoder, and
 gradients; the shader of bounded rendering is that of the browser page, ../web/render.wgsl.js. Streams are parsed by
