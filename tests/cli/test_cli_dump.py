@@ -321,4 +321,4 @@ def test_progress_is_shown_on_a_terminal(save, monkeypatch, capsys):
 
 
 def test_the_readme_names_it():
-    assert "gsvc dump" in (Path(SPEC).parent / "README.md").read_text(encoding="utf-8")
+    assert "gsvc dump" in (Path(SPEC).parent / "docs" / "encode-and-look.md").read_text(encoding="utf-8")
