@@ -6,10 +6,10 @@ BIN    := .venv/bin
 WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lowest vectors fuzz lint format figures bench experiments adapters kaitai site clean
+.PHONY: help demo test test-all lowest vectors fuzz lint format figures bench experiments adapters kaitai site clean
 
 help:            ## list the commands
-	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
 # One stamp for each set of extras: a second `make` starts at once.
 .venv/.ready-%: pyproject.toml conformance/pyproject.toml
@@ -20,8 +20,11 @@ help:            ## list the commands
 demo: .venv/.ready-progress            ## encode, decode and compare the built-in clip; writes demo/report.html
 	$(BIN)/gsvc demo
 
-test: .venv/.ready-$(EXTRAS)            ## run the tests (ALL=1: the exhaustive ones too; EXTRAS=test,peers also compares with PyTorch)
-	$(BIN)/python -m pytest $(WORKERS) $(if $(ALL),,-m 'not exhaustive')
+test: .venv/.ready-$(EXTRAS)            ## run the tests, in TIMETEST minutes on two cores (EXTRAS=test,peers also compares with PyTorch)
+	$(BIN)/python -m pytest $(WORKERS) -m 'not exhaustive'
+
+test-all: .venv/.ready-$(EXTRAS)            ## run all tests, also those that take long
+	$(BIN)/python -m pytest $(WORKERS)
 
 lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
