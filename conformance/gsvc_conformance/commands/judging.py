@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-import gsvc_ref
+from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_vectors, count, selection, times
@@ -318,7 +318,7 @@ def environment(name: str, vectors: Path) -> dict[str, str]:
     """The kit, the document, the vectors, the machine and the time of a run, by name."""
     return {
         "implementation": name,
-        "kit": f"gsvc_ref {gsvc_ref.__version__}",
+        "kit": f"gsvc-conformance {__version__}",
         "spec.md": SPEC_VERSION,
         "vectors version": str(VECTORS_VERSION),
         "vectors": set_hash(vectors),

@@ -11,7 +11,6 @@ from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Re
 from gsvc_conformance.operation import Values
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
-from gsvc_lab.pages.pictures import png_uri
 
 U1 = NDArray[np.uint8]
 F8 = NDArray[np.float64]
@@ -167,6 +166,8 @@ def _paint(plane: F8, largest: F8 | None) -> U1:
 
 def _picture(pixels: U1, caption: str) -> Picture:
     """A picture, stretched if it is too flat to be seen."""
+    from gsvc_lab.pages.pictures import png_uri
+
     height, width = pixels.shape[:2]
     return Picture(png_uri(np.repeat(pixels, max(1, width // (FLATTEST * height)), axis=0)), caption)
 
