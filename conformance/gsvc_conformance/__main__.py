@@ -34,7 +34,7 @@ COMMANDS: Final = {
 }
 
 OURS: Final = ("gsvc_conformance",)
-EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "hypothesis": "reference"}
+EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "gsvc_lab": "reference", "hypothesis": "reference"}
 """Packages that a plain installation does not bring, and the extra that does."""
 
 

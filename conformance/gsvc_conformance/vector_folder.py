@@ -160,7 +160,7 @@ class VectorFolder:
         if wanted == "all":
             return None
         if isinstance(wanted, int) and wanted not in sets:
-            known = f"there are {', '.join(map(str, sets))}" if sets else "there are no sets at all: leave out --set"
+            known = f"its sets are {', '.join(map(str, sets))}" if sets else "it has none: leave out --set"
             raise UsageError(f"{self.folder} has no set {wanted}; {known}")
         chosen = newest(sets) if wanted == "newest" else sets[wanted]
         if chosen and (gone := sorted(chosen.digests.keys() - self._parts.keys())):
@@ -213,8 +213,8 @@ class VectorFolder:
         known = dict.fromkeys(value for found in has.values() for value in found)
         for value in values:
             if value not in known:
-                near = question(value, known)
-                raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
+                near = question(value, known) or "; gsvc-conformance list --json shows those of each vector"
+                raise UsageError(f"no vector has {value} among its {field}{near}")
         return [name for name in names if not set(values).isdisjoint(has[name])]
 
     def killed_by(self, names: Iterable[str]) -> set[str]:

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.spelling import question
@@ -10,6 +10,12 @@ from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder, W
 from gsvc_conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
+
+_HERE: Final = Path(__file__).parents[1]
+PROTOCOL: Final = next(
+    (path for path in (_HERE / "protocol.md", _HERE.parent / "protocol.md") if path.exists()), Path("protocol.md")
+)
+"""The document that says how an implementation is asked: in the package where that is installed, else beside it."""
 
 
 def add_vectors(parser: ArgumentParser) -> None:
@@ -30,7 +36,8 @@ def add_set(parser: ArgumentParser) -> None:
 
 def _set(text: str) -> Wanted:
     """A number of a set, ``newest`` or ``all``."""
-    return text if text == "all" or text == "newest" else times(text)
+    words: dict[str, Wanted] = {"newest": "newest", "all": "all"}
+    return words.get(text) or times(text)
 
 
 def vectors_of(arguments: Namespace) -> VectorFolder:
@@ -58,7 +65,7 @@ def add_selection(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="for this class of mistakes: needle; vectors/COVERAGE.md lists them",
+        help="for this class of mistakes: needle; list --json shows which each vector has",
     )
 
 

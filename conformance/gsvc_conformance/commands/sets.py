@@ -4,7 +4,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from gsvc_conformance.commands import add_vectors
+from gsvc_conformance.commands import PROTOCOL, add_vectors
 from gsvc_conformance.sets import FOLDER, VectorSet, next_list, read_sets, withdrawn
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.vectors import files_in
@@ -14,7 +14,9 @@ from gsvc_ref.errors import UsageError
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
-    parser.epilog = "A set never changes: what it is and how an erratum is handled, protocol.md says under Sets."
+    parser.epilog = f"A set never changes. What it is, and what an erratum does, stands in {PROTOCOL}.".replace(
+        "%", "%%"
+    )
     add_vectors(parser)
     parser.add_argument(
         "--new", action="store_true",

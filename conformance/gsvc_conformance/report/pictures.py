@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
 from gsvc_conformance.operation import Values
+from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
 
@@ -166,8 +167,6 @@ def _paint(plane: F8, largest: F8 | None) -> U1:
 
 def _picture(pixels: U1, caption: str) -> Picture:
     """A picture, stretched if it is too flat to be seen."""
-    from gsvc_lab.pages.pictures import png_uri
-
     height, width = pixels.shape[:2]
     return Picture(png_uri(np.repeat(pixels, max(1, width // (FLATTEST * height)), axis=0)), caption)
 
