@@ -6,24 +6,27 @@ nothing was judged; 70, 130, 141 as ``gsvc``.
 
 import importlib
 import sys
+from argparse import Action
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
+from gsvc_conformance import __version__
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.parser import Parser
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 PROGRAM: Final = "gsvc-conformance"
 COMMANDS: Final = {
     "run": "judge an implementation by the vectors",
-    "list": "show the operations, with their inputs and outputs, or the cases",
+    "list": "show the operations, with their inputs and outputs, or the vectors",
     "report": "make the HTML page or JUnit XML again from the JSON of a run",
     "compare": "show several reports beside each other, an operation a row",
     "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",
     "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
+    "sets": "show the sets of vectors that verdicts name, or write the next one",
     "generate": "write the vectors, or compare them with what the cases make",
     "mutants": "check the suite: every mutant must be found",
     "legal": "say whether files that an encoder wrote are streams by spec.md",
@@ -31,7 +34,7 @@ COMMANDS: Final = {
 }
 
 OURS: Final = ("gsvc_conformance",)
-EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "hypothesis": "reference"}
+EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "gsvc_lab": "reference", "hypothesis": "reference"}
 """Packages that a plain installation does not bring, and the extra that does."""
 
 
@@ -53,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def build_parser(named: str | None) -> Parser:
     """The parser; only the command that is named gets its arguments, so that only its module is imported."""
     parser = Parser(prog=PROGRAM, description="The conformance kit of GSVC.", allow_abbrev=False)
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the versions of the kit, vectors and spec.md")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, sentence in COMMANDS.items():
         description = f"{sentence[0].upper()}{sentence[1:]}."
@@ -67,6 +71,20 @@ def build_parser(named: str | None) -> Parser:
     return parser
 
 
+class _Version(Action):
+    """Shows the versions that a verdict depends on, and ends."""
+
+    def __call__(self, parser: Any, *_: object) -> None:
+        from gsvc_conformance.sets import quoted
+        from gsvc_conformance.vector_folder import VectorFolder
+        from gsvc_conformance.vectors import SPEC_VERSION, VECTORS
+
+        vectors = VectorFolder(VECTORS, "newest")
+        number = str(vectors.set.number) if vectors.set else ""
+        print(f"{PROGRAM} {__version__}\n{quoted(number, vectors.sha256)}\nspec.md {SPEC_VERSION}")
+        parser.exit()
+
+
 def _with_packages(words: list[str], named: str | None) -> int:
     """Run a command; a package that is missing is wrong use, and the message says what to install."""
     try:
@@ -77,6 +95,18 @@ def _with_packages(words: list[str], named: str | None) -> int:
             raise
         extra = f"[{EXTRAS[package]}]" if package in EXTRAS else ""
         raise UsageError(f"needs {package}: pip install 'gsvc-conformance{extra}'") from None
+    except Exception as error:
+        raise _as_own(error) from error.__cause__
+
+
+def _as_own(error: Exception) -> Exception:
+    """An error of gsvc_ref as one of the kit's: an installed kit has the classes of both errors as its own."""
+    theirs = sys.modules.get("gsvc_ref.errors")
+    if theirs is not None and isinstance(error, theirs.UsageError):
+        return UsageError(str(error))
+    if theirs is not None and isinstance(error, theirs.GsvcError):
+        return GsvcError(error.kind, error.message, rule=error.rule, bit=error.bit)
+    return error
 
 
 def _run(words: list[str], named: str | None) -> int:

@@ -26,7 +26,6 @@ from typing import Any, Final, Literal
 
 from gsvc_conformance.expectations import Expectation
 from gsvc_conformance.operation import Operation, Values, operations
-from gsvc_ref.draws import Draws
 
 Tier = Literal["core", "uncommon", "stress", "faulty", "full"]
 TIERS: Final[tuple[Tier, ...]] = ("core", "uncommon", "stress", "faulty")
@@ -97,6 +96,8 @@ class Case:
 
     def run(self) -> tuple[Values, Mapping[str, Expectation]]:
         """The inputs and what the outputs must be, once all that the case asserts holds."""
+        from gsvc_ref.draws import Draws
+
         extra = {} if self.seed is None else {"rng": Draws(self.seed)}
         steps = self.function(**self.arguments, **extra)
         inputs = next(steps)

@@ -17,8 +17,9 @@ from gsvc_conformance.cases import FLAGS
 from gsvc_conformance.elements import element_rows, uncovered_elements
 from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.operation import Operation, operations
+from gsvc_conformance.sets import changed, missing, read_sets, withdrawn
 from gsvc_conformance.spec import SPEC
-from gsvc_conformance.vectors import SUMS, VECTORS
+from gsvc_conformance.vectors import MANIFEST, SUMS, VECTORS, files_in, manifests_in
 
 Manifest = Mapping[str, Any]
 
@@ -38,6 +39,8 @@ UNCOVERED: Final[dict[str, str]] = {
 """Requirements and equations that no vector can exercise, and why."""
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
+PARTS: Final = 4
+"""Parts of the name of a vector's file: tier, operation, slug, file."""
 NAMED: Final = 3
 """Maximum number of vectors that a table names."""
 
@@ -58,9 +61,10 @@ def _numbers(name: str) -> list[int]:
 
 
 def manifests(folder: Path = VECTORS) -> list[dict[str, Any]]:
-    """All manifests, by id."""
-    paths = folder.glob("*/*/*/manifest.json")
-    return sorted((json.loads(path.read_text(encoding="utf-8")) for path in paths), key=lambda m: str(m["id"]))
+    """The manifests of all vectors but the withdrawn ones, by id."""
+    files = files_in(folder)
+    gone = withdrawn(read_sets(files))
+    return sorted((m for name, m in manifests_in(files).items() if name not in gone), key=lambda m: str(m["id"]))
 
 
 def coverage_page(folder: Path = VECTORS) -> str:
@@ -85,30 +89,48 @@ def coverage_page(folder: Path = VECTORS) -> str:
     ) + "\n"  # fmt: skip
 
 
-def verify(folder: Path = VECTORS) -> list[str]:
-    """The problems of a set of vectors, a sentence each."""
+def verify(folder: Path = VECTORS, *, whole: bool = True) -> list[str]:
+    """The problems of the vectors of a folder, a sentence each.
+
+    Parameters
+    ----------
+    folder
+        The folder, or an archive of it.
+    whole
+        Whether syntax elements and COVERAGE.md are checked, too, for which gsvc_ref is needed.
+    """
     there = manifests(folder)
     if not there:
         return [f"{folder} has no vectors; write them with: gsvc-conformance generate"]
     return [
         *_file_problems(folder),
+        *_set_problems(folder),
         *_manifest_problems(folder, there),
         *_coverage_problems(there),
-        *uncovered_elements(folder),
-        *_page_problems(folder),
+        *(uncovered_elements(folder) if whole else ()),
+        *(_page_problems(folder) if whole else ()),
     ]
 
 
 def _file_problems(folder: Path) -> Iterable[str]:
     """The files are those that SHA256SUMS lists, and no others."""
-    lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+    files = files_in(folder)
+    lines = files[SUMS].decode().splitlines()
     listed = {name: digest for digest, name in (line.split("  ") for line in lines)}
-    found = {str(path.relative_to(folder)) for path in folder.glob("*/*/*/*")}
+    found = {name for name in files if name.count("/") == PARTS - 1}
     yield from (f"{name} is missing" for name in sorted(listed.keys() - found))
     yield from (f"{name} is not in {SUMS}" for name in sorted(found - listed.keys()))
     for name in sorted(found & listed.keys()):
-        if hashlib.sha256((folder / name).read_bytes()).hexdigest() != listed[name]:
+        if hashlib.sha256(files[name]).hexdigest() != listed[name]:
             yield f"{name} is not the file that {SUMS} lists"
+
+
+def _set_problems(folder: Path) -> Iterable[str]:
+    """Each set has the vectors that it lists, and means the same by them as ever."""
+    files = files_in(folder)
+    sets, there = read_sets(files), manifests_in(files)
+    yield from missing(sets, there)
+    yield from changed(sets, there)
 
 
 def _manifest_problems(folder: Path, there: list[dict[str, Any]]) -> Iterable[str]:
@@ -118,10 +140,11 @@ def _manifest_problems(folder: Path, there: list[dict[str, Any]]) -> Iterable[st
     validator = Draft202012Validator(json.loads(SCHEMA.read_text(encoding="utf-8")))
     known = {"rules": stated()[0], "equations": stated()[1], "flags": list(FLAGS)}
     names = {mutant.name for mutant in MUTANTS}
+    files = files_in(folder)
     for manifest in there:
         name = manifest["id"]
         yield from (f"{name}: {error.json_path} {error.message}" for error in validator.iter_errors(manifest))
-        if not (folder / name / "manifest.json").exists():
+        if f"{name}/{MANIFEST}" not in files:
             yield f"{name} stands in another folder"
         if manifest["operation"] not in operations():
             yield f"{name}: there is no operation {manifest['operation']}"
@@ -144,8 +167,7 @@ def _coverage_problems(there: list[dict[str, Any]]) -> Iterable[str]:
 
 
 def _page_problems(folder: Path) -> Iterable[str]:
-    path = folder / "COVERAGE.md"
-    if not path.exists() or path.read_text(encoding="utf-8") != coverage_page(folder):
+    if files_in(folder).get("COVERAGE.md") != coverage_page(folder).encode():
         yield "COVERAGE.md is not that of these vectors; write it with: gsvc-conformance generate"
 
 

@@ -2,17 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.bitstream.bit_reader import Reader
-from gsvc_ref.bitstream.coder import Element
-from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
-from gsvc_ref.stream import StreamReader
+if TYPE_CHECKING:
+    from gsvc_ref.bitstream.coder import Element
+    from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 
 Number = int | float
 Values = dict[str, tuple[int, set[Number]]]
@@ -24,6 +20,9 @@ IGNORED: Final = ("align", "payload", "unknown")
 
 def values(stream: bytes) -> Values:
     """The values of every element of a stream, up to its fault if it has one."""
+    from gsvc_ref.errors import GsvcError
+    from gsvc_ref.stream import StreamReader
+
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
     try:
         splats = 0
@@ -42,6 +41,10 @@ def used(stream: bytes) -> dict[str, tuple[Number, Number, int]]:
 
 def plane_values(data: bytes, inputs: Mapping[str, int]) -> Values:
     """The values of every element of one plane, given the other inputs of decode_plane."""
+    from gsvc_ref.bitstream import SequenceHeader
+    from gsvc_ref.bitstream.bit_reader import Reader
+    from gsvc_ref.bitstream.planes import plane
+
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
     header = SequenceHeader(
         level=1,
@@ -60,8 +63,8 @@ def _note(found: defaultdict[str, tuple[int, set[Number]]], name: str, value: An
     found[name] = count + times, some
 
 
-def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[[Element], None]:
-    def record(element: Element) -> None:
+def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[["Element"], None]:
+    def record(element: "Element") -> None:
         name = element.name.rpartition(".")[2]
         if name == "frame_number_step, offset_step":
             _note(found, "frame_number_step", element.value[:, 0])
@@ -74,7 +77,7 @@ def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[[Ele
     return record
 
 
-def _note_codes(found: defaultdict[str, tuple[int, set[Number]]], codes: FrameCodes, reference_count: int) -> None:
+def _note_codes(found: defaultdict[str, tuple[int, set[Number]]], codes: "FrameCodes", reference_count: int) -> None:
     """The planes of a frame by their roles, and the counts that decide what is there."""
     if codes.survivors is not None:
         _note(found, "reference_count", reference_count)
@@ -87,7 +90,7 @@ def _note_codes(found: defaultdict[str, tuple[int, set[Number]]], codes: FrameCo
                 _note(found, name, symbols, symbols.shape[1])
 
 
-def _planes(block: SplatBlock) -> Iterable[tuple[str, Any]]:
+def _planes(block: "SplatBlock") -> Iterable[tuple[str, Any]]:
     """The planes of a block by role, each (count, planes)."""
     if block.positions is not None:
         yield "position_high", block.positions >> 8

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from gsvc_conformance.element_values import Number, Values, plane_values, used, values
+from gsvc_conformance.element_values import Number, Values, plane_values, values
+from gsvc_conformance.sets import read_sets, withdrawn
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vectors import MANIFEST, VECTORS, files_in, vector_in
 from gsvc_ref.syntax import named
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")
-__all__ = ["ELEMENTS", "UNCOVERED", "coverage", "element_rows", "uncovered_elements", "used"]
 
 MOST: Final = 2**32 - 1
 HALF: Final = 65504.0
@@ -152,15 +152,17 @@ def _of_vectors(folder: Path) -> tuple[dict[str, Values], dict[str, Values]]:
     """The values in the legal and in the faulty streams and planes of a folder of vectors, by id."""
     legal: dict[str, Values] = {}
     faulty: dict[str, Values] = {}
-    for path in sorted(folder.glob("*/*/*/stream.gsvc")):
-        name = path.parent.relative_to(folder).as_posix()
-        if "/seek/" in name:  # it may have a fault that is not met
+    files = files_in(folder)
+    gone = withdrawn(read_sets(files))
+    for home, _, part in sorted(name.rpartition("/") for name in files):
+        if home in gone or "/seek/" in home:  # a stream of seek may have a fault that is not met
             continue
-        (faulty if name.startswith("faulty/") else legal)[name] = values(path.read_bytes())
-    for path in sorted(folder.glob("*/decode_plane/*/manifest.json")):
-        inputs = read(path.parent).inputs
-        numbers = {name: value for name, value in inputs.items() if name != "data"}
-        legal[path.parent.relative_to(folder).as_posix()] = plane_values(inputs["data"].tobytes(), numbers)
+        if part == "stream.gsvc":
+            (faulty if home.startswith("faulty/") else legal)[home] = values(files[f"{home}/{part}"])
+        elif part == MANIFEST and "/decode_plane/" in home:
+            inputs = vector_in(files, home).inputs
+            numbers = {name: value for name, value in inputs.items() if name != "data"}
+            legal[home] = plane_values(inputs["data"].tobytes(), numbers)
     return legal, faulty
 
 

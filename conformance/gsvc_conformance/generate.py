@@ -17,10 +17,21 @@ from typing import Final
 
 from gsvc_conformance.case import FULL, TIERS, cases
 from gsvc_conformance.cases import CAPACITY
-from gsvc_conformance.coverage import coverage_page
-from gsvc_conformance.elements import used
+from gsvc_conformance.coverage import PARTS, coverage_page
+from gsvc_conformance.element_values import used
 from gsvc_conformance.mutants import MUTANTS, killed_by
-from gsvc_conformance.vectors import SUMS, VECTORS, files_of, from_files, manifest_bytes, sums_of, write
+from gsvc_conformance.sets import check_made, read_sets
+from gsvc_conformance.vectors import (
+    MANIFEST,
+    SUMS,
+    VECTORS,
+    files_in,
+    files_of,
+    from_files,
+    manifest_bytes,
+    sums_of,
+    write,
+)
 from gsvc_ref.errors import UsageError
 
 Files = Mapping[str, Mapping[str, bytes]]
@@ -121,11 +132,19 @@ def _known_kills(home: Path) -> list[str]:
 
 
 def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int = 0) -> int:
-    """Write all vectors and COVERAGE.md to a folder; returns how many.
+    """Write all vectors and COVERAGE.md to a folder; returns how many the cases make.
 
-    What a case no longer makes is removed.
+    What a case no longer makes is removed, unless it stands in a set: such a vector stays as it is.
+
+    Raises
+    ------
+    UsageError
+        A case makes another vector than a set means by its id. Nothing is written then.
     """
     made = make(on_case=on_case, jobs=jobs)
+    many = len(made)
+    _check_sets(folder, made)
+    made |= kept(folder, made)
     for path in sorted(folder.glob("*/*/*/*")):
         if path.name not in made.get("/".join(path.relative_to(folder).parts[:3]), {}):
             path.unlink()
@@ -134,7 +153,29 @@ def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int
             path.rmdir()
     write(folder, made)
     (folder / "COVERAGE.md").write_text(coverage_page(folder), encoding="utf-8")
-    return len(made)
+    return many
+
+
+def kept(folder: Path, made: Files) -> dict[str, dict[str, bytes]]:
+    """The files of vectors that stand in sets of a folder and that no case makes any more, by id."""
+    files = files_in(folder)
+    listed = {name for one in read_sets(files).values() for name in one.digests} - made.keys()
+    return {
+        name: {part.rpartition("/")[2]: files[part] for part in files if part.rpartition("/")[0] == name}
+        for name in sorted(listed)
+    }
+
+
+def _check_sets(folder: Path, made: Files) -> None:
+    """Refuse vectors that are others than the sets of a folder mean by their ids.
+
+    Raises
+    ------
+    UsageError
+        There are some.
+    """
+    if sets := read_sets(files_in(folder)):
+        check_made(sets, {name: json.loads(files[MANIFEST]) for name, files in made.items()})
 
 
 def differences(folder: Path = VECTORS, made: Files | None = None) -> list[str]:
@@ -146,20 +187,24 @@ def differences(folder: Path = VECTORS, made: Files | None = None) -> list[str]:
         The folder of the vectors.
     made
         The result of `make`, if it was called already.
+
+    Raises
+    ------
+    UsageError
+        A case makes another vector than a set means by its id.
     """
     made = make() if made is None else made
-    there = {
-        str(path.relative_to(folder)): path for path in folder.glob("*/*/*/*") if path.is_file()
-    }  # fmt: skip
-    wanted = {f"{name}/{part}": data for name, files in made.items() for part, data in files.items()}
-    found = [f"{name} is not made by any case" for name in sorted(there.keys() - wanted.keys())]
-    found += [f"{name} is missing" for name in sorted(wanted.keys() - there.keys())]
-    found += [
-        f"{name} differs" for name in sorted(there.keys() & wanted.keys()) if there[name].read_bytes() != wanted[name]
-    ]
-    if (folder / SUMS).read_bytes() != sums_of(made):
+    _check_sets(folder, made)
+    made = {**made, **kept(folder, made)}
+    files = files_in(folder)
+    there = {name for name in files if name.count("/") == PARTS - 1}
+    wanted = {f"{name}/{part}": data for name, parts in made.items() for part, data in parts.items()}
+    found = [f"{name} is not made by any case" for name in sorted(there - wanted.keys())]
+    found += [f"{name} is missing" for name in sorted(wanted.keys() - there)]
+    found += [f"{name} differs" for name in sorted(there & wanted.keys()) if files[name] != wanted[name]]
+    if files[SUMS] != sums_of(made):
         found.append(f"{SUMS} is not that of what the cases make")
-    if (folder / "COVERAGE.md").read_text(encoding="utf-8") != coverage_page(folder):
+    if files.get("COVERAGE.md") != coverage_page(folder).encode():
         found.append("COVERAGE.md is not that of these vectors")
     return [*found, f"to write them again: {AGAIN}"] if found else []
 

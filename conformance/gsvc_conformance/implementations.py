@@ -5,6 +5,7 @@ A module may have a function ``environment() -> dict[str, str]`` that says what 
 
 import importlib
 import inspect
+import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -120,7 +121,7 @@ class ModuleImplementation:
 
 
 def load_module(name: str) -> ModuleImplementation:
-    """The implementation that is a module.
+    """The implementation that is a module; the current folder is searched first.
 
     Raises
     ------
@@ -131,6 +132,8 @@ def load_module(name: str) -> ModuleImplementation:
         raise UsageError(
             f"--module takes the name of a module: {'.'.join(Path(name).with_suffix('').parts)}, not {name}"
         )
+    if (here := str(Path.cwd())) not in sys.path and "" not in sys.path:  # as under the installed command
+        sys.path.insert(0, here)
     try:
         with kept_streams():
             module = importlib.import_module(name)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Final
 
-import gsvc_ref
 from gsvc_conformance.operation import Operation, Values
 
 LEVELS: Final = range(1, 6)
@@ -82,6 +81,8 @@ def _works(inputs: Values) -> Iterator[int]:
     """The rendering work of the splats that are drawn, of those of another size, too."""
     if "parameters" not in inputs:
         return
+    import gsvc_ref
+
     parameters = inputs["parameters"]
     if "residual" in inputs:
         height, width = inputs["residual"].shape[:2]

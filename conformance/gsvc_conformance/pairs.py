@@ -10,8 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-import gsvc_ref
-
 
 @dataclass(frozen=True)
 class Twin:
@@ -87,6 +85,8 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
 
 def twin(name: str) -> Callable[..., Any]:
     """gsvc_ref's function of an operation that is a `Twin`."""
+    import gsvc_ref
+
     function: Callable[..., Any] = getattr(gsvc_ref, name)
     return function
 

@@ -5,12 +5,20 @@
 """
 
 from collections.abc import Callable
+from importlib import import_module
 
 from gsvc_conformance.operation import Values, operations
 
 
 def namespace() -> dict[str, Callable[..., Values]]:
-    """gsvc_ref's function of every operation, by name."""
+    """gsvc_ref's function of every operation, by name.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        gsvc_ref is not installed.
+    """
+    import_module("gsvc_ref")
     return {name: operation.reference for name, operation in operations().items()}
 
 

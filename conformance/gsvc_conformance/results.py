@@ -9,6 +9,7 @@ from gsvc_conformance.claim import Claim
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.names import dimensions, element
 from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
 from gsvc_conformance.vectors import PROFILE
 from gsvc_ref.cli.text import plural, printable
@@ -33,8 +34,6 @@ EXIT_CODES: Final[Mapping[Conclusion, int]] = {
 """The conclusion of a run: incomplete is no fault, so that whoever has three operations can keep them right.
 
 A claim that is incomplete does not hold, which is a fault."""
-HASH_DIGITS: Final = 8
-"""Digits of a set's hash that verdicts quote."""
 
 
 @dataclass(frozen=True)
@@ -265,9 +264,8 @@ class Report:
 
     @property
     def vectors(self) -> str:
-        """The set of vectors in words, as verdicts quote it: its version and its hash."""
-        version, digest = self.environment.get("vectors version", "?"), self.environment.get("vectors", "")
-        return f"GSVC vectors {version} (sha256 {digest[:HASH_DIGITS]}…)"
+        """The vectors in words, as verdicts quote them: the number of their set, and its hash."""
+        return quoted(self.environment.get("vector set", ""), self.environment.get("vectors", ""))
 
     def quotes(self) -> list[str]:
         """The verdicts in words that can be quoted: on each class of the claim, or on each one that passes at a level.

@@ -8,7 +8,9 @@ from typing import Final
 from gsvc_conformance.c_header import c_header
 from gsvc_ref.syntax import syntax
 
-ROOT: Final = Path(__file__).parents[2]
+CHECKOUT: Final = Path(__file__).parents[2]
+ROOT: Final = CHECKOUT if (CHECKOUT / "spec.md").is_file() else Path()
+"""The folder that the files lie below: the checkout of an editable kit, else the current folder."""
 
 
 def syntax_json() -> str:

@@ -9,25 +9,29 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from gsvc_conformance.case import FULL, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
+from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vectors import SUMS, Vector, from_files
+from gsvc_conformance.vectors import MANIFEST, PACKED, SUMS, Vector, files_in, from_files
 from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
-MANIFEST: Final = "manifest.json"
 ALL_TIERS: Final = (*TIERS, FULL)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
 MAX_NAMED: Final = 4
 """Maximum number of selected names that are listed; more are counted."""
 GENERATE: Final = "write them with: gsvc-conformance generate"
+INSTALL: Final = "install gsvc-conformance again"
+
+Wanted = int | Literal["newest", "all"]
+"""The set that is wanted: a number, the newest one, or all vectors of a folder, also those that no set lists yet."""
 
 
 @dataclass(frozen=True)
@@ -93,23 +97,39 @@ class VectorFolder:
     Parameters
     ----------
     folder
-        With ``<tier>/<operation>/<slug>/manifest.json`` and SHA256SUMS.
+        With ``<tier>/<operation>/<slug>/manifest.json``, SHA256SUMS and, unless they are somebody's own,
+        ``sets/<number>.txt``; or an archive (zip) of such a folder.
+    wanted
+        The set whose vectors alone are here. ``newest`` means all vectors where the folder has no sets.
+
+    Attributes
+    ----------
+    names
+        The ids, by tier and then by the order of the operations; withdrawn vectors belong to sets alone.
+    set
+        The set that they are; None for all vectors.
 
     Raises
     ------
     UsageError
-        There are no vectors, or some of an operation that this kit does not know.
+        There are no vectors, or some of an operation that this kit does not know, or there is no such set.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, wanted: Wanted = "all") -> None:
         self.folder = folder
-        if not (folder / SUMS).is_file():
-            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {GENERATE}")
+        self._files = files_in(folder)
+        self._advice = INSTALL if folder == PACKED else GENERATE
+        if SUMS not in self._files:
+            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {self._advice}")
+        sums = self._files[SUMS]
+        self._hash = hashlib.sha256(sums).hexdigest()
         try:
-            lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+            lines = sums.decode().splitlines()
             self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
         except ValueError:
-            raise UsageError(f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {GENERATE}") from None
+            raise UsageError(
+                f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {self._advice}"
+            ) from None
         self._parts: dict[str, list[str]] = {}
         for name in self._sums:
             self._parts.setdefault(name.rpartition("/")[0], []).append(name.rpartition("/")[2])
@@ -121,8 +141,36 @@ class VectorFolder:
                     f"{name} is a vector of a tier or operation that this kit does not know: use the same version of "
                     "the kit and of the vectors"
                 )
+        sets = read_sets(self._files)
+        self.set = self._chosen(sets, wanted)
         place = {operation: index for index, operation in enumerate(operations())}
-        self.names = sorted(self._parts, key=lambda n: (ALL_TIERS.index(n.split("/")[0]), place[n.split("/")[1]], n))
+        self.names = sorted(
+            self.set.digests if self.set else self._parts.keys() - withdrawn(sets),
+            key=lambda n: (ALL_TIERS.index(n.split("/")[0]), place[n.split("/")[1]], n),
+        )
+
+    def _chosen(self, sets: Mapping[int, VectorSet], wanted: Wanted) -> VectorSet | None:
+        """The set that is wanted, all of whose vectors must be there.
+
+        Raises
+        ------
+        UsageError
+            There is no such set, or a vector of it is missing.
+        """
+        if wanted == "all":
+            return None
+        if isinstance(wanted, int) and wanted not in sets:
+            known = f"its sets are {', '.join(map(str, sets))}" if sets else "it has none: leave out --set"
+            raise UsageError(f"{self.folder} has no set {wanted}; {known}")
+        chosen = newest(sets) if wanted == "newest" else sets[wanted]
+        if chosen and (gone := sorted(chosen.digests.keys() - self._parts.keys())):
+            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {self._advice}")
+        return chosen
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of the list of the set; of SHA256SUMS where these are all vectors of a folder."""
+        return self.set.sha256 if self.set else self._hash
 
     def select(self, selection: Selection) -> list[str]:
         """The ids that are selected, by tier and then by the order of the operations.
@@ -161,17 +209,17 @@ class VectorFolder:
 
     def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:
         """The vectors whose manifests have one of some values in a field; each value must be that of some vector."""
-        has = {name: self._manifest(name)[field] for name in self.names}
+        has = {name: self.manifest(name)[field] for name in self.names}
         known = dict.fromkeys(value for found in has.values() for value in found)
         for value in values:
             if value not in known:
-                near = question(value, known)
-                raise UsageError(f"no vector has {value} among its {field}{near or '; vectors/COVERAGE.md lists them'}")
+                near = question(value, known) or "; gsvc-conformance list --json shows those of each vector"
+                raise UsageError(f"no vector has {value} among its {field}{near}")
         return [name for name in names if not set(values).isdisjoint(has[name])]
 
     def killed_by(self, names: Iterable[str]) -> set[str]:
         """The mutants that the manifests of some vectors say to find."""
-        return {mutant for name in names for mutant in self._manifest(name).get("kills", ())}
+        return {mutant for name in names for mutant in self.manifest(name).get("kills", ())}
 
     def read(self, names: list[str]) -> Iterator[Vector]:
         """Vectors by id, each when it is asked for.
@@ -182,9 +230,11 @@ class VectorFolder:
             A file is missing, was changed or is damaged, or a manifest is none that this kit knows.
         """
         for name in names:
-            manifest = self._manifest(name)
-            with _damaged(self.folder / name):
+            manifest = self.manifest(name)
+            with _damaged(self.folder / name, self._advice):
                 check_manifest(name, manifest)
+                if self.set:
+                    self.set.check(name, manifest)
                 vector = from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
                 for port, value in vector.inputs.items():
                     if (
@@ -194,11 +244,18 @@ class VectorFolder:
                         raise TypeError(f"the input {port} is no array of numbers")
             yield vector
 
-    def _manifest(self, name: str) -> Mapping[str, Any]:
+    def manifest(self, name: str) -> Mapping[str, Any]:
+        """The manifest of a vector, of which nothing is checked but that it is the file that SHA256SUMS lists.
+
+        Raises
+        ------
+        UsageError
+            It is missing, was changed or is damaged.
+        """
         if MANIFEST not in self._parts[name]:
-            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {GENERATE}")
+            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {self._advice}")
         data = self._file(f"{name}/{MANIFEST}")
-        with _damaged(self.folder / name):
+        with _damaged(self.folder / name, self._advice):
             manifest = json.loads(data)
             if not isinstance(manifest, dict):
                 raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
@@ -206,16 +263,16 @@ class VectorFolder:
 
     def _file(self, name: str) -> bytes:
         try:
-            data = (self.folder / name).read_bytes()
-        except FileNotFoundError:
-            raise UsageError(f"{self.folder / name} is missing; {GENERATE}") from None
+            data = self._files[name]
+        except KeyError:
+            raise UsageError(f"{self.folder / name} is missing; {self._advice}") from None
         if hashlib.sha256(data).hexdigest() != self._sums[name]:
-            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {GENERATE}")
+            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {self._advice}")
         return data
 
 
 @contextmanager
-def _damaged(vector: Path) -> Iterator[None]:
+def _damaged(vector: Path, advice: str) -> Iterator[None]:
     """Say of which vector it is that a file cannot be understood, whatever is wrong with it.
 
     Raises
@@ -228,7 +285,7 @@ def _damaged(vector: Path) -> Iterator[None]:
     except UsageError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {GENERATE}") from None
+        raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {advice}") from None
 
 
 @cache

@@ -2,12 +2,14 @@
 
 A part is an array (``.npy``, little-endian, C order) or a stream (``.gsvc``). Large arrays that repeat themselves are
 stored as runs (`runs`). Single numbers among the inputs and texts among the outputs stand in the manifest. `SHA256SUMS`
-has every file; `manifest.schema.json` says what a manifest is.
+has every file; `manifest.schema.json` says what a manifest is. An installed kit has them all in one archive, which
+stands for the folder wherever a folder is named.
 """
 
 import hashlib
 import io
 import json
+import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +23,13 @@ from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Expectation, Re
 from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.runs import pack, unpack
+from gsvc_ref.errors import UsageError
 
-VECTORS: Final = Path(__file__).parents[2] / "vectors"
+PACKED: Final = Path(__file__).with_name("vectors.zip")
+"""The vectors of an installed kit."""
+VECTORS: Final = PACKED if PACKED.exists() else Path(__file__).parents[2] / "vectors"
 SUMS: Final = "SHA256SUMS"
-VECTORS_VERSION: Final = 1
-"""The version of the set that claims name, beside its hash."""
+MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.1"
 PROFILE: Final = "paper"
 ERROR_MODEL: Final = "fp32/1"
@@ -129,20 +133,50 @@ def sums_of(files: Mapping[str, Mapping[str, bytes]]) -> bytes:
 
 def set_hash(folder: Path = VECTORS) -> str:
     """The SHA-256 of SHA256SUMS: one number for the whole set."""
-    return hashlib.sha256((folder / SUMS).read_bytes()).hexdigest()
+    return hashlib.sha256(files_in(folder)[SUMS]).hexdigest()
+
+
+def files_in(place: Path) -> Mapping[str, bytes]:
+    """The files of a folder, or of an archive (zip), by their relative names; each is read when it is asked for.
+
+    Raises
+    ------
+    UsageError
+        It is a file and no archive.
+    """
+    if not place.is_file():
+        return _Folder(place)
+    try:
+        return _Archive(place)
+    except zipfile.BadZipFile:
+        raise UsageError(f"{place} is neither a folder of vectors nor an archive (zip) of one") from None
 
 
 def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")) -> Iterator[Vector]:
     """All vectors of some tiers, by tier and then by the order of the operations."""
+    files = files_in(folder)
+    found = sorted(name.split("/") for name in files if name.endswith(f"/{MANIFEST}"))
     for tier in tiers:
-        for operation in operations().values():
-            for path in sorted((folder / tier / operation.name).glob("*/manifest.json")):
-                yield read(path.parent)
+        for operation in operations():
+            for *home, _ in found:
+                if home[:2] == [tier, operation]:
+                    yield vector_in(files, "/".join(home))
 
 
 def read(home: Path) -> Vector:
     """The vector of one folder."""
     return from_files(_Folder(home))
+
+
+def vector_in(files: Mapping[str, bytes], name: str) -> Vector:
+    """The vector of an id among the files of many."""
+    return from_files(_Under(files, f"{name}/"))
+
+
+def manifests_in(files: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
+    """All manifests among the files of many vectors, by the place of each, which is its id."""
+    names = sorted(name for name in files if name.endswith(f"/{MANIFEST}"))
+    return {name.removesuffix(f"/{MANIFEST}"): json.loads(files[name]) for name in names}
 
 
 def from_files(files: Mapping[str, bytes]) -> Vector:
@@ -160,10 +194,45 @@ class _Folder(Mapping[str, bytes]):
         self._home = home
 
     def __getitem__(self, name: str) -> bytes:
-        return (self._home / name).read_bytes()
+        try:
+            return (self._home / name).read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            raise KeyError(name) from None
 
     def __iter__(self) -> Iterator[str]:
-        return (path.name for path in self._home.iterdir())
+        return (path.relative_to(self._home).as_posix() for path in self._home.rglob("*") if path.is_file())
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+class _Archive(Mapping[str, bytes]):
+    """The files of a zip, read when they are asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._zip = zipfile.ZipFile(path)
+
+    def __getitem__(self, name: str) -> bytes:
+        return self._zip.read(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._zip.namelist())
+
+    def __len__(self) -> int:
+        return len(self._zip.namelist())
+
+
+class _Under(Mapping[str, bytes]):
+    """The files below a folder of others."""
+
+    def __init__(self, files: Mapping[str, bytes], folder: str) -> None:
+        self._files, self._folder = files, folder
+
+    def __getitem__(self, name: str) -> bytes:
+        return self._files[self._folder + name]
+
+    def __iter__(self) -> Iterator[str]:
+        return (name.removeprefix(self._folder) for name in self._files if name.startswith(self._folder))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)

@@ -2,7 +2,7 @@
 
 import html
 from collections.abc import Mapping, Sequence
-from importlib import resources
+from pathlib import Path
 
 from gsvc_lab.pages.data import Figure
 from gsvc_lab.pages.tables import html_table
@@ -10,7 +10,7 @@ from gsvc_lab.pages.tables import html_table
 
 def document(title: str, sections: Sequence[str]) -> str:
     """A page from its sections, in the house's style; empty ones are left out."""
-    style = resources.files("gsvc_lab.pages").joinpath("style.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

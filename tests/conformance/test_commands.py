@@ -274,11 +274,10 @@ def test_a_selection_that_is_mistyped(folder, toy_module, capsys, words, message
     assert message in capsys.readouterr().err
 
 
-def test_vectors_of_rules_and_equations(folder, toy_module, monkeypatch, capsys):
+def test_vectors_of_rules_and_equations(folder, toy_module, capsys):
     assert run(folder, "--module", toy_module(), "--rule", "R-13-3", "--equation", "(9-1)") == 0
     out = capsys.readouterr().out
     assert "class training  passed: 3 vectors pass\nof rule R-13-3, equation 9-1 only\n" in out
-    monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
     assert main(["list", "--cases", "--vectors", str(folder), "--rule", "R-13-3", "--tier", "stress"]) == 0
     assert capsys.readouterr().out == "stress/scale/nothing: The vector nothing.\n"
     assert main(["list", "--vectors", str(folder), "--rule", "R-13-3"]) == 0
@@ -396,9 +395,8 @@ def test_list(toys, folder, capsys):
     ]
 
 
-def test_list_of_cases_and_json(folder, monkeypatch, capsys):
-    monkeypatch.setattr(listing, "cases", lambda: {name: toy_operations.case_of(name) for name in INPUTS})
-    assert main(["list", "--cases", "--tier", "faulty"]) == 0
+def test_list_of_cases_and_json(folder, capsys):
+    assert main(["list", "--cases", "--tier", "faulty", "--vectors", str(folder)]) == 0
     assert capsys.readouterr().out == "faulty/parse/bad_letter: The vector bad_letter.\n"
     assert main(["list", "--json", "--vectors", str(folder)]) == 0
     value = json.loads(capsys.readouterr().out)
@@ -433,7 +431,7 @@ def test_list_in_markdown(folder, tmp_path, capsys):
 
 def test_verify(folder, monkeypatch, capsys):
     found: list[str] = []
-    monkeypatch.setattr("gsvc_conformance.coverage.verify", lambda vectors: found)
+    monkeypatch.setattr("gsvc_conformance.coverage.verify", lambda vectors, whole: found)
     assert main(["verify", "--vectors", str(folder)]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].split() == ["operation", "core", "uncommon", "stress", "faulty"]

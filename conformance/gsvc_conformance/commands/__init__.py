@@ -2,19 +2,47 @@
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector_folder import ALL_TIERS, Selection
+from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder, Wanted
 from gsvc_conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
 
+_HERE: Final = Path(__file__).parents[1]
+PROTOCOL: Final = next(
+    (path for path in (_HERE / "protocol.md", _HERE.parent / "protocol.md") if path.exists()), Path("protocol.md")
+)
+"""The document that says how an implementation is asked: in the package where that is installed, else beside it."""
+
 
 def add_vectors(parser: ArgumentParser) -> None:
     """The folder of the vectors."""
-    parser.add_argument("--vectors", type=Path, default=VECTORS, metavar="DIR", help="the vectors (default: vectors/)")
+    parser.add_argument(
+        "--vectors", type=Path, default=VECTORS, metavar="DIR",
+        help="a folder of vectors, or an archive (zip) of one (default: those of the project)",
+    )  # fmt: skip
+
+
+def add_set(parser: ArgumentParser) -> None:
+    """The set of the vectors."""
+    parser.add_argument(
+        "--set", type=_set, default="newest", metavar="N",
+        help="the vectors of this set (default: the newest); all: also those that no set lists yet",
+    )  # fmt: skip
+
+
+def _set(text: str) -> Wanted:
+    """A number of a set, ``newest`` or ``all``."""
+    words: dict[str, Wanted] = {"newest": "newest", "all": "all"}
+    return words.get(text) or times(text)
+
+
+def vectors_of(arguments: Namespace) -> VectorFolder:
+    """The vectors that `add_vectors` and `add_set` name."""
+    return VectorFolder(arguments.vectors, arguments.set)
 
 
 def add_selection(parser: ArgumentParser) -> None:
@@ -37,7 +65,7 @@ def add_selection(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="for this class of mistakes: needle; vectors/COVERAGE.md lists them",
+        help="for this class of mistakes: needle; list --json shows which each vector has",
     )
 
 

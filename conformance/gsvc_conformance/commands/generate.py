@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from gsvc_conformance.commands import add_vectors, count
-from gsvc_conformance.vectors import SUMS, set_hash, sums_of
+from gsvc_conformance.vectors import SUMS, files_in, set_hash, sums_of
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
@@ -35,7 +35,9 @@ def run(arguments: Namespace) -> int:
     """Write or compare; 1 if a comparison finds differences."""
     from gsvc_conformance import generate
 
-    if arguments.check and not (arguments.vectors / SUMS).is_file():
+    if not arguments.check and not arguments.full and arguments.vectors.is_file():
+        raise UsageError(f"{arguments.vectors} is an archive: name a folder to write to, with --vectors DIR")
+    if arguments.check and SUMS not in files_in(arguments.vectors):
         raise UsageError(f"there are no vectors in {arguments.vectors}; write them with: gsvc-conformance generate")
     if arguments.without_kills and not arguments.check:
         raise UsageError("--without-kills goes with --check: vectors are written with all that they say")

@@ -16,10 +16,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-import gsvc_ref
+from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL
 from gsvc_conformance.claim import FORM, Claim, read_claim
-from gsvc_conformance.commands import add_selection, add_vectors, count, selection, times
+from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import check_outputs, write_files
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.implementations import Implementation, checked_environment
@@ -29,7 +29,7 @@ from gsvc_conformance.report.kept import forget, keep_files
 from gsvc_conformance.results import FAULTS, Report, Result
 from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
-from gsvc_conformance.vectors import SPEC_VERSION, VECTORS, VECTORS_VERSION, Vector, set_hash
+from gsvc_conformance.vectors import SPEC_VERSION, VECTORS, Vector
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
@@ -42,6 +42,7 @@ NOTHING: Final = np.zeros(0)
 def add_judging(parser: ArgumentParser) -> None:
     """The options that do not say what is judged."""
     add_vectors(parser)
+    add_set(parser)
     add_selection(parser)
     parser.add_argument(
         "--claim", metavar="CLAIM",
@@ -90,7 +91,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     aside = check_outputs(arguments.json, arguments.junit, arguments.html)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     claim = read_claim(arguments.claim) if arguments.claim else None
-    folder = VectorFolder(arguments.vectors)
+    folder = vectors_of(arguments)
     chosen, waivers, book = _selection(arguments, claim), read_waivers(arguments.waivers), PictureBook()
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
     if claim:
@@ -126,7 +127,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     notes += [*_difference_notes(results), *_waiver_notes(results, waivers, folder.names)]
     notes += [_order_note(arguments.order)] if arguments.order is not None else []
     again = shlex.join([*command, *_vectors_words(arguments)])
-    around = environment(implementation.name, arguments.vectors)
+    around = environment(implementation.name, folder)
     place = {name: number for number, name in enumerate(names)}
     results = sorted(results, key=lambda result: place[result.id])
     report = Report(
@@ -274,8 +275,9 @@ def _right_types(judged: Judged) -> bool:
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:
-    """The option that names the vectors, unless they are the usual ones."""
-    return ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
+    """The options that name the vectors and the set, unless they are the usual ones."""
+    place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
+    return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
 
 
 def read_waivers(path: Path | None) -> dict[str, str]:
@@ -314,14 +316,14 @@ def read_environment(words: Iterable[str]) -> dict[str, str]:
     return checked_environment({key: value for key, _, value in pairs}, "--environment")
 
 
-def environment(name: str, vectors: Path) -> dict[str, str]:
+def environment(name: str, vectors: VectorFolder) -> dict[str, str]:
     """The kit, the document, the vectors, the machine and the time of a run, by name."""
     return {
         "implementation": name,
-        "kit": f"gsvc_ref {gsvc_ref.__version__}",
+        "kit": f"gsvc-conformance {__version__}",
         "spec.md": SPEC_VERSION,
-        "vectors version": str(VECTORS_VERSION),
-        "vectors": set_hash(vectors),
+        **({"vector set": str(vectors.set.number)} if vectors.set else {}),
+        "vectors": vectors.sha256,
         "platform": f"{platform.system()} {platform.machine()}",
         "Python": f"{platform.python_version()}, NumPy {np.__version__}",
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

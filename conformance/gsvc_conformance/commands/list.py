@@ -1,30 +1,31 @@
-"""``list``: show the operations or the cases."""
+"""``list``: show the operations or the vectors."""
 
-import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gsvc_conformance.case import Case, cases
-from gsvc_conformance.commands import add_selection, add_vectors, selection
+from gsvc_conformance.commands import add_selection, add_set, add_vectors, selection, vectors_of
 from gsvc_conformance.operation import Operation, Port, operations
-from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.vector_folder import Selection
+from gsvc_conformance.vectors import files_in, manifests_in
 from gsvc_lab.pages.markers import put_between
 from gsvc_ref.cli.text import print_json, show
-from gsvc_ref.errors import UsageError
 
 BEGIN = "<!-- begin: gsvc-conformance list --markdown conformance/protocol.md -->"
 END = "<!-- end -->"
+SHOWN = ("id", "title", "reason", "rules", "equations", "flags")
+"""What is shown of a vector, of its manifest."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     add_vectors(parser)
+    add_set(parser)
     add_selection(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--cases", action="store_true", help="the cases, each with its title; so does --flag")
-    form.add_argument("--json", action="store_true", help="operations and cases as JSON")
+    form.add_argument("--cases", action="store_true", help="the vectors, each with its title; so does --flag")
+    form.add_argument("--json", action="store_true", help="operations and vectors as JSON")
     form.add_argument(
         "--markdown", nargs="?", type=Path, const=Path("-"), metavar="FILE",
         help="the table of operations in Markdown; with FILE, put it between the markers of that file",
@@ -40,29 +41,25 @@ def run(arguments: Namespace) -> int:
         else:
             put_between(arguments.markdown, BEGIN, END, markdown(arguments.vectors))
     elif arguments.json or arguments.cases or chosen.flags:
-        listed = [case for case in cases().values() if chosen.holds(case.id)]
-        if chosen.of_manifests:
-            selected = set(VectorFolder(arguments.vectors).select(chosen))
-            listed = [case for case in listed if case.id in selected]
-        if not listed:
-            raise UsageError(f"no case is selected by {chosen}")
+        folder = vectors_of(arguments)
+        listed = [folder.manifest(name) for name in folder.select(chosen)]
         if not arguments.json:
-            show(*(f"{case.id}: {case.title}" for case in listed))
+            show(*(f"{manifest['id']}: {manifest['title']}" for manifest in listed))
         else:
             checks = checks_of(arguments.vectors)
             objects = {"operations": [_operation_object(operation, checks) for operation in operations().values()],
-                       "cases": [_case_object(case) for case in listed]}  # fmt: skip
+                       "cases": [{field: manifest[field] for field in SHOWN} for manifest in listed]}  # fmt: skip
             print_json(objects)
     else:
-        show(*_lines(_selected(chosen, arguments.vectors)))
+        show(*_lines(_selected(chosen, arguments)))
     return 0
 
 
-def _selected(chosen: Selection, folder: Path) -> Iterable[Operation]:
+def _selected(chosen: Selection, arguments: Namespace) -> Iterable[Operation]:
     """The operations that are selected, or of which vectors are."""
     names = set(operations())
     if chosen.tiers or chosen.patterns or chosen.of_manifests:
-        names = {name.split("/")[1] for name in VectorFolder(folder).select(chosen)}
+        names = {name.split("/")[1] for name in vectors_of(arguments).select(chosen)}
     for operation in operations().values():
         there = operation.name in (chosen.operations or names) and operation.name in names
         if there and (not chosen.groups or operation.group in chosen.groups):
@@ -83,8 +80,7 @@ def port_text(port: Port) -> str:
 def checks_of(folder: Path) -> Mapping[tuple[str, str], set[str]]:
     """The classes of checks of each operation's outputs among the vectors of a folder; empty without vectors."""
     found: dict[tuple[str, str], set[str]] = {}
-    for path in folder.glob("*/*/*/manifest.json"):
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+    for manifest in manifests_in(files_in(folder)).values():
         for name, entry in manifest["outputs"].items():
             found.setdefault((manifest["operation"], name), set()).add(entry["check"])
     return found
@@ -122,8 +118,3 @@ def _operation_object(operation: Operation, checks: Mapping[tuple[str, str], set
         "equations": operation.equations,
         "rules": operation.rules,
     }
-
-
-def _case_object(case: Case) -> dict[str, Any]:
-    return {"id": case.id, "title": case.title, "reason": case.reason, "rules": case.rules,
-            "equations": case.equations, "flags": case.flags}  # fmt: skip

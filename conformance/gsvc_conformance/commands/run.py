@@ -4,6 +4,7 @@ from argparse import ArgumentParser, Namespace
 from typing import Final
 
 from gsvc_conformance import implementations, process
+from gsvc_conformance.commands import PROTOCOL
 from gsvc_conformance.commands.judging import add_judging, judge
 from gsvc_ref.cli.arguments import positive, whole
 from gsvc_ref.errors import UsageError
@@ -14,9 +15,9 @@ TIMEOUT: Final = 60.0
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "Results are explained in conformance/protocol.md. Exit code 0: nothing is wrong and something passes; "
+        f"Results are explained in {PROTOCOL}. Exit code 0: nothing is wrong and something passes; "
         "1: something is wrong; 2: nothing was judged."
-    )
+    ).replace("%", "%%")
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD OPERATION IN_DIR OUT_DIR")
     which.add_argument(

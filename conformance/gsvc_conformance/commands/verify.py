@@ -3,11 +3,12 @@
 from argparse import ArgumentParser, Namespace
 from collections import Counter
 from importlib import import_module
+from importlib.util import find_spec
 
 from gsvc_conformance.commands import add_vectors
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector_folder import ALL_TIERS, VectorFolder
-from gsvc_conformance.vectors import set_hash
+from gsvc_conformance.vectors import files_in, set_hash
 from gsvc_ref.cli.text import plural, show, table
 
 
@@ -23,11 +24,15 @@ def run(arguments: Namespace) -> int:
 
     names = VectorFolder(arguments.vectors).names
     show(*counts(names))
-    size = sum(path.stat().st_size for path in arguments.vectors.rglob("*") if path.is_file())
+    size = sum(map(len, files_in(arguments.vectors).values()))
     show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
-    problems = verify(arguments.vectors)
+    whole = find_spec("gsvc_ref") is not None
+    problems = verify(arguments.vectors, whole=whole)
     for problem in problems:
         show(problem)
+    if not whole:
+        show("syntax elements and COVERAGE.md were not checked: that needs gsvc_ref; "
+             "pip install 'gsvc-conformance[reference]'")  # fmt: skip
     show(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
     return 1 if problems else 0
 

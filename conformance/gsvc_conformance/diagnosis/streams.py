@@ -44,9 +44,14 @@ def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
 
 @lru_cache(maxsize=256)
 def element_at(stream: bytes, bit: int) -> str:
-    """The syntax element of a stream that a bit belongs to, without its frame and index; '' if it is not reached."""
-    from gsvc_ref.stream.listing import place_of
+    """The syntax element of a stream that a bit belongs to, without its frame and index; '' if it is not reached.
 
+    gsvc_ref finds it; where that is not installed, it is ''.
+    """
+    try:
+        from gsvc_ref.stream.listing import place_of
+    except ModuleNotFoundError:
+        return ""
     entry = place_of(stream, bit).entry
     if entry is None:
         return ""
@@ -54,9 +59,14 @@ def element_at(stream: bytes, bit: int) -> str:
 
 
 def elements_named(vector: Vector, *texts: object) -> str:
-    """The elements at the bits of refusals, in brackets: `` (bit 4255: frequency[3] of color_index 1, frame 0)``."""
-    from gsvc_ref.stream.listing import name_at
+    """The elements at the bits of refusals, in brackets: `` (bit 4255: frequency[3] of color_index 1, frame 0)``.
 
+    gsvc_ref finds them; where that is not installed, nothing is said.
+    """
+    try:
+        from gsvc_ref.stream.listing import name_at
+    except ModuleNotFoundError:
+        return ""
     bits = dict.fromkeys(text.split()[2] for text in texts if isinstance(text, str) and len(text.split()) == 3)
     stream = vector.inputs.get("stream")
     found = [(bit, name_at(stream, int(bit))) for bit in bits if bit.isdecimal() and isinstance(stream, bytes)]

@@ -13,7 +13,6 @@ from gsvc_conformance.expectations import Bounded, Expectation
 from gsvc_conformance.operation import Values, operation
 from gsvc_conformance.operations.exact_ssim import ms_ssim_and_condition
 from gsvc_conformance.running_error import COMPONENTS
-from gsvc_ref import metrics as gsvc_metrics
 from gsvc_ref.rendering.bounds import EPS, additions, gamma
 
 Frame = NDArray[np.unsignedinteger[Any]]
@@ -75,6 +74,8 @@ def _psnr(mse: Fraction, peak: int, relative: float) -> Bounded:
 )
 def metrics(a: Frame, b: Frame, bit_depth: int) -> Values:
     """How far two frames are apart: mean squared error, PSNR and MS-SSIM."""
+    from gsvc_ref import metrics as gsvc_metrics
+
     peak = 2**bit_depth - 1
     return {
         "mse": np.array(gsvc_metrics.mse(a, b, peak)),

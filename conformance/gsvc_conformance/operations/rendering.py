@@ -10,11 +10,10 @@ from gsvc_conformance.expansions import exact
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from gsvc_conformance.operation import numbered, paired
 from gsvc_conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
+from gsvc_ref.arrays import frame_type
 from gsvc_ref.constants import LN_255
 from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
 from gsvc_ref.rendering.definition import added
-from gsvc_ref.rendering.deterministic import sum_plain
-from gsvc_ref.rendering.pictures import frame_type
 from gsvc_ref.splats import Splats
 
 F4 = NDArray[np.float32]
@@ -51,6 +50,8 @@ paired(
 
 def _plain_sum(parameters: F4, width: int, height: int) -> dict[str, Expectation]:
     """Every operation of section 9.3 by NumPy, which rounds each on its own."""
+    from gsvc_ref.rendering.deterministic import sum_plain
+
     return {"sum": Exact(sum_plain(Splats.from_array(parameters), width, height))}
 
 

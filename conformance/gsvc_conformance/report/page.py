@@ -2,7 +2,7 @@
 
 import html
 from collections.abc import Mapping, Sequence
-from importlib import resources
+from pathlib import Path
 from typing import Final
 
 from gsvc_conformance.report.console import cause_lines, conclusion, folded, ratio_text, rule_counts
@@ -46,7 +46,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         _vectors(report.results),
         notes_section(report.notes, report.environment),
     ]
-    style = resources.files("gsvc_conformance.report").joinpath("style.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
     return document(title, sections).replace("</style>", f"{style}</style>", 1)
 
 

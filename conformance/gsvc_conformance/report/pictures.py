@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
 from gsvc_conformance.operation import Values
+from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
-from gsvc_lab.pages.pictures import png_uri
 
 U1 = NDArray[np.uint8]
 F8 = NDArray[np.float64]
