@@ -25,6 +25,7 @@ COMMANDS: Final = {
     "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",
+    "make": "make a vector of your own from inputs of an operation",
     "mutants": "check the suite: every mutant must be found",
     "legal": "say whether files that an encoder wrote are streams by spec.md",
     "streams": "write random legal streams with what they decode to",
