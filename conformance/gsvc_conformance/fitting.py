@@ -1,4 +1,4 @@
-"""Inputs of an operation that somebody brings: read from files, and held against types and shapes of spec.md section 4.3.
+"""Inputs that somebody brings: read from files, and held against the types and shapes of spec.md section 4.3.
 
 What can be converted without loss is converted. Everything else is refused, with a sentence for each input.
 """
@@ -40,8 +40,8 @@ def read_inputs(operation: Operation, path: Path) -> dict[str, Any]:
     if path.suffix == STREAM:
         streams = [port.name for port in operation.inputs if port.type == "stream"]
         if len(streams) != 1 or len(operation.inputs) != 1:
-            raise UsageError(f"{operation.name} takes {_names(operation)}, so a stream alone is not enough: give a folder "
-                             f"or an .npz file of them")  # fmt: skip
+            raise UsageError(f"{operation.name} takes {_names(operation)}, so a stream alone is not enough: give a "
+                             "folder or an .npz file of them")  # fmt: skip
         return {streams[0]: _bytes(path)}
     if path.suffix != ".npz":
         raise UsageError(f"{path} is no .npz file, no {STREAM} file and no folder of .npy files")

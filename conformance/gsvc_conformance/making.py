@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance.case import OWN, Case
+from gsvc_conformance.case import Inputs as CaseInputs
 from gsvc_conformance.expectations import Bounded, Expectation
 from gsvc_conformance.fitting import fit
 from gsvc_conformance.operation import Operation, Values, operations
@@ -94,8 +95,12 @@ def make_vector(
 
 def _case(operation: Operation, slug: str, title: str) -> Case:
     """The case that `files_of` asks for; its function is not called."""
+
+    def function() -> CaseInputs:
+        yield {}
+
     name = f"{OWN}/{operation.name}/{slug}"
-    return Case(name, OWN, operation, title, "", (), (), (), None, GENERATOR, make_vector, {})
+    return Case(name, OWN, operation, title, "", (), (), (), None, GENERATOR, function, {})
 
 
 def _slug(operation: Operation, values: Values, name: str | None) -> str:

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = (
-        "INPUTS is an .npz file with the inputs by name; a folder of NAME.npy and NAME.gsvc, such as DIR/ID/in that run "
-        "--keep DIR left of a failure; or a .gsvc file, the stream of an operation that takes nothing else. "
-        "gsvc-conformance list shows the inputs of each operation. OUT may have vectors of yours; gsvc-conformance run "
-        "--vectors OUT judges all of them."
+        "INPUTS is an .npz file with the inputs by name; a folder of NAME.npy and NAME.gsvc, such as DIR/ID/in, which "
+        "run --keep DIR leaves of a failure; or a .gsvc file, the stream of an operation that takes nothing else. "
+        "gsvc-conformance list shows the inputs of each operation. OUT may have vectors of yours: "
+        "gsvc-conformance run --vectors OUT judges all of them."
     )
     parser.add_argument("operation", metavar="OPERATION", help="such as render_sum; gsvc-conformance list names them")
     parser.add_argument("inputs", type=Path, metavar="INPUTS", help="an .npz file, a folder of .npy files, or a stream")
