@@ -29,6 +29,7 @@ COMMANDS: Final = {
     "mutants": "check the suite: every mutant must be found",
     "legal": "say whether files that an encoder wrote are streams by spec.md",
     "streams": "write random legal streams with what they decode to",
+    "export": "write vectors in the forms of other projects: glTF",
 }
 
 OURS: Final = ("gsvc_conformance",)
