@@ -28,9 +28,11 @@ COMMANDS: Final = {
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "sets": "show the sets of vectors that verdicts name, or write the next one",
     "generate": "write the vectors, or compare them with what the cases make",
+    "make": "make a vector of your own from inputs of an operation",
     "mutants": "check the suite: every mutant must be found",
     "legal": "say whether files that an encoder wrote are streams by spec.md",
     "streams": "write random legal streams with what they decode to",
+    "export": "write vectors in the forms of other projects: glTF",
 }
 
 OURS: Final = ("gsvc_conformance",)

@@ -15,7 +15,7 @@ from gsvc_conformance.vectors import PROFILE
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
-TIERS: Final = ("core", "uncommon", "stress", "faulty", "full")
+TIERS: Final = ("core", "uncommon", "stress", "faulty", "full", "own")
 """From the simple to the hard."""
 
 REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
@@ -133,7 +133,7 @@ class Result:
 
     @property
     def tier(self) -> str:
-        """``core``, ``uncommon``, ``stress``, ``faulty`` or ``full``."""
+        """``core``, ``uncommon``, ``stress``, ``faulty``, ``full`` or ``own``."""
         return self.id.split("/")[0]
 
     @property

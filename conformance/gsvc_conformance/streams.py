@@ -15,21 +15,30 @@ from gsvc_conformance.element_values import used
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vectors import npy
 from gsvc_ref.stream import decode_stream_deterministic, reconstruct_stream
-from gsvc_ref.testing.random_streams import Stream, random_stream
+from gsvc_ref.testing.random_streams import ANYTHING, Stream, Wishes, random_stream
 
 MAX_PIXELS: Final = 4096
 """Maximum number of pixels of a frame, of any shape from 4096x1 to 1x4096: sixty streams take a few megabytes."""
 
-PARTS: Final = ("counts", "parameters", "frames", "lowest", "highest")
+PICTURES: Final = ("frames", "lowest", "highest")
+PARTS: Final = ("counts", "parameters", *PICTURES)
 """Files of each stream, besides the stream."""
 
 
-def stream_of(seed: int, number: int) -> Stream:
-    """Stream `number` of a seed, the same for any count."""
-    return random_stream(seed << 32 | number, max_pixels=MAX_PIXELS)
+def stream_of(seed: int, number: int, wishes: Wishes = ANYTHING) -> Stream:
+    """Stream `number` of a seed that has what is wished, the same for any count."""
+    return random_stream(seed << 32 | number, max_pixels=MAX_PIXELS, wishes=wishes)
 
 
-def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int], object] = id) -> None:
+def write_streams(
+    seed: int,
+    count: int,
+    folder: Path,
+    on_stream: Callable[[int], object] = id,
+    *,
+    wishes: Wishes = ANYTHING,
+    pictures: bool = True,
+) -> None:
     """Write `count` streams of a seed, and index.json.
 
     Of each there are NAME.gsvc; NAME.counts.npy and NAME.parameters.npy as reconstruct_stream has them;
@@ -43,19 +52,29 @@ def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int]
         The streams and the folder that they are written to.
     on_stream
         Is called before each stream with its number.
+    wishes
+        What each stream has to have.
+    pictures
+        Whether the files of frames are written, which take nearly all of the time.
+
+    Raises
+    ------
+    UsageError
+        No legal stream has what is wished.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries: list[dict[str, Any]] = []
     for number in range(count):
         on_stream(number)
-        stream = stream_of(seed, number)
+        stream = stream_of(seed, number, wishes)
         name = f"stream-{seed}-{number:04}"
-        expected = {**reconstruct_stream(stream.data)._asdict(), "frames": decode_stream_deterministic(stream.data)}
-        interval = operations()["decode_stream"].oracle(stream=stream.data)["frames"]
-        expected |= {end: getattr(interval, end) for end in ("lowest", "highest")}
+        expected = {**reconstruct_stream(stream.data)._asdict(), **(_pictures(stream.data) if pictures else {})}
         (folder / f"{name}.gsvc").write_bytes(stream.data)
         for part in PARTS:
-            (folder / f"{name}.{part}.npy").write_bytes(npy(np.asarray(expected[part])))
+            path = folder / f"{name}.{part}.npy"
+            path.unlink(missing_ok=True)  # of an earlier stream of that name
+            if part in expected:
+                path.write_bytes(npy(np.asarray(expected[part])))
         entries.append(
             {
                 "name": name,
@@ -65,3 +84,9 @@ def write_streams(seed: int, count: int, folder: Path, on_stream: Callable[[int]
             }
         )
     (folder / "index.json").write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+
+
+def _pictures(stream: bytes) -> dict[str, Any]:
+    """The frames of deterministic rendering, and the ends between which those of bounded rendering must lie."""
+    interval = operations()["decode_stream"].oracle(stream=stream)["frames"]
+    return {"frames": decode_stream_deterministic(stream), **{end: getattr(interval, end) for end in PICTURES[1:]}}

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from gsvc_conformance.case import FULL, TIERS
+from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
@@ -22,7 +22,7 @@ from gsvc_conformance.vectors import MANIFEST, PACKED, SUMS, Vector, files_in, f
 from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
-ALL_TIERS: Final = (*TIERS, FULL)
+ALL_TIERS: Final = (*TIERS, FULL, OWN)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
 MAX_NAMED: Final = 4
@@ -184,6 +184,9 @@ class VectorFolder:
         if FULL in selection.tiers and not any(name.startswith(f"{FULL}/") for name in self.names):
             raise UsageError(f"{self.folder} has no vectors of the tier {FULL}: write them with "
                              "gsvc-conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
+        if OWN in selection.tiers and not any(name.startswith(f"{OWN}/") for name in self.names):
+            raise UsageError(f"{self.folder} has no vectors of the tier {OWN}: make them with "
+                             "gsvc-conformance make OPERATION INPUTS DIR, then add --vectors DIR")  # fmt: skip
         chosen = [name for name in self.names if selection.holds(name)]
         for field, values in selection.of_manifests.items():
             chosen = self._having(field, values, chosen)

@@ -1,7 +1,8 @@
 """Random legal streams with what they stand for, from any `Choices`; nothing here needs Hypothesis."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
 
@@ -58,41 +59,162 @@ class Stream:
     splats: list[Splats]
 
 
-def random_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
-    """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis."""
-    return make_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
+@dataclass(frozen=True)
+class Wishes:
+    """What a random stream has to have; None, or an element that is not there: whatever is drawn.
+
+    Attributes
+    ----------
+    elements
+        Values of the sequence header by the names of `SequenceHeader`. With a size and without a level, the level is
+        raised to one that allows the size and `splats`.
+    frames
+        The number of frames.
+    splats
+        The number of splats of every frame.
+    types
+        The types of the frames behind the first, which is an I-frame: letters of ``IPR``. One that stands there twice
+        is drawn twice as often.
+    index, ancillary, paced
+        Whether there is an index, are ancillary chunks, and whether the stream is paced.
+    """
+
+    elements: Mapping[str, int] = field(default_factory=dict)
+    frames: int | None = None
+    splats: int | None = None
+    types: str = "IPR"
+    index: bool | None = None
+    ancillary: bool | None = None
+    paced: bool | None = None
+
+    def __post_init__(self) -> None:
+        if not self.types or set(self.types) - set("IPR"):
+            raise UsageError(f"the types {self.types!r} are no letters of IPR, such as IPR or PPPR")
+        if self.frames is not None and self.frames < 1:
+            raise UsageError("a stream has at least one frame")
+        if self.splats is not None and self.splats < 0:
+            raise UsageError("a frame has at least 0 splats")
 
 
-def make_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
-    """A legal stream with anything that the syntax allows.
+ANYTHING: Final = Wishes()
+
+
+def random_stream(
+    seed: int,
+    *,
+    max_frames: int = 5,
+    max_count: int = 120,
+    max_pixels: int = MAX_PIXELS,
+    wishes: Wishes = ANYTHING,
+) -> Stream:
+    """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis.
+
+    Parameters
+    ----------
+    seed
+        The same seed and the same other arguments give the same bytes.
+    max_frames, max_count, max_pixels
+        Maximum number of frames, of new splats of a frame, and of pixels, where `wishes` do not say how many.
+    wishes
+        What the stream has to have.
+
+    Raises
+    ------
+    UsageError
+        No legal stream has that.
+    """
+    choices = SeededChoices(seed)
+    return make_stream(choices, max_frames=max_frames, max_count=max_count, max_pixels=max_pixels, wishes=wishes)
+
+
+def make_stream(
+    choices: Choices, *, max_frames: int, max_count: int, max_pixels: int, wishes: Wishes = ANYTHING
+) -> Stream:
+    """A legal stream with anything that the syntax allows, and all of `wishes`.
 
     Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,
     parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version;
-    paced where it keeps the limits of a second.
+    paced where it keeps the limits of a second. What is wished is drawn like all else, and then replaced: so the rest
+    stays what it was.
+
+    Raises
+    ------
+    UsageError
+        No legal stream has what is wished.
     """
-    header = make_header(choices, max_pixels=max_pixels)
+    header = _granted(make_header(choices, max_pixels=max_pixels), wishes)
     state = State.initial(header.width, header.height)
     codes: list[FrameCodes] = []
     splats: list[Splats] = []
-    for number in range(choices.integer(1, max_frames)):
-        codes.append(make_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count))
+    drawn = choices.integer(1, max_frames)
+    for number in range(wishes.frames or drawn):
+        types = wishes.types if number else "I"
+        codes.append(make_frame(choices, header, state, types=types, max_count=max_count, count=wishes.splats))
         state = reconstruct(codes[-1], state)
         splats.append(state.splats)
+    number_of_chunks = choices.integer(0, 2)
     ancillary = {
         choices.integer(0, len(codes) - 1): (choices.pick("abz"), choices.binary(9))
-        for _ in range(choices.integer(0, 2))
+        for _ in range(number_of_chunks if wishes.ancillary is None else wishes.ancillary and max(1, number_of_chunks))
     }
     header = replace(header, frame_count=choices.pick((0, len(codes))))
     elements = [Lie("frame_count", header.frame_count)]
     if choices.integer(0, 7) == 7:
         elements.append(Lie("version_minor", choices.integer(1, 255)))
         elements.append(Lie("lane_count", bytes([header.lane_count]) + choices.binary(5)))
-    parts: dict[str, Any] = {"index": choices.boolean(), "ancillary": ancillary, "lies": elements}
-    paced = replace(header, paced_flag=choices.boolean())
+    index = choices.boolean()
+    parts: dict[str, Any] = {
+        "index": index if wishes.index is None else wishes.index, "ancillary": ancillary, "lies": elements,
+    }  # fmt: skip
+    paced = choices.boolean()
+    if wishes.paced:
+        return _paced(header, codes, splats, parts)
+    if paced and wishes.paced is None:
+        try:
+            return _written(replace(header, paced_flag=True), codes, splats, parts)
+        except UsageError:  # it does not keep the limits of a second
+            pass
+    return _written(header, codes, splats, parts)
+
+
+def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
+    """A drawn header with the elements that are wished.
+
+    Raises
+    ------
+    UsageError
+        There is no such element, or a value of it is not allowed, or the level does not allow what is wished.
+    """
+    unknown = [name for name in wishes.elements if name not in vars(header)]
+    if unknown:
+        raise UsageError(f"the sequence header has no element {unknown[0]}; it has {', '.join(vars(header))}")
+    wished = {**vars(header), **wishes.elements}
+    width, height, splats = wished["width"], wished["height"], wishes.splats or 0
+    needed = level_for(width, height, splats=splats, work=splats * width * height)  # each may cover all of the frame
+    if wishes.elements.get("level", needed) < needed:
+        raise UsageError(f"{splats} splats of any size on {width}x{height} pixels need level {needed}: wish for fewer, "
+                         "or for that level")  # fmt: skip
+    return SequenceHeader(**{**wished, "level": max(wished["level"], needed)})
+
+
+def _paced(header: SequenceHeader, codes: list[FrameCodes], splats: list[Splats], parts: Mapping[str, Any]) -> Stream:
+    """The paced stream, at its frame rate, or else at 25 frames a second.
+
+    Raises
+    ------
+    UsageError
+        It keeps the limits of a second at neither.
+    """
+    header = replace(header, paced_flag=True)
     try:
-        return Stream(write_stream(paced, codes, **parts), paced, codes, splats)
-    except UsageError:  # it does not keep the limits of a second
-        return Stream(write_stream(header, codes, **parts), header, codes, splats)
+        return _written(header, codes, splats, parts)
+    except UsageError:
+        usual = replace(header, frame_rate_numerator=25, frame_rate_denominator=1)
+        return _written(usual, codes, splats, parts)
+
+
+def _written(header: SequenceHeader, codes: list[FrameCodes], splats: list[Splats], parts: Mapping[str, Any]) -> Stream:
+    return Stream(write_stream(header, codes, **parts), header, codes, splats)
 
 
 def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
@@ -125,10 +247,20 @@ def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
 
 
 def make_frame(
-    choices: Choices, header: SequenceHeader, state: State, *, types: str = "IPR", max_count: int = 120
+    choices: Choices,
+    header: SequenceHeader,
+    state: State,
+    *,
+    types: str = "IPR",
+    max_count: int = 120,
+    count: int | None = None,
 ) -> FrameCodes:
-    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MAX_SPLATS` in all."""
-    options: list[FrameType] = [letter for letter in ("I", "P", "R") if letter in types]
+    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MAX_SPLATS` in all.
+
+    With `count` it has so many splats, unless it is an R-frame; `state` must have no more.
+    """
+    letters: tuple[FrameType, ...] = ("I", "P", "R")
+    options = [letter for letter in letters for _ in range(types.count(letter))]
     frame_type = choices.pick(options)
     if frame_type == "R":
         return FrameCodes.repeated_frame()
@@ -139,10 +271,12 @@ def make_frame(
         survivors = choices.generator().random(len(state.splats)) < share
         if survivors.any():
             inter = _block(choices, header, int(np.count_nonzero(survivors)), "inter", state.inter)
-    room = min(max_count, MAX_SPLATS - int(np.count_nonzero(survivors)))
-    count = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    staying = int(np.count_nonzero(survivors))
+    room = min(max_count, MAX_SPLATS - staying) if count is None else 0
+    drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    new = drawn if count is None else count - staying
     kept = Kept() if frame_type == "I" else state.intra
-    intra = _block(choices, header, count, "intra", kept) if count else None
+    intra = _block(choices, header, new, "intra", kept) if new else None
     return FrameCodes.intra_frame(intra) if frame_type == "I" else FrameCodes.predicted_frame(survivors, inter, intra)
 
 

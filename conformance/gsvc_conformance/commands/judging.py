@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_conformance import __version__
-from gsvc_conformance.case import FULL
+from gsvc_conformance.case import FULL, OWN
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import check_outputs, write_files
@@ -132,7 +132,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     results = sorted(results, key=lambda result: place[result.id])
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
-        notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_is_full, names)),
+        notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
@@ -159,23 +159,25 @@ def _selection(arguments: Namespace, claim: Claim | None) -> Selection:
 
 
 def _check_claim(claim: Claim, names: Iterable[str]) -> None:
-    """Refuse vectors that cannot judge a claim: those of the full set, or none of one of its classes.
+    """Refuse vectors that cannot judge a claim: those of the full set, own ones, or none of one of its classes.
 
     Raises
     ------
     UsageError
         They are such.
     """
-    if any(map(_is_full, names)):
-        raise UsageError(f"no claim is judged by the tier {FULL}: give the folder of the other tiers as --vectors")
+    if any(map(_of_no_claim, names)):
+        raise UsageError(
+            f"no claim is judged by the tiers {FULL} and {OWN}: leave out --vectors, or give another folder"
+        )
     there = {operations()[name.split("/")[1]].group for name in names}
     if missing := [group for group in claim.judged if group not in there]:
         raise UsageError(f"there are no vectors of the class {', '.join(missing)}; see gsvc-conformance list")
 
 
-def _is_full(name: str) -> bool:
-    """Whether a vector is of the full set, on which no verdict depends."""
-    return name.startswith(f"{FULL}/")
+def _of_no_claim(name: str) -> bool:
+    """Whether a vector is of the full set or somebody's own: no claim depends on it, and no verdict can be quoted."""
+    return name.startswith((f"{FULL}/", f"{OWN}/"))
 
 
 def _end(error: BaseException, count: int, total: int) -> str:

@@ -86,13 +86,16 @@ paired(
 
 
 def _intervals(stream: bytes) -> dict[str, Expectation]:
-    """Each frame's interval, derived from the exact sum and its bound."""
+    """Each frame's interval, derived from the exact sum and its bound; an R-frame has that of the one before."""
     from gsvc_ref.stream import StreamReader
 
     header = StreamReader(stream).header
     size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
     rendered = operations()["render_frame"].oracle
-    frames = [rendered(parameters=frame.splats.to_array(), **size)["frame"] for frame in StreamReader(stream)]
+    frames: list[Any] = []
+    for frame in StreamReader(stream):
+        repeated = frame.type == "R"
+        frames.append(frames[-1] if repeated else rendered(parameters=frame.splats.to_array(), **size)["frame"])
     return {
         "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
     }

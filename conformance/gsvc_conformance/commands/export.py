@@ -1,0 +1,49 @@
+"""``export``: write vectors in the forms of other projects."""
+
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+from pathlib import Path
+
+from gsvc_conformance.commands import add_selection, add_vectors, selection
+from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_ref.cli.text import plural, show
+from gsvc_ref.errors import UsageError
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """The options of the command."""
+    form = parser.add_mutually_exclusive_group(required=True)
+    form.add_argument(
+        "--gltf", type=Path, metavar="OUT",
+        help="the vectors of render_sum and render_frame as glTF files (KHR_gaussian_splatting) with the pictures that "
+        "they must give, for renderers that know nothing of GSVC; docs/gltf.md tells what maps",
+    )  # fmt: skip
+    add_vectors(parser)
+    add_selection(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Write them; 0.
+
+    Raises
+    ------
+    UsageError
+        None of the selected vectors has that form.
+    """
+    return export_gltf(arguments)
+
+
+def export_gltf(arguments: Namespace) -> int:
+    """Write glTF files, and say how many vectors have none, and why."""
+    from gsvc_conformance.gltf import OPERATIONS, export
+
+    folder = VectorFolder(arguments.vectors)
+    names = [name for name in folder.select(selection(arguments)) if name.split("/")[1] in OPERATIONS]
+    if not names:
+        raise UsageError(f"glTF files show pictures: select vectors of {' or '.join(OPERATIONS)}")
+    written, others = export(folder.read(names), arguments.gltf)
+    for reason, number in Counter(others.values()).items():
+        show(f"left out: {plural(number, 'vector')}: each {reason}")
+    show(f"{plural(len(written), 'picture')} in {arguments.gltf}; compare yours with: "
+         f"python {arguments.gltf / 'compare_pictures.py'} FOLDER")  # fmt: skip
+    return 0

@@ -1,0 +1,77 @@
+"""Compare pictures with what the glTF files beside this script must show. It needs NumPy alone.
+
+    python compare_pictures.py FOLDER          # FOLDER/ID.npy for each picture, such as core/render_sum/one_splat.npy
+    python compare_pictures.py FOLDER --plain  # only pictures that need nothing beyond KHR_gaussian_splatting
+
+A picture is an .npy file (H, W, 3): floating point, where 1 is white and nothing is clamped, or 8 bits (u1). Row 0 is
+the top one. Of a sum of floating point each number must lie between lowest.npy and highest.npy of its ID; one of 8
+bits must lie between these two, clamped to 0..1 and rounded. Exit code 0: all are right; 1: one is wrong; 2: none is
+there.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+HERE = Path(__file__).parent
+EPSILON = 2.0**-23
+
+
+def allowed(home: Path, of_8_bits: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The least and the largest number that each sample may be."""
+    low, high = np.load(home / "lowest.npy"), np.load(home / "highest.npy")
+    if of_8_bits and low.dtype.kind == "f":  # a sum, which becomes samples
+        low = np.rint(np.clip(low, 0, 1) * 255 * (1 - EPSILON)).astype(np.uint8)
+        high = np.rint(np.clip(high, 0, 1) * 255 * (1 + EPSILON)).astype(np.uint8)
+    return low, high
+
+
+def judge(home: Path, picture: NDArray[Any]) -> str:
+    """What is wrong with a picture, a sentence; empty if nothing is."""
+    low, high = allowed(home, picture.dtype == np.uint8)
+    if picture.shape != low.shape:
+        return f"has the shape {picture.shape}; it must be {low.shape}"
+    if (picture.dtype.kind == "f") != (low.dtype.kind == "f"):
+        return f"has numbers of type {picture.dtype}; they must be {low.dtype}"
+    if picture.dtype.kind != "f" and picture.dtype != low.dtype:
+        return f"has samples of type {picture.dtype}; they must be {low.dtype}"
+    wide = picture.astype(np.float64)
+    beyond = np.maximum(low - wide, wide - high)
+    wrong = ~(beyond <= 0)
+    if not wrong.any():
+        return ""
+    row, column, channel = np.unravel_index(np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape)
+    place = (row, column, channel)
+    return (
+        f"is {picture[place]!s} at x {column}, y {row}, {'RGB'[channel]}; {low[place]!s} to {high[place]!s} are right "
+        f"({np.count_nonzero(wrong)} of {wrong.size} samples are wrong)"
+    )
+
+
+def main(words: list[str]) -> int:
+    """Judge the pictures of a folder."""
+    plain = "--plain" in words
+    folders = [word for word in words if not word.startswith("--")]
+    if len(folders) != 1 or set(words) - {"--plain", *folders}:
+        print(__doc__, file=sys.stderr)
+        return 2
+    there = wrong = 0
+    for entry in json.loads((HERE / "index.json").read_text(encoding="utf-8"))["pictures"]:
+        path = Path(folders[0], f"{entry['id']}.npy")
+        if not path.is_file() or (plain and entry["needs"]):
+            continue
+        there += 1
+        if sentence := judge(HERE / entry["id"], np.load(path, allow_pickle=False)):
+            wrong += 1
+            needs = f" (needs {', '.join(entry['needs'])})" if entry["needs"] else ""
+            print(f"WRONG {entry['id']}{needs}: {sentence}")
+    print(f"{there - wrong} of {there} pictures are right" if there else f"{folders[0]} has no ID.npy of index.json")
+    return 2 if not there else 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,304 @@
+"""The preconditions of the operations (spec.md section 4.3): what no implementation is asked for.
+
+A vector of inputs that break one would judge nothing.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_conformance.expectations import Exact
+from gsvc_conformance.operation import Operation, Values, operations
+
+Rule = tuple[str, Callable[[Values], Any]]
+"""A sentence that must be true of the inputs, and the function that says whether it is."""
+
+MAX_SIDE: Final = 65535
+MAX_ALPHABET: Final = 4096
+MAX_CODEWORDS: Final = 1024
+MAX_STAGES: Final = 8
+LARGEST_HALF: Final = 65504.0
+SMALLEST_NORMAL: Final = 2.0**-126
+BELOW_ONE: Final = float(np.nextafter(1, 0))
+CONVERTED: Final = (0, 1, 2, 4, 5, 6, 7, 8, 9)
+"""Values of matrix_coefficients that section 11.1 converts."""
+
+SIDES: Final = ("width", "height", "new_width", "new_height")
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    **dict.fromkeys(SIDES, (1, MAX_SIDE)),
+    "bit_depth": (8, 16),
+    "entropy_precision": (12, 16),
+    "lane_count": (1, 64),
+    "video_full_range_flag": (0, 1),
+    "chroma_sample_loc_type": (0, 5),
+    "alphabet": (1, MAX_ALPHABET),
+    "interval": (1, np.inf),
+    "patience": (1, np.inf),
+    "tolerance": (0, np.inf),
+    "robust": (0, 1),
+    "decay": (0, BELOW_ONE),
+    "uniforms": (0, BELOW_ONE),
+    "beta1": (0, BELOW_ONE),
+    "beta2": (0, BELOW_ONE),
+    "beta3": (0, BELOW_ONE),
+    "codebook_sizes": (1, MAX_CODEWORDS),
+}
+"""The range of inputs by name, whatever the operation; both ends are allowed."""
+
+ANY_BITS: Final = {
+    ("to_frame_deterministic", "sum"), *(("compact", name) for name in ("values", "m", "v", "n", "previous")),
+}  # fmt: skip
+"""Inputs, by operation and name, that may have infinities and NaN."""
+INFINITIES: Final[Mapping[tuple[str, str], tuple[int, ...]]] = {
+    **{(name, "parameters"): (2, 4) for name in ("render_sum", "render_frame", "render_gradients")},
+    ("render_sum_deterministic", "parameters"): (0, 1, 2, 3, 4),
+    ("to_frame", "sum"): (0, 1, 2),
+}
+"""Inputs, by operation and name, of which some columns (of the last axis) may have infinities, and no NaN."""
+
+
+def broken(operation: Operation, inputs: Values) -> list[str]:
+    """The preconditions of an operation that inputs of the right types and shapes break, a sentence each.
+
+    Parameters
+    ----------
+    operation
+        The operation.
+    inputs
+        Its inputs, by name.
+    """
+    found = [*_not_finite(operation, inputs), *_out_of_range(inputs), *_sides(operation, inputs)]
+    if found:
+        return found  # the rules below take such numbers for granted
+    rules = [*_samples(operation), *ROWS.get(operation.name, ())]
+    first = next((sentence for sentence, holds in rules if not holds(inputs)), None)  # each relies on those before it
+    return [first] if first else []
+
+
+def _not_finite(operation: Operation, inputs: Values) -> Iterator[str]:
+    for name, value in inputs.items():
+        if isinstance(value, bytes) or (operation.name, name) in ANY_BITS:
+            continue
+        array = np.asarray(value)
+        columns = INFINITIES.get((operation.name, name), ())
+        wrong = ~np.isfinite(array)
+        if columns:
+            wrong[..., list(columns)] = np.isnan(array[..., list(columns)])
+        if wrong.any():
+            place = [int(i) for i in np.argwhere(wrong)[0]]
+            but = f", but for infinities in its columns {', '.join(map(str, columns))}" if columns else ""
+            yield f"{name} must be finite{but}; it is {array[tuple(place)]}{f' at {place}' if place else ''}"
+
+
+def _out_of_range(inputs: Values) -> Iterator[str]:
+    for name, (low, high) in RANGES.items():
+        if name in inputs and not np.all((inputs[name] >= low) & (inputs[name] <= high)):
+            above = "at least 0 and below 1" if high == BELOW_ONE else f"{low:g} to {high:g}"
+            yield f"{name} must be {f'at least {low:g}' if np.isinf(high) else above}"
+
+
+def _sides(operation: Operation, inputs: Values) -> Iterator[str]:
+    for port in operation.inputs:
+        if port.shape.lower().startswith("(h, w"):
+            height, width = inputs[port.name].shape[:2]
+            if not (1 <= height <= MAX_SIDE and 1 <= width <= MAX_SIDE):
+                yield f"the sides of {port.name} must be 1 to {MAX_SIDE}; it has {width}x{height} pixels"
+
+
+def _samples(operation: Operation) -> Iterator[Rule]:
+    """Samples are at most the peak of their bit depth."""
+    for port in operation.inputs:
+        if port.type == "u1|u2":
+            yield f"no sample of {port.name} may be above 2^bit_depth - 1", partial(_keeps_the_peak, port.name)
+
+
+def _keeps_the_peak(name: str, inputs: Values) -> bool:
+    return bool(inputs[name].max(initial=0) < 2 ** inputs["bit_depth"])
+
+
+def _finite_halves(bits: Any) -> bool:
+    return bool(np.all(bits & 0x7C00 != 0x7C00))
+
+
+def _result_is_finite(name: str) -> Callable[[Values], bool]:
+    """Whether all that an exact operation gives is finite."""
+
+    def holds(inputs: Values) -> bool:
+        with np.errstate(all="ignore"):
+            expected = operations()[name].oracle(**inputs)
+        values = [output.value for output in expected.values() if isinstance(output, Exact)]
+        return all(np.isfinite(value).all() for value in values)
+
+    return holds
+
+
+def _is_legal(inputs: Values) -> bool:
+    from gsvc_ref.stream import reconstruct_stream
+
+    return not reconstruct_stream(inputs["stream"]).error
+
+
+def _plane_is_sound(inputs: Values) -> bool:
+    import gsvc_ref
+    from gsvc_ref.errors import GsvcError
+
+    try:
+        gsvc_ref.decode_plane(**inputs)
+    except GsvcError:
+        return False
+    return True
+
+
+def _below_sizes(indices: str) -> Rule:
+    return (
+        f"every number of {indices} must be below the size of its codebook",
+        lambda i: np.all(i[indices] < i["codebook_sizes"]),
+    )
+
+
+def _sizes_add_up(rows: str) -> Rule:
+    return (
+        f"{rows} must have as many rows as codebook_sizes adds up to",
+        lambda i: i["codebook_sizes"].sum() == len(i[rows]),
+    )
+
+
+STAGES: Final[Rule] = (
+    f"there must be 1 to {MAX_STAGES} stages of codebooks",
+    lambda i: 1 <= len(i["codebook_sizes"]) <= MAX_STAGES,
+)
+
+
+def _enough_uniforms(inputs: Values) -> bool:
+    """Whether there is a uniform number for each codeword that dies."""
+    first, dead = 0, 0
+    for k, size in enumerate(inputs["codebook_sizes"].tolist()):
+        users = np.bincount(inputs["indices"][:, k], minlength=size)
+        counts = inputs["decay"] * inputs["counts"][first : first + size] + (1 - inputs["decay"]) * users
+        dead += int(np.count_nonzero(counts < inputs["dead_count"]))
+        first += size
+    return len(inputs["indices"]) == 0 or len(inputs["uniforms"]) >= dead
+
+
+def _chroma_fits(inputs: Values, height: int, width: int) -> bool:
+    """Whether the colour planes have the sizes of section 11.1."""
+    down, across = {1: (2, 2), 2: (1, 2), 3: (1, 1)}[inputs["chroma_format"]]
+    size = (-(-height // down), -(-width // across))
+    return bool(inputs["cb"].shape == inputs["cr"].shape == size)
+
+
+def _codes(name: str) -> tuple[Rule, ...]:
+    """The rows of the operations that reconstruct blocks."""
+    return (
+        (STAGES[0], lambda i: len(i["color_indices"]) == 0 or STAGES[1](i)),
+        _sizes_add_up("codewords"),
+        ("a cholesky scale that is used must be at least 2^-126 (R-6.5-5)",
+         lambda i: len(i["cholesky"]) == 0 or np.all(i["scale"] >= SMALLEST_NORMAL)),
+        ("positions must be binary16 patterns of finite numbers (R-6.5-7)", lambda i: _finite_halves(i["positions"])),
+        ("codewords must be binary16 patterns of finite numbers (R-3.1-2)", lambda i: _finite_halves(i["codewords"])),
+        _below_sizes("color_indices"),
+        ("every parameter of the result must be finite (R-8-1)", _result_is_finite(name)),
+    )  # fmt: skip
+
+
+MATRIX: Final[tuple[Rule, ...]] = (
+    ("matrix_coefficients must be one that section 11.1 converts: 0, 1, 2 or 4 to 9",
+     lambda i: i["matrix_coefficients"] in CONVERTED),
+    ("chroma_format must be 1 to 3, and 3 where matrix_coefficients is 0",
+     lambda i: i["chroma_format"] in ((3,) if i["matrix_coefficients"] == 0 else (1, 2, 3))),
+)  # fmt: skip
+
+LEGAL: Final[Rule] = (
+    "stream must be legal: gsvc-conformance check says why it is not; reconstruct_stream and seek take any bytes",
+    _is_legal,
+)
+SCALE: Final[Rule] = ("scale must be above 0", lambda i: np.all(i["scale"] > 0))
+BITS: Final[Rule] = ("bits must be 1 to 16", lambda i: 1 <= i["bits"] <= 16)
+
+ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
+    "read_stream": (LEGAL,),
+    "decode_stream": (LEGAL,),
+    "decode_stream_deterministic": (LEGAL,),
+    "seek": (("0 <= first <= last < 2^32 must hold", lambda i: 0 <= i["first"] <= i["last"] < 2**32),),
+    "decode_plane": (
+        ("count must be at least 1", lambda i: i["count"] >= 1),
+        ("data must begin with a plane(count, alphabet) without a fault", _plane_is_sound),
+    ),
+    "encode_plane": (
+        ("there must be a symbol", lambda i: len(i["symbols"]) > 0),
+        (f"alphabet must be 1 to {MAX_ALPHABET}", lambda i: 1 <= len(i["frequencies"]) <= MAX_ALPHABET),
+        ("every symbol must be below the number of frequencies",
+         lambda i: i["symbols"].max(initial=0) < len(i["frequencies"])),
+        ("the frequencies must be at least 0 and add up to 2^entropy_precision",
+         lambda i: np.all(i["frequencies"] >= 0) and i["frequencies"].sum() == 2 ** i["entropy_precision"]),
+        ("every symbol must have a frequency above 0",
+         lambda i: np.all(i["frequencies"][np.minimum(i["symbols"], len(i["frequencies"]) - 1)] > 0)),
+    ),
+    "from_half": (
+        ("no pattern may be that of a NaN",
+         lambda i: not np.any((i["bits"] & 0x7C00 == 0x7C00) & (i["bits"] & 0x3FF != 0))),
+    ),
+    "to_half": (
+        ("every value must round to a finite binary16, so be below 65520 in magnitude",
+         lambda i: np.all(abs(i["values"]) < 65520)),
+    ),
+    "reconstruct_intra": _codes("reconstruct_intra"),
+    "reconstruct_inter": (
+        ("survivors must be 0 or 1", lambda i: np.all(i["survivors"] <= 1)),
+        ("positions, cholesky and color_indices must each have a row for each survivor, or none",
+         lambda i: all(len(i[name]) in (0, np.count_nonzero(i["survivors"]))
+                       for name in ("positions", "cholesky", "color_indices"))),
+        *_codes("reconstruct_inter"),
+    ),
+    "learning_rates": (
+        ("iterations must be at least 0", lambda i: np.all(i["iterations"] >= 0)),
+        ("factor must be above 0 and at most 1", lambda i: 0 < i["factor"] <= 1),
+    ),
+    "adan_step": (
+        ("n must be at least 0", lambda i: np.all(i["n"] >= 0)),
+        ("steps must be at least 0", lambda i: np.all(i["steps"] >= 0)),
+        ("epsilon must be above 0", lambda i: i["epsilon"] > 0),
+        ("no gradient times its unit may be above 2^62 in magnitude",
+         lambda i: np.all(abs(i["gradients"].astype(np.float64) * i["units"]) <= 2.0**62)),
+    ),
+    "pruning_plan": (
+        ("splats and iterations must be at least 0", lambda i: min(i["splats"], i["iterations"]) >= 0),
+        ("fraction must be at least 0 and below 1", lambda i: 0 <= i["fraction"] < 1),
+        ("1 <= first <= last must hold", lambda i: 1 <= i["first"] <= i["last"]),
+    ),
+    "prune": (("removed must be 0 to N", lambda i: 0 <= i["removed"] <= len(i["weights"])),),
+    "compact": (
+        ("survivors must grow, and be 0 to N - 1",
+         lambda i: np.all(np.diff(i["survivors"], prepend=-1, append=len(i["steps"])) > 0)),
+    ),
+    "select_key_frames": (
+        ("losses_i must have a frame at least", lambda i: len(i["losses_i"]) >= 1),
+        ("window and threshold must be at least 0", lambda i: min(i["window"], i["threshold"]) >= 0),
+    ),
+    "lsq_quantize": (SCALE, BITS),
+    "lsq_gradients": (SCALE, BITS),
+    "lsq_dequantize": (SCALE, ("the values must be finite", _result_is_finite("lsq_dequantize"))),
+    "rvq_assign": (
+        STAGES,
+        _sizes_add_up("codebooks"),
+        (f"x and codebooks must be at most {LARGEST_HALF:g} in magnitude",
+         lambda i: max(abs(i["x"]).max(initial=0), abs(i["codebooks"]).max(initial=0)) <= LARGEST_HALF),
+    ),
+    "rvq_update": (
+        STAGES,
+        _sizes_add_up("codebooks"),
+        _below_sizes("indices"),
+        ("counts and smoothing must be at least 0", lambda i: np.all(i["counts"] >= 0) and i["smoothing"] >= 0),
+        ("uniforms must be at least as many as dead codewords", _enough_uniforms),
+    ),
+    "commitment": (STAGES, _sizes_add_up("codebooks"), _below_sizes("indices")),
+    "planes_to_frame": (
+        *MATRIX,
+        ("cb and cr must have the size of section 11.1: half of y's columns in 4:2:0 and 4:2:2, half of its rows in "
+         "4:2:0, rounded up", lambda i: i["chroma_format"] not in (1, 2, 3) or _chroma_fits(i, *i["y"].shape)),
+    ),
+    "frame_to_planes": MATRIX,
+}  # fmt: skip
+"""What the row of an operation in the table of preconditions asks for beyond the last row, in its order."""
