@@ -179,7 +179,8 @@ def _is_full(name: str) -> bool:
 
 def _end(error: BaseException, count: int, total: int) -> str:
     """The reason why a run ends early, after some number of vectors."""
-    why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
+    why = str(error) if isinstance(error, UsageError) else f"{type(error).__name__}: {error}"
+    why = "interrupted" if isinstance(error, KeyboardInterrupt) else why
     return f"ended early, after {count} of {plural(total, 'vector')}: {why}"
 
 
