@@ -1,10 +1,12 @@
-"""Two operations behind the process protocol of GSVC's conformance kit (protocol.md).
+"""Two operations behind the protocols of GSVC's conformance kit (protocol.md): a command, or with --serve a server.
 
 As `--module` the functions alone would do.
 
 gsvc-conformance run --impl "python conformance/examples/minimal.py" --operation render_sum
+gsvc-conformance run --serve "python conformance/examples/minimal.py --serve" --operation render_sum
 """
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -33,8 +35,8 @@ def render_sum(parameters: Any, width: int, height: int) -> Values:
     return {"sum": total.astype("<f4")}
 
 
-def main(operation: str, in_dir: str, out_dir: str) -> int:
-    """Read the inputs, call the operation's function, write its outputs."""
+def answer(operation: str, in_dir: str, out_dir: str) -> int:
+    """Read the inputs, call the operation's function, write its outputs; the exit status."""
     functions: dict[str, Callable[..., Values]] = {"from_half": from_half, "render_sum": render_sum}
     if operation not in functions:
         return 77  # not supported
@@ -45,5 +47,20 @@ def main(operation: str, in_dir: str, out_dir: str) -> int:
     return 0
 
 
+def serve() -> int:
+    """Say hello, then answer request after request until standard input ends."""
+    print(json.dumps({"gsvc": 1, "name": "minimal.py", "environment": {"NumPy": np.__version__}}), flush=True)
+    for line in sys.stdin:
+        request = json.loads(line)
+        said = {"id": request["id"], "status": "done"}
+        try:
+            if answer(request["operation"], request["in"], request["out"]) == 77:
+                said["status"] = "unsupported"
+        except Exception as error:
+            said |= {"status": "error", "message": repr(error)}
+        print(json.dumps(said), flush=True)
+    return 0
+
+
 if __name__ == "__main__":
-    raise SystemExit(main(*sys.argv[1:]))
+    raise SystemExit(serve() if sys.argv[1:] == ["--serve"] else answer(*sys.argv[1:]))

@@ -33,7 +33,7 @@ def level_of(operation: Operation, inputs: Values) -> int:
     from gsvc_ref.bitstream import LEVELS as LIMITS
 
     pixels = max(_pixels(operation, inputs), default=0)
-    splats = max(_splats(operation, inputs), default=0)
+    splats = max(splat_counts(operation, inputs), default=0)
     work = max(_works(inputs), default=0)
     fitting = (
         number for number, level in LIMITS.items()
@@ -66,7 +66,7 @@ def _pixels(operation: Operation, inputs: Values) -> Iterator[int]:
             yield height * width
 
 
-def _splats(operation: Operation, inputs: Values) -> Iterator[int]:
+def splat_counts(operation: Operation, inputs: Values) -> Iterator[int]:
     """The rows of each input that has one for each splat, and numbers of splats."""
     if operation.name in OF_NUMBERS:
         return

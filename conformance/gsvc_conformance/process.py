@@ -11,8 +11,9 @@ import shutil
 import signal
 import stat
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
-from gsvc_conformance.supervision import Log, run_program
+from gsvc_conformance.supervision import Log, Program
 from gsvc_conformance.vectors import native, npy
 from gsvc_ref.errors import UsageError
 
@@ -55,14 +56,7 @@ class ProcessImplementation:
     environment: Final[Mapping[str, str]] = MappingProxyType({})
 
     def __init__(self, command: str, timeout: float) -> None:
-        try:
-            self._words = shlex.split(command)
-        except ValueError as error:
-            raise UsageError(f"the command {command!r} cannot be split into words: {error}") from None
-        if not self._words:
-            raise UsageError("--impl needs a command, such as './decoder --conformance'")
-        if shutil.which(self._words[0]) is None:
-            raise UsageError(_why_no_program(Path(self._words[0])))
+        self._words = words_of(command, "--impl")
         self.name, self._timeout = command, timeout
 
     def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
@@ -70,26 +64,21 @@ class ProcessImplementation:
 
         So an answer that depends on memory nobody has written to differs, where the command allocates it by glibc.
         """
-        with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
-            inside, outside = Path(folder, "in"), Path(folder, "out")
-            inside.mkdir()
-            outside.mkdir()
-            write_inputs(inside, inputs)
-            words = [*self._words, operation.name, str(inside), str(outside)]
+        with exchange(inputs) as files:
+            words = [*self._words, operation.name, str(files.inside), str(files.outside)]
             variables = {PERTURB: str(turn * 85 % 255 + 1)} if turn and PERTURB not in os.environ else {}
             log = Log()
             try:
-                status = run_program(words, self._timeout, log, variables, lambda: _measure(Path(folder)))
+                with Program(words, log, variables) as program:
+                    status = program.wait(self._timeout, files.measure)
             except OSError as error:
                 return Failure("error", f"{self._words[0]} cannot be started: {error.strerror}")
             except TooMuchError as error:
                 return Failure("error", f"{error}, and was ended", str(log))
             if failure := self._failure(status, str(log)):
                 return failure
-            try:
-                return {port.name: read_output(outside, port) for port in operation.outputs}
-            except (OSError, ValueError) as error:
-                return Failure("error", f"exit status 0, but {error}", str(log))
+            answer = files.outputs(operation, "exit status 0")
+            return replace(answer, log=str(log)) if isinstance(answer, Failure) else answer
 
     def _failure(self, status: int | None, log: str) -> Unsupported | Failure | None:
         if status is None:
@@ -97,8 +86,27 @@ class ProcessImplementation:
         if status == EXIT_UNSUPPORTED:
             return Unsupported(f"exit status {EXIT_UNSUPPORTED}")
         if status < 0:
-            return Failure("crash", f"killed by {_signal_name(-status)}", log)
+            return Failure("crash", f"killed by {signal_name(-status)}", log)
         return Failure("error", f"exit status {status}", log) if status else None
+
+
+def words_of(command: str, option: str) -> list[str]:
+    """The words of the command that is given to an option; the first is a program that is there.
+
+    Raises
+    ------
+    UsageError
+        They are not.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise UsageError(f"the command {command!r} cannot be split into words: {error}") from None
+    if not words:
+        raise UsageError(f"{option} needs a command, such as './decoder --conformance'")
+    if shutil.which(words[0]) is None:
+        raise UsageError(_why_no_program(Path(words[0])))
+    return words
 
 
 def _why_no_program(path: Path) -> str:
@@ -109,6 +117,52 @@ def _why_no_program(path: Path) -> str:
             return f"{path} is in the current folder, which is not searched: say ./{path}"
         return f"{path} cannot be executed: chmod +x makes it a program, or put its interpreter before it"
     return f"there is no program {str(path)!r}; give its path, such as ./decoder"
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """The folder of one vector, in which `inside` holds what is asked and `outside` what is answered."""
+
+    folder: Path
+
+    @property
+    def inside(self) -> Path:
+        """IN_DIR."""
+        return self.folder / "in"
+
+    @property
+    def outside(self) -> Path:
+        """OUT_DIR."""
+        return self.folder / "out"
+
+    def measure(self) -> None:
+        """Refuse a folder that fills the disk.
+
+        Raises
+        ------
+        TooMuchError
+            It holds more than `MAX_OUT` bytes.
+        """
+        if _size(self.folder, MAX_OUT) > MAX_OUT:
+            raise TooMuchError(f"it wrote more than {MAX_OUT >> 20} MiB to IN_DIR and OUT_DIR")
+
+    def outputs(self, operation: Operation, status: str) -> Values | Failure:
+        """The outputs of an operation, or what is wrong with their files, against what the status says."""
+        try:
+            return {port.name: read_output(self.outside, port) for port in operation.outputs}
+        except (OSError, ValueError) as error:
+            return Failure("error", f"{status}, but {error}")
+
+
+@contextmanager
+def exchange(inputs: Values) -> Iterator[Exchange]:
+    """The folder of a vector with its inputs, which is removed in the end."""
+    with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
+        files = Exchange(Path(folder))
+        files.inside.mkdir()
+        files.outside.mkdir()
+        write_inputs(files.inside, inputs)
+        yield files
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
@@ -170,31 +224,25 @@ def _read_file(path: Path, most: int) -> bytes:
     return path.read_bytes()
 
 
-def _measure(folder: Path) -> None:
-    """Refuse a folder that fills the disk.
-
-    Raises
-    ------
-    TooMuchError
-        It holds more than `MAX_OUT` bytes.
-    """
+def _size(folder: Path, most: int) -> int:
+    """The bytes on the disk of all that stands in a folder; more than `most` are not counted to the end."""
     held, folders = 0, [folder]
-    while folders and held <= MAX_OUT:
+    while folders and held <= most:
         with suppress(OSError), os.scandir(folders.pop()) as entries:  # what is there may go at any time
             for entry in entries:
                 status = entry.stat(follow_symlinks=False)
                 held += max(getattr(status, "st_blocks", 0) * 512, MIN_FILE)
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(Path(entry.path))
-    if held > MAX_OUT:
-        raise TooMuchError(f"it wrote more than {MAX_OUT >> 20} MiB to IN_DIR and OUT_DIR")
+    return held
 
 
 class TooMuchError(Exception):
     """A program fills the disk."""
 
 
-def _signal_name(number: int) -> str:
+def signal_name(number: int) -> str:
+    """The name of a signal of the system."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
 from gsvc_conformance.claim import Claim
+from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.names import dimensions, element
 from gsvc_conformance.operation import Group, operations
@@ -113,6 +114,8 @@ class Result:
         Bytes of the inputs; of what is wrong only.
     level
         The level of spec.md section 5 from which on a claim needs the vector.
+    outside
+        What the vector needs beside the features of the implementation, in words; empty if nothing, or not asked.
     """
 
     id: str
@@ -127,6 +130,7 @@ class Result:
     table: Table | None = None
     size: int = 0
     level: int = 1
+    outside: str = ""
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -211,6 +215,8 @@ class Report:
         The claim that was judged, or None.
     whole
         Whether all vectors of each class that was judged were selected, so that verdicts can be quoted.
+    features
+        What the implementation is made for, by which it was judged, or None.
     """
 
     environment: Mapping[str, str]
@@ -222,6 +228,7 @@ class Report:
     ended: str = ""
     claim: Claim | None = None
     whole: bool = False
+    features: Features | None = None
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -230,6 +237,13 @@ class Report:
     def faults(self) -> list[Result]:
         """The wrong results."""
         return [result for result in self.results if result.outcome in FAULTS]
+
+    @property
+    def features_hold(self) -> bool:
+        """Whether every vector inside of its features passes or is waived, and none outside of them is wrong."""
+        inside = [result for result in self.results if not result.outside]
+        held = all(result.outcome in ("pass", "waived") for result in inside)
+        return self.features is not None and not self.faults and held
 
     def simplest_first(self) -> list[Result]:
         """The wrong results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
@@ -384,6 +398,7 @@ def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary
     elif missing:
         verdict, reason = "incomplete", f"{plural(passing, 'vector')} pass, none is wrong"
         reason += f"; without {_without(missing, results)}"
+        reason += ", outside of its features" if all(result.outside for result in missing) else ""
         reason += f"; {waived} waived" if waived else ""
     elif waived:
         verdict, reason = "waived", f"{plural(passing, 'vector')} pass, {waived} are waived"

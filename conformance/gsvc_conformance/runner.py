@@ -11,6 +11,7 @@ import numpy as np
 
 from gsvc_conformance.diagnosis.streams import elements_named
 from gsvc_conformance.expectations import Expectation, Refusal
+from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
@@ -48,6 +49,7 @@ def run_suite(
     jobs: int = 1,
     repeat: int = 1,
     level: int = 1,
+    features: Features | None = None,
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -67,6 +69,8 @@ def run_suite(
         Number of times that each is asked for, one after the other.
     level
         The level up to which no stream may be refused as unsupported: that of the claim, or the lowest.
+    features
+        What the implementation is made for: it must answer every vector inside, and may refuse every other one.
     """
     skips = skips or {}
 
@@ -74,7 +78,7 @@ def run_suite(
         if vector.id in skips:
             return lambda: Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
         answers = list(_asked(implementation, vector, repeat))
-        return lambda: judge_answers(vector, answers, implementation.in_full, level)
+        return lambda: judge_answers(vector, answers, implementation.in_full, level, features)
 
     results = []
     with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
@@ -120,9 +124,18 @@ def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answer
     return Answered(answer, time.perf_counter() - start)
 
 
-def judge_answers(vector: Vector, answers: Sequence[Answered], in_full: bool = False, level: int = 1) -> Judged:
+def judge_answers(
+    vector: Vector,
+    answers: Sequence[Answered],
+    in_full: bool = False,
+    level: int = 1,
+    features: Features | None = None,
+) -> Judged:
     """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
-    judged = [judge_answer(vector, answer, in_full, level) for answer in answers]
+    outside = features.outside(vector) if features else ""
+    judged = [judge_answer(vector, answer, in_full, level, outside) for answer in answers]
+    if features:
+        judged = [replace(one, result=by_features(one.result, outside)) for one in judged]
     wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
     worst = judged[wrong[0]] if wrong else judged[0]
     seconds = sum(one.result.seconds for one in judged)
@@ -155,7 +168,32 @@ def _bytes(value: object) -> object:
     return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
 
 
-def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, level: int = 1) -> Judged:
+def by_features(result: Result, outside: str) -> Result:
+    """The result of a vector for an implementation that says what it is made for.
+
+    Parameters
+    ----------
+    result
+        The result without that.
+    outside
+        What the vector needs beside the features, in words; empty if nothing.
+    """
+    if outside:
+        if result.outcome == "unsupported":
+            message = f"{result.message}: outside of its features ({outside})"
+        elif result.outcome in FAULTS:
+            message = f"outside of its features ({outside}), where it must be right or unsupported: {result.message}"
+        else:
+            message = result.message
+        return replace(result, outside=outside, message=message)
+    if result.outcome == "unsupported":
+        return replace(result, outcome="fail", message=f"inside of its features, and unsupported: {result.message}")
+    return result
+
+
+def judge_answer(
+    vector: Vector, answered: Answered, in_full: bool = False, level: int = 1, outside: str = ""
+) -> Judged:
     """Judge an answer to one vector."""
     answer, seconds = answered
     if isinstance(answer, Unsupported):
@@ -163,11 +201,16 @@ def judge_answer(vector: Vector, answered: Answered, in_full: bool = False, leve
     if isinstance(answer, Failure):
         result = replace(_result(vector, answer.outcome, answer.message, seconds=seconds), log=answer.log)
         return Judged(vector, None, result)
-    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds, level))
+    return Judged(vector, answer, judge_outputs(vector, answer, in_full, seconds, level, outside))
 
 
 def judge_outputs(
-    vector: Vector, outputs: Values, in_full: bool = False, seconds: float = 0.0, level: int = 1
+    vector: Vector,
+    outputs: Values,
+    in_full: bool = False,
+    seconds: float = 0.0,
+    level: int = 1,
+    outside: str = "",
 ) -> Result:
     """The result of a vector whose outputs are there.
 
@@ -181,6 +224,8 @@ def judge_outputs(
         The time that they took, in seconds.
     level
         The level above which a stream may be refused as unsupported (R-13-5).
+    outside
+        Why it may be refused as unsupported at any level, in words; empty for no reason.
     """
     judged = tuple(
         _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
@@ -188,8 +233,9 @@ def judge_outputs(
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
-    if vector.level > level and (refusal := _refusal_as_unsupported(vector, outputs)):
-        return _result(vector, "unsupported", f"{refusal}: its level is {vector.level}", seconds=seconds)
+    if (outside or vector.level > level) and (refusal := _refusal_as_unsupported(vector, outputs)):
+        why = refusal if outside else f"{refusal}: its level is {vector.level}"
+        return _result(vector, "unsupported", why, seconds=seconds)
     message = "; ".join(
         f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
     )

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Final
@@ -63,63 +63,82 @@ def _text(data: bytes) -> str:
     return data.decode(errors="replace").strip()
 
 
-def run_program(
-    words: list[str], timeout: float, log: Log, variables: dict[str, str], check: Callable[[], object]
-) -> int | None:
-    """Run a program to its end, and end whatever it started; its exit status, or None over the time.
+class Program:
+    """A program that runs, of which nothing stays once it is closed: it is a context.
 
     Parameters
     ----------
     words
         The program and its arguments.
-    timeout
-        In seconds.
     log
         Takes what it prints.
     variables
         Variables of its environment, besides the kit's own.
-    check
-        Is called again and again while it runs; what it raises ends the program.
+    talks
+        Whether its standard input and output are pipes of the caller's; what it prints is then its standard error.
 
     Raises
     ------
     OSError
         It cannot be started.
     """
-    mark = secrets.token_hex(8)
-    with _starting:
-        _adopt()
-        process = subprocess.Popen(
-            words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            env={**os.environ, **variables, MARK: mark}, start_new_session=True,
-        )  # fmt: skip
-        _programs.add(process.pid)
-    assert process.stdout is not None
-    reader = threading.Thread(target=_read, args=(process.stdout, log), daemon=True)
-    reader.start()
-    try:
-        return _wait(process, timeout, check)
-    finally:
-        _kill(process)
+
+    def __init__(self, words: list[str], log: Log, variables: Mapping[str, str], talks: bool = False) -> None:
+        self.log = log
+        self._mark = secrets.token_hex(8)
+        self._closed = False
+        environment = {**os.environ, **variables, MARK: self._mark}
+        given, printed = (subprocess.PIPE, subprocess.PIPE) if talks else (subprocess.DEVNULL, subprocess.STDOUT)
         with _starting:
-            _programs.discard(process.pid)
-        _kill_strays(mark)
-        reader.join(PATIENCE_S)  # it ends with the last process that may print
+            _adopt()
+            self.process = subprocess.Popen(
+                words, bufsize=0, stdin=given, stdout=subprocess.PIPE, stderr=printed, env=environment,
+                start_new_session=True,
+            )  # fmt: skip
+            _programs.add(self.process.pid)
+        self._reader = threading.Thread(
+            target=self._read, args=(self.process.stderr if talks else self.process.stdout,), daemon=True
+        )
+        self._reader.start()
 
+    def __enter__(self) -> "Program":
+        return self
 
-def _wait(process: "subprocess.Popen[bytes]", timeout: float, check: Callable[[], object]) -> int | None:
-    end = time.monotonic() + timeout
-    while (left := end - time.monotonic()) > 0:
-        with suppress(subprocess.TimeoutExpired):
-            return process.wait(min(left, INTERVAL_S))
-        check()
-    return None
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
+    def wait(self, timeout: float, check: Callable[[], object] = int) -> int | None:
+        """The exit status at its end, or None if it goes on for longer than the timeout, in seconds.
 
-def _read(printed: IO[bytes], log: Log) -> None:
-    with printed:
-        while data := os.read(printed.fileno(), 1 << 16):
-            log.add(data)
+        Parameters
+        ----------
+        timeout
+            In seconds.
+        check
+            Is called again and again while it runs; what it raises is raised here.
+        """
+        end = time.monotonic() + timeout
+        while (left := end - time.monotonic()) > 0:
+            with suppress(subprocess.TimeoutExpired):
+                return self.process.wait(min(left, INTERVAL_S))
+            check()
+        return None
+
+    def close(self) -> None:
+        """End it and whatever it started, once: its number may then be another program's."""
+        if self._closed:
+            return
+        self._closed = True
+        _kill(self.process)
+        with _starting:
+            _programs.discard(self.process.pid)
+        _kill_strays(self._mark)
+        self._reader.join(PATIENCE_S)  # it ends with the last process that may print
+
+    def _read(self, printed: IO[bytes]) -> None:
+        with printed:
+            while data := os.read(printed.fileno(), 1 << 16):
+                self.log.add(data)
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:

@@ -19,12 +19,13 @@ from gsvc_conformance.case import of_operation
 from gsvc_conformance.commands.list import BEGIN, END, markdown
 from gsvc_conformance.diagnosis import EXAMINED
 from gsvc_conformance.expectations import Exact
-from gsvc_conformance.implementations import ModuleImplementation, Unsupported, load_module
+from gsvc_conformance.implementations import Failure, ModuleImplementation, Unsupported, load_module
 from gsvc_conformance.operation import operations
 from gsvc_conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
 from gsvc_conformance.report.console import CONCLUSIONS
 from gsvc_conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from gsvc_conformance.runner import judge_vector, run_suite
+from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.streams import PARTS
 from gsvc_conformance.vector_folder import SCHEMA, matches
 from gsvc_conformance.vectors import VECTORS, Vector, files_of, from_files
@@ -109,11 +110,18 @@ def module(monkeypatch) -> ModuleImplementation:
     return load_module("minimal")
 
 
-@pytest.fixture(params=["compiled", "python", "module"])
+@pytest.fixture(params=["module", "compiled", "python", "compiled --serve", "python --serve"])
 def example(request):
-    """Each example behind the process protocol, and the one in Python as a module."""
-    found = request.getfixturevalue(request.param)
-    return found if isinstance(found, ModuleImplementation) else ProcessImplementation(found, 60)
+    """The example in Python as a module, and each example as a command and as a server."""
+    name, _, option = request.param.partition(" ")
+    found = request.getfixturevalue(name)
+    if isinstance(found, ModuleImplementation):
+        yield found
+    elif option:
+        with ServerImplementation(f"{found} {option}", 60) as served:
+            yield served
+    else:
+        yield ProcessImplementation(found, 60)
 
 
 def vector(operation, inputs, expected) -> Vector:
@@ -143,6 +151,27 @@ def test_examples_render(example, count):
 
 def test_examples_do_not_support_other_operations(example):
     assert isinstance(example.run(operations()["metrics"], {"bit_depth": 8}), Unsupported)
+
+
+def test_served_examples_are_asked_again_and_again(example):
+    """Sizes that grow and shrink, so that memory of the request before would show."""
+    for size in (3, 200, 1):
+        inputs = {
+            "parameters": np.tile(np.float32([4, 4, 2, 0.5, 2, 1, 0.5, 0.25]), (size % 7, 1)),
+            "width": size,
+            "height": 5,
+        }
+        expected = operations()["render_sum"].oracle(**inputs)
+        assert judge_vector(example, vector("render_sum", inputs, expected)).result.outcome == "pass"
+
+
+@pytest.mark.parametrize("example", ["python --serve"], indirect=True)
+def test_the_python_server_tells_of_its_errors_and_goes_on(example):
+    for _ in range(2):
+        answer = example.run(operations()["from_half"], {})
+        assert isinstance(answer, Failure)
+        assert "missing 1 required positional argument" in answer.message
+    assert example.environment == {"NumPy": np.__version__}
 
 
 # Manifests

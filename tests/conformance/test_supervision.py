@@ -15,7 +15,7 @@ from toy_operations import write_program
 from gsvc_conformance import process
 from gsvc_conformance.implementations import Failure
 from gsvc_conformance.process import ProcessImplementation
-from gsvc_conformance.supervision import LOG_BYTES, Log, run_program
+from gsvc_conformance.supervision import LOG_BYTES, Log, Program
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell who lost its parent")
 
@@ -34,7 +34,9 @@ os.wait()
 
 def run(words, timeout=60.0, check=lambda: None) -> tuple[int | None, str]:
     log = Log()
-    return run_program(words, timeout, log, {}, check), str(log)
+    with Program(words, log, {}) as program:
+        status = program.wait(timeout, check)
+    return status, str(log)
 
 
 def grandchildren() -> list[int]:

@@ -22,6 +22,7 @@ from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import check_outputs, write_files
 from gsvc_conformance.diagnosis.failures import Failure
+from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import DTYPES, operations
 from gsvc_conformance.report.console import describe, last_line, progress_text
@@ -37,6 +38,8 @@ from gsvc_ref.errors import UsageError
 
 SHOWN: Final = 10
 NOTHING: Final = np.zeros(0)
+MAX_NEEDS: Final = 6
+"""Maximum number of kinds of vectors outside of the features that a note names."""
 
 
 def add_judging(parser: ArgumentParser) -> None:
@@ -47,6 +50,10 @@ def add_judging(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--claim", metavar="CLAIM",
         help=f"judge a claim of conformance and nothing else: {FORM}, such as bitstream+rendering,paper,2,sizes",
+    )  # fmt: skip
+    parser.add_argument(
+        "--features", type=Path, metavar="FILE",
+        help="a TOML file of what it is made for: all that is inside must be answered, all else refused as unsupported",
     )  # fmt: skip
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
     parser.add_argument("--waivers", type=Path, metavar="FILE", help='a JSON file {"id": "reason"} of known failures')
@@ -91,6 +98,9 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     aside = check_outputs(arguments.json, arguments.junit, arguments.html)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     claim = read_claim(arguments.claim) if arguments.claim else None
+    features = read_features(arguments.features) if arguments.features else None
+    if claim and features:
+        features.check_claim(claim)
     folder = vectors_of(arguments)
     chosen, waivers, book = _selection(arguments, claim), read_waivers(arguments.waivers), PictureBook()
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
@@ -117,6 +127,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
             run_suite(
                 implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
                 jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat, level=claim.level if claim else 1,
+                features=features,
             )  # fmt: skip
             display.update("looking for causes", len(names), len(names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
@@ -125,14 +136,16 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
             raise
         results, notes, ended = done, [_end(error, len(done), len(names))], error
     notes += [*_difference_notes(results), *_waiver_notes(results, waivers, folder.names)]
+    notes += _beyond_notes(results)
     notes += [_order_note(arguments.order)] if arguments.order is not None else []
-    again = shlex.join([*command, *_vectors_words(arguments)])
+    again = shlex.join([*command, *_vectors_words(arguments), *_features_words(arguments)])
     around = environment(implementation.name, folder)
     place = {name: number for number, name in enumerate(names)}
     results = sorted(results, key=lambda result: place[result.id])
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
+        features,
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
@@ -182,7 +195,8 @@ def _of_no_claim(name: str) -> bool:
 
 def _end(error: BaseException, count: int, total: int) -> str:
     """The reason why a run ends early, after some number of vectors."""
-    why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"{type(error).__name__}: {error}"
+    why = str(error) if isinstance(error, UsageError) else f"{type(error).__name__}: {error}"
+    why = "interrupted" if isinstance(error, KeyboardInterrupt) else why
     return f"ended early, after {count} of {plural(total, 'vector')}: {why}"
 
 
@@ -206,6 +220,16 @@ def _difference_notes(results: Iterable[Result]) -> Iterator[str]:
             f"{operation}: {plural(number, 'vector')} gave different answers when asked again, each within what is "
             f"allowed: an order of summation that changes from run to run does that"
         )
+
+
+def _beyond_notes(results: Iterable[Result]) -> Iterator[str]:
+    """What an implementation does rightly although its features leave it out."""
+    found = Counter(result.outside for result in results if result.outside and result.outcome == "pass")
+    if found:
+        needs = ", ".join(f"{what} ({number})" for what, number in found.most_common(MAX_NEEDS))
+        more = ", ..." if len(found) > MAX_NEEDS else ""
+        total = plural(found.total(), "vector")
+        yield f"{total} outside of its features got right answers, which its features could claim: {needs}{more}"
 
 
 def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) -> tuple[list[str], dict[str, str]]:
@@ -280,6 +304,10 @@ def _vectors_words(arguments: Namespace) -> list[str]:
     """The options that name the vectors and the set, unless they are the usual ones."""
     place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
     return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
+
+
+def _features_words(arguments: Namespace) -> list[str]:
+    return ["--features", str(arguments.features)] if arguments.features else []
 
 
 def read_waivers(path: Path | None) -> dict[str, str]:

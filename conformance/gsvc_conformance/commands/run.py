@@ -1,9 +1,10 @@
 """``run``: judge an implementation by the vectors."""
 
 from argparse import ArgumentParser, Namespace
+from contextlib import ExitStack
 from typing import Final
 
-from gsvc_conformance import implementations, process
+from gsvc_conformance import implementations, process, server
 from gsvc_conformance.commands import PROTOCOL
 from gsvc_conformance.commands.judging import add_judging, judge
 from gsvc_ref.cli.arguments import positive, whole
@@ -21,6 +22,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--impl", metavar="CMD", help="a command, started as: CMD OPERATION IN_DIR OUT_DIR")
     which.add_argument(
+        "--serve", metavar="CMD", help="a command that is started once, and answers one vector after the other"
+    )
+    which.add_argument(
         "--module",
         metavar="NAME",
         help="a Python module (mine, not mine.py) with functions named as the operations; from the current folder, "
@@ -33,31 +37,46 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=positive,
         default=TIMEOUT,
         metavar="S",
-        help=f"seconds for one vector, with --impl ({TIMEOUT:g})",
+        help=f"seconds for one vector, with --impl and --serve ({TIMEOUT:g})",
+    )
+    parser.add_argument(
+        "--start-timeout",
+        type=positive,
+        default=server.START_S,
+        metavar="S",
+        help=f"seconds from the start of a server to its hello, with --serve ({server.START_S:g})",
     )
     parser.add_argument(
         "--environment",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="what it runs on, for reports: device=..., driver=...; a module tells it by a function `environment`",
+        help="what it runs on, for reports: device=..., driver=...; a module tells it by a function `environment`, a "
+        "server by its hello",
     )
     parser.add_argument(
-        "--jobs", type=whole, default=1, metavar="N", help="processes at the same time, with --impl (1)"
+        "--jobs", type=whole, default=1, metavar="N", help="processes at the same time, with --impl and --serve (1)"
     )
     add_judging(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Judge and report."""
-    if arguments.jobs < 1 or (arguments.jobs > 1 and arguments.impl is None):
-        raise UsageError("--jobs must be at least 1, and needs --impl: a module answers one vector after the other")
-    return judge(arguments, _implementation(arguments), _command(arguments))
+    if arguments.jobs < 1 or (arguments.jobs > 1 and arguments.impl is None and arguments.serve is None):
+        raise UsageError(
+            "--jobs must be at least 1, and needs --impl or --serve: a module answers one vector after the other"
+        )
+    with ExitStack() as stack:
+        return judge(arguments, _implementation(arguments, stack), _command(arguments))
 
 
-def _implementation(arguments: Namespace) -> implementations.Implementation:
+def _implementation(arguments: Namespace, stack: ExitStack) -> implementations.Implementation:
+    """The implementation that the options name; what has to be ended goes onto the stack."""
     if arguments.impl is not None:
         return process.ProcessImplementation(arguments.impl, arguments.timeout)
+    if arguments.serve is not None:
+        served = server.ServerImplementation(arguments.serve, arguments.timeout, arguments.start_timeout)
+        return stack.enter_context(served)
     if arguments.module is not None:
         return implementations.load_module(arguments.module)
     return spec_implementation() if arguments.spec else reference_implementation()
@@ -79,8 +98,10 @@ def spec_implementation() -> implementations.Implementation:
 
 def _command(arguments: Namespace) -> list[str]:
     words = ["gsvc-conformance", "run"]
-    if arguments.impl is not None:
-        words += ["--impl", arguments.impl, *(["--timeout", f"{arguments.timeout:g}"] * (arguments.timeout != TIMEOUT))]
+    if (program := arguments.impl or arguments.serve) is not None:
+        words += ["--impl" if arguments.impl else "--serve", program]
+        words += ["--timeout", f"{arguments.timeout:g}"] * (arguments.timeout != TIMEOUT)
+        words += ["--start-timeout", f"{arguments.start_timeout:g}"] * (arguments.start_timeout != server.START_S)
     elif arguments.module is not None:
         words += ["--module", arguments.module]
     else:

@@ -36,7 +36,7 @@ def describe(report: Report, most: int) -> list[str]:
     most
         Maximum number of failures to describe.
     """
-    lines = [*runs_on_lines(report), *operation_table(report), ""]
+    lines = [*runs_on_lines(report), *feature_lines(report), *operation_table(report), ""]
     faults = report.simplest_first()
     for result in faults[:most]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
@@ -55,6 +55,19 @@ def runs_on_lines(report: Report) -> list[str]:
     return [*(f"{name.ljust(width)}  {value}" for name, value in report.runs_on.items()), *[""] * bool(report.runs_on)]
 
 
+def feature_lines(report: Report) -> list[str]:
+    """The features that it was judged by, and an empty line; nothing if there are none."""
+    return [f"features: {report.features}; {feature_counts(report)}", ""] if report.features else []
+
+
+def feature_counts(report: Report) -> str:
+    """The vectors inside and outside of the features, in words."""
+    outside = [result for result in report.results if result.outside]
+    inside = len(report.results) - len(outside)
+    refused = sum(result.outcome == "unsupported" for result in outside)
+    return f"{plural(inside, 'vector')} inside; {len(outside):,} outside, of which {refused:,} unsupported"
+
+
 def last_line(report: Report) -> str:
     """The conclusion, for those who read nothing else."""
     words, rest = conclusion(report)
@@ -67,10 +80,11 @@ def conclusion(report: Report) -> tuple[str, str]:
         return f"the claim {'holds' if report.passed else 'does not hold'}", f": {report.claim}"
     if report.conclusion != "incomplete":
         return CONCLUSIONS[report.conclusion]
+    words = "its features hold" if report.features_hold else "nothing is wrong"
     verdicts = {group.name: group.verdict for group in report.groups()}
     incomplete = ", ".join(name for name, verdict in verdicts.items() if verdict == "incomplete")
     complete = not {"passed", "waived"}.isdisjoint(verdicts.values())
-    return "nothing is wrong", f", but incomplete: {incomplete}" if complete else "; no class is complete"
+    return words, f", but incomplete: {incomplete}" if complete else "; no class is complete"
 
 
 def cause_lines(report: Report) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_conformance.claim import read_claim
+from gsvc_conformance.features import features_of
 from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
 from gsvc_ref.errors import UsageError
 
@@ -62,6 +63,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "selection": report.selection,
         "notes": list(report.notes),
         **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes()),
+        **({"features": report.features.to_object()} if report.features else {}),
         "classes": [_class_object(group, report) for group in report.groups()],
         "operations": [_summary_object(operation) for operation in report.operations()],
         "results": [_result_object(result) for result in report.results],
@@ -96,8 +98,8 @@ def _result_object(result: Result) -> dict[str, Any]:
     return {
         "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
         **({"level": result.level} if result.level > 1 else {}),
-        **_filled(message=result.message, outputs=outputs, causes=list(result.causes), log=result.log,
-                  table=_table_object(result.table), size=result.size),
+        **_filled(outside=result.outside, message=result.message, outputs=outputs, causes=list(result.causes),
+                  log=result.log, table=_table_object(result.table), size=result.size),
         "seconds": round(result.seconds, 3),
     }  # fmt: skip
 
@@ -132,6 +134,7 @@ def from_object(value: Any) -> Report:
         [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
+        features_of(report.get("features", dict), "the report") if "features" in report else None,
     )  # fmt: skip
 
 
@@ -151,6 +154,7 @@ def _from_result(entry: "_Entry") -> Result:
         name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
         tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"), _from_table(entry),
         entry.get("size", int, 0), entry.get("level", int, 1),
+        entry.text("outside", ""),
     )  # fmt: skip
 
 

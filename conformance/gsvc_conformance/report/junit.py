@@ -30,6 +30,7 @@ def _properties(report: Report) -> dict[str, str]:
     """The environment, what the implementation runs on, and the verdicts that can be quoted."""
     runs_on = {f"implementation.{name}": value for name, value in report.runs_on.items()}
     claim = {"claim": str(report.claim)} if report.claim else {}
+    claim |= {"features": str(report.features)} if report.features else {}
     verdicts = {f"verdict.{number}": quote for number, quote in enumerate(report.quotes(), 1)}
     return {**report.environment, **runs_on, **claim, **verdicts}
 

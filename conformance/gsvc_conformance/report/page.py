@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from gsvc_conformance.report.console import cause_lines, conclusion, folded, ratio_text, rule_counts
+from gsvc_conformance.report.console import cause_lines, conclusion, feature_counts, folded, ratio_text, rule_counts
 from gsvc_conformance.report.pictures import KEY, Picture
 from gsvc_conformance.results import OUTCOMES, Report, Result, Summary, Table
 from gsvc_conformance.side_by_side import RIGHT
@@ -37,6 +37,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         f"<pre>{html.escape(report.command)}</pre>",
         cards_section(_cards(report)),
         _runs_on(report.runs_on),
+        _features(report),
         _classes(report.groups()),
         _quotes(report.quotes()),
         _refusals(report),
@@ -68,6 +69,12 @@ def _runs_on(entries: Mapping[str, str]) -> str:
     )
     table = f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>'
     return f"<h2>What the implementation runs on</h2>{table}" if entries else ""
+
+
+def _features(report: Report) -> str:
+    """The features that it was judged by."""
+    words = html.escape(f"{report.features}: {feature_counts(report)}.")
+    return f"<h2>What it is made for</h2><p>{words}</p>" if report.features else ""
 
 
 def _cards(report: Report) -> list[Figure]:
