@@ -2,7 +2,10 @@
 
     gsvc-conformance run --impl "my-decoder --conformance"      # any language: see protocol.md
     gsvc-conformance run --module mypackage.gsvc                # Python
+    pytest --gsvc-module mypackage.gsvc                         # Python, one test a vector
     gsvc-conformance --help
+
+Python programs use `vectors`, `judge`, `assert_vector` and `diagnose`; they are imported when they are asked for.
 
 Whatever an implementation can be asked is an *operation* (`operation`, `operations/`): a function of named inputs. A
 *case* (`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
@@ -11,4 +14,33 @@ gsvc_ref's output where rounding is left free. `runner` and `report` judge, `mut
 judges needs NumPy alone; `cases` and `streams`, which make vectors and streams, need gsvc_ref.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from gsvc_conformance.interface import assert_vector, diagnose, judge, vectors
+    from gsvc_conformance.results import Result
+    from gsvc_conformance.vectors import Vector
+
 __version__ = "0.1.0"
+__all__ = ["Result", "Vector", "assert_vector", "diagnose", "judge", "vectors"]
+
+EXPORTS: Final = {
+    "Result": "results",
+    "Vector": "vectors",
+    "assert_vector": "interface",
+    "diagnose": "interface",
+    "judge": "interface",
+    "vectors": "interface",
+}
+"""The module of each exported name."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in EXPORTS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{EXPORTS[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *EXPORTS})

@@ -113,7 +113,7 @@ class ModuleImplementation:
         try:
             with np.errstate(all="ignore"), kept_streams():
                 given = function(**inputs)
-            return Failure("error", FLUSHES) if _flushes() else _collect(operation, given)
+            return Failure("error", FLUSHES) if _flushes() else collect(operation, given)
         except NotImplementedError as error:
             return Unsupported(str(error) or f"{operation.name} raises NotImplementedError")
         except (Exception, SystemExit) as error:
@@ -215,7 +215,7 @@ def _misfit(function: Callable[..., Any], operation: Operation) -> str:
     return ""
 
 
-def _collect(operation: Operation, given: object) -> Values | Failure:
+def collect(operation: Operation, given: object) -> Values | Failure:
     """The outputs among what a function returned; single numbers may be Python's."""
     if not isinstance(given, Mapping):
         return Failure("error", f"{operation.name} returned {type(given).__name__}, not a dict of its outputs")

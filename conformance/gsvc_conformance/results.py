@@ -1,7 +1,7 @@
 """The findings of a run as plain data: results, verdicts, the report."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, get_args
 
@@ -136,6 +136,11 @@ class Result:
         _make_printable(self)
 
     @property
+    def passed(self) -> bool:
+        """Whether every output is as it must be."""
+        return self.outcome == "pass"
+
+    @property
     def tier(self) -> str:
         """``core``, ``uncommon``, ``stress``, ``faulty``, ``full`` or ``own``."""
         return self.id.split("/")[0]
@@ -217,6 +222,8 @@ class Report:
         Whether all vectors of each class that was judged were selected, so that verdicts can be quoted.
     features
         What the implementation is made for, by which it was judged, or None.
+    stale
+        Sentences about waivers that have to leave their file, where a run must have none.
     """
 
     environment: Mapping[str, str]
@@ -229,6 +236,7 @@ class Report:
     claim: Claim | None = None
     whole: bool = False
     features: Features | None = None
+    stale: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -247,15 +255,12 @@ class Report:
 
     def simplest_first(self) -> list[Result]:
         """The wrong results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
-        tiers = {tier: place for place, tier in enumerate(TIERS)}
-        return sorted(
-            self.faults, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id)
-        )  # fmt: skip
+        return simplest_first(self.faults)
 
     @property
     def conclusion(self) -> Conclusion:
         """The conclusion of the verdicts of the classes; a class that is waived has to be accompanied by a pass."""
-        if self.faults:
+        if self.faults or self.stale:
             return "failed"
         if self.ended:
             return "ended early"
@@ -338,6 +343,12 @@ class Report:
         names = [name for name in get_args(Group) if name in there]
         claimed = self.claim.level if self.claim else None
         return [_class(name, [result for result in self.results if result.group == name], claimed) for name in names]
+
+
+def simplest_first(results: Iterable[Result]) -> list[Result]:
+    """Results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
+    tiers = {tier: place for place, tier in enumerate(TIERS)}
+    return sorted(results, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id))
 
 
 def _make_printable(record: "OutputResult | Table | Result | Report") -> None:

@@ -295,9 +295,8 @@ def _is_nothing(value: object) -> bool:
 def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
-    title = str(vector.manifest["title"])
     return Result(
-        vector.id, title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level
+        vector.id, vector.title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level
     )
 
 

@@ -48,6 +48,11 @@ class Vector:
     expected: Mapping[str, Expectation]
 
     @property
+    def title(self) -> str:
+        """A sentence that says what is tested."""
+        return str(self.manifest["title"])
+
+    @property
     def tier(self) -> str:
         """``core``, ``uncommon``, ``stress`` or ``faulty``."""
         return self.id.partition("/")[0]

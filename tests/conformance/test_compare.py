@@ -155,7 +155,7 @@ def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
     for words, message in (
         ([str(other)], "other.json"),
         ([str(good), "--speeds", str(part)], "has not the form speeds/1"),
-        ([str(good), str(tmp_path / "b" / "good.json")], "two reports are called good"),
+        ([str(good), str(tmp_path / "b" / "good.json"), "--tables"], "two reports are called good"),
         ([str(good), "--speeds", str(other)], "has not the form speeds/1"),
         ([str(good), "--speeds", str(tmp_path / "none.json")], "none.json"),
         ([str(good), "--markdown", str(other)], "needs the line '<!-- begin: gsvc-conformance compare -->' once"),

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gsvc_conformance import diagnosis, expectations
+from gsvc_conformance import causes, diagnosis, expectations
 from gsvc_conformance.__main__ import main
-from gsvc_conformance.commands import judging
 from gsvc_conformance.mutants import MUTANTS
 
 GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
@@ -72,7 +71,7 @@ def test_links_and_names():
 
 def test_what_the_report_says_is_what_it_can_say():
     known = [mutant.sentence for mutant in MUTANTS]
-    sources = [*Path(diagnosis.__file__).parent.glob("*.py"), Path(expectations.__file__), Path(judging.__file__)]
+    sources = [*Path(diagnosis.__file__).parent.glob("*.py"), Path(expectations.__file__), Path(causes.__file__)]
     known += [path.read_text(encoding="utf-8") for path in sources]
     text = GUIDE.read_text(encoding="utf-8")
     tables = re.findall(r"^\| the report says \|.*\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)

@@ -1,6 +1,7 @@
 """The commands of ``gsvc-conformance``, each with `add_arguments` and `run`, and what they share."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, get_args
 
@@ -77,19 +78,31 @@ def selection(arguments: Namespace) -> Selection:
     UsageError
         An operation does not exist.
     """
-    for name in arguments.operation:
-        if name not in operations():
-            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
-            raise UsageError(f"there is no operation {name!r}{near}")
     return Selection(
         tiers=tuple(arguments.tier),
-        operations=tuple(arguments.operation),
+        operations=checked_operations(arguments.operation),
         groups=tuple(arguments.group),
         patterns=tuple(arguments.case),
         rules=tuple(arguments.rule),
         equations=tuple(equation.strip("()") for equation in arguments.equation),
         flags=tuple(arguments.flag),
     )
+
+
+def checked_operations(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of operations.
+
+    Raises
+    ------
+    UsageError
+        One does not exist.
+    """
+    chosen = tuple(names)
+    for name in chosen:
+        if name not in operations():
+            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
+            raise UsageError(f"there is no operation {name!r}{near}")
+    return chosen
 
 
 def count(text: str) -> int:

@@ -2,42 +2,40 @@
 
 import datetime
 import hashlib
-import json
 import platform
 import shlex
 import sys
 from argparse import ArgumentParser, Namespace
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL, OWN
+from gsvc_conformance.causes import Causes
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import check_outputs, write_files
-from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, checked_environment
-from gsvc_conformance.operation import DTYPES, operations
+from gsvc_conformance.operation import operations
 from gsvc_conformance.report.console import describe, last_line, progress_text
 from gsvc_conformance.report.kept import forget, keep_files
 from gsvc_conformance.results import FAULTS, Report, Result
 from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
-from gsvc_conformance.vectors import SPEC_VERSION, VECTORS, Vector
+from gsvc_conformance.vectors import SPEC_VERSION, VECTORS
+from gsvc_conformance.waivers import read_waivers, renewed, to_toml
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
+from gsvc_ref.files import write_text
 
 SHOWN: Final = 10
-NOTHING: Final = np.zeros(0)
 MAX_NEEDS: Final = 6
 """Maximum number of kinds of vectors outside of the features that a note names."""
 
@@ -56,7 +54,11 @@ def add_judging(parser: ArgumentParser) -> None:
         help="a TOML file of what it is made for: all that is inside must be answered, all else refused as unsupported",
     )  # fmt: skip
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
-    parser.add_argument("--waivers", type=Path, metavar="FILE", help='a JSON file {"id": "reason"} of known failures')
+    parser.add_argument("--waivers", type=Path, metavar="FILE", help="a TOML file of known failures")
+    parser.add_argument(
+        "--strict-waivers", action="store_true",
+        help="fail if a waiver is stale: its vector passes, none matches, or it is over",
+    )  # fmt: skip
     parser.add_argument("--no-diagnosis", action="store_true", help="do not look for the probable cause of failures")
     parser.add_argument(
         "--repeat", type=times, default=1, metavar="N",
@@ -78,6 +80,10 @@ def add_judging(parser: ArgumentParser) -> None:
     outputs.add_argument(
         "--keep", type=Path, metavar="DIR", help="keep inputs, outputs and expectations of what is wrong"
     )
+    outputs.add_argument(
+        "--write-waivers", type=Path, metavar="FILE",
+        help="write waivers for all that is wrong, with those of --waivers that are still needed",
+    )  # fmt: skip
     outputs.add_argument("--quiet", action="store_true", help="show no progress")
 
 
@@ -95,7 +101,9 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     """
     from gsvc_conformance.report.pictures import PictureBook
 
-    aside = check_outputs(arguments.json, arguments.junit, arguments.html)
+    aside = check_outputs(arguments.json, arguments.junit, arguments.html, arguments.write_waivers)
+    if arguments.strict_waivers and not arguments.waivers:
+        raise UsageError("--strict-waivers needs --waivers FILE")
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     claim = read_claim(arguments.claim) if arguments.claim else None
     features = read_features(arguments.features) if arguments.features else None
@@ -125,7 +133,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
 
             vectors = folder.read(names if arguments.order is None else shuffled(names, arguments.order))
             run_suite(
-                implementation, vectors, waivers=waivers, skips=skips, on_result=on_result,
+                implementation, vectors, waivers=waivers.reasons(names), skips=skips, on_result=on_result,
                 jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat, level=claim.level if claim else 1,
                 features=features,
             )  # fmt: skip
@@ -135,8 +143,9 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
         if not done:
             raise
         results, notes, ended = done, [_end(error, len(done), len(names))], error
-    notes += [*_difference_notes(results), *_waiver_notes(results, waivers, folder.names)]
-    notes += _beyond_notes(results)
+    notes += [*_difference_notes(results), *_beyond_notes(results)]
+    stale = waivers.stale(results, folder.names)
+    notes += [] if arguments.strict_waivers else stale
     notes += [_order_note(arguments.order)] if arguments.order is not None else []
     again = shlex.join([*command, *_vectors_words(arguments), *_features_words(arguments)])
     around = environment(implementation.name, folder)
@@ -145,9 +154,12 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
-        features,
+        features, stale if arguments.strict_waivers else (),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
+    if arguments.write_waivers:
+        write_text(to_toml(renewed(waivers, results, folder.names)), arguments.write_waivers)
+        written.append(f"waivers: {arguments.write_waivers}")
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
     for fault in (ended, *refused):
         if fault is not None:
@@ -239,67 +251,6 @@ def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) 
     return names, {name: "--skip" for name in names if matches(name, name.split("/")[2], patterns=patterns)}
 
 
-class Causes:
-    """Collects what the search for causes needs, operation by operation, and finds them."""
-
-    def __init__(self) -> None:
-        self._failures: defaultdict[str, list[Failure]] = defaultdict(list)
-        self._passed: defaultdict[str, list[Vector]] = defaultdict(list)
-        self._errors: defaultdict[str, list[Vector]] = defaultdict(list)
-        self._buffers: dict[tuple[str, str], NDArray[Any]] = {}
-
-    def add(self, judged: Judged) -> None:
-        """Take note of a vector."""
-        name = judged.vector.operation.name
-        if judged.result.outcome == "pass":
-            self._passed[name].append(judged.vector)
-        elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
-            before = {
-                port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.operation.outputs
-            }
-            self._failures[name].append(Failure(judged.vector, judged.outputs, before))
-        elif judged.result.outcome in ("error", "crash"):
-            self._errors[name].append(judged.vector)
-        self._write_buffers(judged)
-
-    def _write_buffers(self, judged: Judged) -> None:
-        """Keep what buffers would hold now that no vector clears: each output over the one before."""
-        for name, value in (judged.outputs or {}).items():
-            if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-                key, flat = (judged.vector.operation.name, name), value.ravel()
-                beyond = self._buffers.get(key, NOTHING)[flat.size :]
-                self._buffers[key] = np.concatenate([flat, beyond]) if beyond.size else flat
-
-    def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
-        """The results with their causes, and what is to be said of the search."""
-        from gsvc_conformance.diagnosis import EXAMINED, diagnose, examined, mutants_for
-
-        causes: dict[str, list[str]] = {}
-        notes = []
-        for operation in dict.fromkeys([*self._failures, *self._errors]):
-            failures = self._failures[operation]
-            causes |= diagnose(failures, self._passed[operation], self._errors[operation])
-            seen = [failure.vector for failure in examined(failures)]
-            if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
-                tried = len({mutant.name for vector in open_ones for mutant in mutants_for(vector)})
-                notes.append(
-                    f"{operation}: no mutant gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
-                    f"gave ({tried} tried)"
-                )
-            if len(failures) > EXAMINED:
-                notes.append(
-                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {operation}, of all sizes"
-                )
-        return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
-
-
-def _right_types(judged: Judged) -> bool:
-    """Whether arrays have the types that they must have; if not, the report says so and looks for no other cause."""
-    given = judged.outputs or {}
-    mine = {port: given.get(port.name) for port in judged.vector.operation.outputs if port.type in DTYPES}
-    return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))
-
-
 def _vectors_words(arguments: Namespace) -> list[str]:
     """The options that name the vectors and the set, unless they are the usual ones."""
     place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
@@ -308,30 +259,6 @@ def _vectors_words(arguments: Namespace) -> list[str]:
 
 def _features_words(arguments: Namespace) -> list[str]:
     return ["--features", str(arguments.features)] if arguments.features else []
-
-
-def read_waivers(path: Path | None) -> dict[str, str]:
-    """Reasons by id, from a JSON file.
-
-    Raises
-    ------
-    UsageError
-        It is none, or a reason is empty.
-    """
-    if path is None:
-        return {}
-    try:
-        waivers = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise UsageError(f"{path} is no JSON: {error}") from None
-    if not isinstance(waivers, dict) or not all(isinstance(r, str) and r.strip() for r in waivers.values()):
-        raise UsageError(f'{path} must hold {{"id of a vector": "reason", ...}} with a reason for each')
-    return waivers
-
-
-def _waiver_notes(results: Iterable[Result], waivers: Mapping[str, str], names: list[str]) -> Iterable[str]:
-    yield from (f"{r.id} passes and needs no waiver" for r in results if r.outcome == "pass" and r.id in waivers)
-    yield from (f"there is a waiver for {name}, which is no vector" for name in waivers if name not in names)
 
 
 def read_environment(words: Iterable[str]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from gsvc_conformance.diagnosis import EXAMINED, VAGUE
@@ -44,6 +44,7 @@ def describe(report: Report, most: int) -> list[str]:
         lines += [f"... and {plural(len(faults) - most, 'more vector')} (--show N, --html FILE, --json FILE)", ""]
     lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
     lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
+    lines += [f"stale: {sentence}" for sentence in report.stale]
     lines += [f"note: {note}" for note in report.notes]
     lines += refusal_lines(report, most)
     return [*lines, *class_table(report)]
@@ -78,6 +79,8 @@ def conclusion(report: Report) -> tuple[str, str]:
     """The conclusion, and what restricts it."""
     if report.claim and report.conclusion != "ended early":
         return f"the claim {'holds' if report.passed else 'does not hold'}", f": {report.claim}"
+    if report.stale and not report.faults:
+        return "failed", f": {plural(len(report.stale), 'stale waiver')}, take them out"
     if report.conclusion != "incomplete":
         return CONCLUSIONS[report.conclusion]
     words = "its features hold" if report.features_hold else "nothing is wrong"
@@ -87,15 +90,21 @@ def conclusion(report: Report) -> tuple[str, str]:
     return words, f", but incomplete: {incomplete}" if complete else "; no class is complete"
 
 
-def cause_lines(report: Report) -> list[str]:
-    """The causes that most failures look like, the most frequent first, and where; none that others cover."""
+def cause_lines(report: Report, looked: Mapping[str, int] | None = None) -> list[str]:
+    """The causes that most failures look like, the most frequent first, and where; none that others cover.
+
+    Parameters
+    ----------
+    report
+        The report.
+    looked
+        The number of failures by operation in which causes were looked for; None: those of one run.
+    """
+    looked = examined_of(report.results) if looked is None else looked
     like: dict[str, list[Result]] = {}
     for result in report.faults:
         for cause in result.causes:
             like.setdefault(cause, []).append(result)
-    failures = Counter(result.operation for result in report.faults if result.outcome == "fail")
-    errors = Counter(result.operation for result in report.faults if result.outcome != "fail" and result.causes)
-    looked = {operation: min(failures[operation], EXAMINED) + errors[operation] for operation in {*failures, *errors}}
     explained: set[str] = set()
     lines: list[str] = []
     for cause, results in sorted(like.items(), key=_by_weight):
@@ -109,6 +118,14 @@ def cause_lines(report: Report) -> list[str]:
             ]
             lines.append(f"{cause} ({', '.join(places)})")
     return lines
+
+
+def examined_of(results: Iterable[Result]) -> Counter[str]:
+    """The number of failures by operation in which one run looks for causes."""
+    faults = [result for result in results if result.outcome in FAULTS]
+    failures = Counter(result.operation for result in faults if result.outcome == "fail")
+    errors = Counter(result.operation for result in faults if result.outcome != "fail" and result.causes)
+    return Counter({name: min(failures[name], EXAMINED) + errors[name] for name in {*failures, *errors}})
 
 
 def refusal_lines(report: Report, most: int) -> list[str]:
@@ -188,11 +205,15 @@ def _cells(summary: Summary) -> list[str]:
 
 def describe_fault(result: Result, command: str) -> list[str]:
     """One wrong vector: its errors, what they look like, and the command that runs it again."""
+    return [*result_lines(result), f"{INDENT}again: {command}"]
+
+
+def result_lines(result: Result) -> list[str]:
+    """One wrong vector: its errors, and what they look like."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
     lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
     lines += [f"{INDENT}{line}" for line in table_lines(result.table)]
-    lines += [f"{INDENT}| {line}" for line in ends(result.log)]
-    return [*lines, f"{INDENT}again: {command}"]
+    return [*lines, *(f"{INDENT}| {line}" for line in ends(result.log))]
 
 
 def table_lines(shown: Table | None) -> list[str]:

@@ -62,11 +62,12 @@ def to_object(report: Report) -> dict[str, Any]:
         "command": report.command,
         "selection": report.selection,
         "notes": list(report.notes),
-        **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes()),
+        **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes(),
+                  stale=list(report.stale)),
         **({"features": report.features.to_object()} if report.features else {}),
         "classes": [_class_object(group, report) for group in report.groups()],
         "operations": [_summary_object(operation) for operation in report.operations()],
-        "results": [_result_object(result) for result in report.results],
+        "results": [result_object(result) for result in report.results],
     }
 
 
@@ -87,7 +88,8 @@ def _summary_object(summary: Summary) -> dict[str, Any]:
     return {"name": summary.name, **counts, "ratio": _to_ratio(summary.ratio), "place": summary.place}
 
 
-def _result_object(result: Result) -> dict[str, Any]:
+def result_object(result: Result) -> dict[str, Any]:
+    """A result for JSON."""
     outputs = [
         {"name": out.name, "check": out.check, "passed": out.passed,
          **_filled(message=out.message, ratio=_to_ratio(out.ratio),
@@ -131,14 +133,23 @@ def from_object(value: Any) -> Report:
     report = _Entry(value, "the report")
     return Report(
         report.texts("environment"), report.text("command"), report.text("selection"), report.list_of_texts("notes"),
-        [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
+        [result_from(entry, f"result {number}") for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
         features_of(report.get("features", dict), "the report") if "features" in report else None,
+        report.list_of_texts("stale", []),
     )  # fmt: skip
 
 
-def _from_result(entry: "_Entry") -> Result:
+def result_from(value: Any, what: str) -> Result:
+    """A result from what `result_object` made; `what` names it.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    entry = _Entry(value, what)
     name = entry.text("id")
     if entry.get("outcome", str) not in OUTCOMES or name.count("/") != 2:
         raise UsageError(f"{name!r} has the outcome {entry.get('outcome', str)!r}; there are {', '.join(OUTCOMES)}")

@@ -10,8 +10,11 @@ NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_xml(report: Report) -> str:
-    """The report: a suite for each operation, a test for each vector; what is unsupported is skipped."""
-    root = ET.Element("testsuites", name="GSVC conformance", tests=str(len(report.results)))
+    """The report: a suite for each operation, a test for each vector; what is unsupported is skipped.
+
+    Each stale waiver that a run must not have is a test that fails.
+    """
+    root = ET.Element("testsuites", name="GSVC conformance")
     for operation in report.operations():
         suite = ET.SubElement(root, "testsuite", name=operation.name, tests=str(operation.total))
         properties = ET.SubElement(suite, "properties")  # of a suite: the format knows none of the whole
@@ -19,9 +22,13 @@ def junit_xml(report: Report) -> str:
             ET.SubElement(properties, "property", name=_clean(name), value=_clean(value))
         tests = [_test(result, report) for result in report.results if result.operation == operation.name]
         suite.extend(tests)
-        for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
-            suite.set(name, str(sum(test.find(kind) is not None for test in tests)))
-        suite.set("time", f"{sum(float(test.get('time', 0)) for test in tests):.3f}")
+        _count(suite, tests)
+    if report.stale:
+        suite = ET.SubElement(root, "testsuite", name="waivers", tests=str(len(report.stale)))
+        suite.extend(tests := [_stale_test(number, said) for number, said in enumerate(report.stale, 1)])
+        _count(suite, tests)
+    root.set("tests", str(len(tests := list(root.iter("testcase")))))
+    _count(root, tests)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -33,6 +40,20 @@ def _properties(report: Report) -> dict[str, str]:
     claim |= {"features": str(report.features)} if report.features else {}
     verdicts = {f"verdict.{number}": quote for number, quote in enumerate(report.quotes(), 1)}
     return {**report.environment, **runs_on, **claim, **verdicts}
+
+
+def _count(suite: ET.Element, tests: list[ET.Element]) -> None:
+    """Write beside a suite, or all of them, what became of the tests, and their seconds."""
+    for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
+        suite.set(name, str(sum(test.find(kind) is not None for test in tests)))
+    suite.set("time", f"{sum(float(test.get('time', 0)) for test in tests):.3f}")
+
+
+def _stale_test(number: int, sentence: str) -> ET.Element:
+    """A waiver that has to leave its file, as a test that fails."""
+    test = ET.Element("testcase", classname="waivers", name=f"stale_{number}", time="0.000")
+    ET.SubElement(test, "failure", message=_clean(sentence), type="stale")
+    return test
 
 
 def _test(result: Result, report: Report) -> ET.Element:

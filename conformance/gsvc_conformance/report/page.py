@@ -45,7 +45,7 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
         _faults(report, pictures or {}),
         _waived(report.results),
         _vectors(report.results),
-        notes_section(report.notes, report.environment),
+        notes_section([*report.stale, *report.notes], report.environment),
     ]
     style = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
     return document(title, sections).replace("</style>", f"{style}</style>", 1)

@@ -25,7 +25,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from gsvc_conformance import spec
-from gsvc_conformance.commands.judging import Causes
+from gsvc_conformance.causes import Causes
 from gsvc_conformance.diagnosis import VAGUE
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.report.console import cause_lines
