@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from gsvc_conformance.diagnosis.streams import elements_named
-from gsvc_conformance.expectations import Expectation, Refusal
+from gsvc_conformance.expectations import Expectation, Rate, Refusal
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
@@ -151,6 +151,8 @@ def _key(answer: Answer) -> object:
 
 
 def _bytes(value: object) -> object:
+    if isinstance(value, bytes):
+        return value
     array = np.asarray(value)
     return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
 
@@ -183,7 +185,14 @@ def judge_outputs(
         The level above which a stream may be refused as unsupported (R-13-5).
     """
     judged = tuple(
-        _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
+        _judge(
+            vector.operation,
+            name,
+            expected.beside(outputs) if isinstance(expected, Rate) else expected,
+            outputs[name],
+            in_full,
+        )
+        for name, expected in vector.expected.items()
     )
     wrong = [output for output in judged if not output.passed]
     if not wrong:
