@@ -26,7 +26,7 @@ COMMANDS: Final = {
     "verify": "check the vectors: schemas, hashes, coverage, counts",
     "generate": "write the vectors, or compare them with what the cases make",
     "mutants": "check the suite: every mutant must be found",
-    "legal": "say whether files that an encoder wrote are streams by spec.md",
+    "check": "say whether files are legal streams, which level they need, and where their I-frames are",
     "streams": "write random legal streams with what they decode to",
 }
 

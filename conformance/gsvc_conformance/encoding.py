@@ -11,7 +11,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_conformance.fault_elements import element_found
 from gsvc_conformance.spec import namespace
+from gsvc_ref.cli.text import plural
 
 Array = NDArray[Any]
 
@@ -63,23 +65,21 @@ class DecodedFrame:
         Its splats, (N, 8) f4.
     work
         Its rendering work (5-1).
-    size
-        Its bytes as section 5 counts them: those of its chunk, and of ancillary chunks directly before it.
     """
 
     type: str
     parameters: Array
     work: int
-    size: int
 
 
 @dataclass(frozen=True)
 class StreamFault:
-    """The first fault of a stream: ``KIND RULE BIT``."""
+    """The first fault of a stream: ``KIND RULE BIT``, and the syntax element that it is about, where there is one."""
 
     kind: str
     rule: str
     bit: int
+    element: str
 
     def __str__(self) -> str:
         return f"{self.kind} {self.rule} {self.bit}"
@@ -122,13 +122,13 @@ class Decoding:
     def __init__(self, data: bytes) -> None:
         self.header: Mapping[str, int] = {}
         self.count, self.fault = 0, None
-        self._spec, self._begin = namespace(), 0
+        self._spec = namespace()
         try:
             self._bits, self._state = self._spec["open_stream"](data)
         except self._spec["Fault"] as fault:
-            self.fault = StreamFault(fault.kind, fault.rule, fault.bit)
+            self.fault = _fault(fault)
             return
-        self.header, self._begin = self._state.header, self._bits.position()
+        self.header = self._state.header
 
     def frames(self) -> Iterator[DecodedFrame]:
         """Each frame that is complete, up to the end or to the fault."""
@@ -137,13 +137,16 @@ class Decoding:
         width, height = self.header["width"], self.header["height"]
         try:
             for frame in self._spec["read_frames"](self._bits, self._state):
-                parameters, end = frame["parameters"], self._bits.position()
+                parameters = frame["parameters"]
                 work = int(self._spec["rendering_work"](parameters, width, height)["work"])
-                size, self._begin = (end - self._begin) // 8, end
                 self.count += 1
-                yield DecodedFrame(frame["type"], parameters, work, size)
+                yield DecodedFrame(frame["type"], parameters, work)
         except self._spec["Fault"] as fault:
-            self.fault = StreamFault(fault.kind, fault.rule, fault.bit)
+            self.fault = _fault(fault)
+
+
+def _fault(fault: Any) -> StreamFault:
+    return StreamFault(fault.kind, fault.rule, fault.bit, element_found(fault.__traceback__))
 
 
 def judge(data: bytes, task: Task) -> Verdict:
@@ -162,7 +165,7 @@ def judge(data: bytes, task: Task) -> Verdict:
         if quality < worst:
             worst, where = quality, number
     if decoding.fault:
-        return Verdict(f"is not legal: {described(data, decoding)}")
+        return Verdict(f"is not legal: {described(decoding.fault, decoding.count)}")
     if decoding.count < count:
         return Verdict(f"has {decoding.count} of {count} frames")
     ratio = float(10 ** ((task.floor - worst) / 20))
@@ -214,12 +217,7 @@ def psnr(a: Array, b: Array, bit_depth: int) -> float:
     return float(10 * np.log10((2**bit_depth - 1) ** 2 * a.size / squares)) if squares else np.inf
 
 
-def described(data: bytes, decoding: Decoding) -> str:
-    """The fault of a stream in words, with the element where it is known."""
-    from gsvc_conformance.diagnosis.streams import element_at
-
-    fault = decoding.fault
-    assert fault is not None
-    element = element_at(data, fault.bit)
-    at = f" ({element})" if element else ""
-    return f"{fault.kind} by {fault.rule} at bit {fault.bit}{at}, behind {decoding.count} complete frames"
+def described(fault: StreamFault, frames: int) -> str:
+    """The fault of a stream in words, with the element where there is one."""
+    at = f" ({fault.element})" if fault.element else ""
+    return f"{fault.kind} by {fault.rule} at bit {fault.bit}{at}, behind {plural(frames, 'complete frame')}"

@@ -94,9 +94,12 @@ def cut() -> Frames:
     return samples(np.stack([*(scene(t=t, speed=1) for t in range(3)), *other]))
 
 
-def fade() -> Frames:
-    """The picture brightens in eight frames: errors that are not corrected add up."""
-    return samples(np.stack([(0.4 + 0.07 * t) * scene() for t in range(8)]))
+def long_fade() -> Frames:
+    """The camera moves and the picture brightens in 24 frames: errors that are not corrected add up.
+
+    An encoder that predicts from anything else than what a decoder has gets worse from frame to frame.
+    """
+    return samples(np.stack([(0.5 + 0.02 * t) * pattern(20, 16, 0.5 * t, 0) for t in range(24)]))
 
 
 def random_access() -> Frames:
@@ -193,7 +196,7 @@ CLIPS: Final = (
     Clip(still_picture, 48, 27.05),
     Clip(pan, 60, 26.56, flags=("prediction",)),
     Clip(cut, 48, 26.10, flags=("channel-order",)),
-    Clip(fade, 48, 27.51, flags=("prediction",)),
+    Clip(long_fade, 24, 27.51, flags=("prediction",)),
     Clip(random_access, 48, 25.56, key_frame_interval=3, flags=("prediction",)),
     Clip(spots, 20, 55.36, flags=("pixel-centre",)),
     Clip(flat_colour, 6, 54.77),
