@@ -30,7 +30,7 @@ COMMANDS: Final = {
     "generate": "write the vectors, or compare them with what the cases make",
     "make": "make a vector of your own from inputs of an operation",
     "mutants": "check the suite: every mutant must be found",
-    "legal": "say whether files that an encoder wrote are streams by spec.md",
+    "check": "say whether files are legal streams, which level they need, and where their I-frames are",
     "streams": "write random legal streams with what they decode to",
     "export": "write vectors in the forms of other projects: glTF",
 }

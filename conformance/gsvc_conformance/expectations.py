@@ -6,18 +6,24 @@
   sums over groups of columns, too.
 - `Interval`: within the lowest and the highest value that the bounded class implies.
 - `Refusal`: the kind of error; its rule and bit offset where the implementation is asked for them.
+- `Encoding`: a stream that the decoder inside spec.md decodes, with what an encoder was asked for.
+- `Rate`: the size in bits of the stream beside it.
 
 A judgement never depends on what was judged before. NaN, another type or another shape always fail.
 """
 
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from gsvc_conformance.encoding import Task
+
 Array = NDArray[Any]
-CheckClass = Literal["exact", "decision", "bounded", "interval", "refusal"]
+CheckClass = Literal["exact", "decision", "bounded", "interval", "refusal", "encoding", "rate"]
 
 RELATIVE_L2: Final = 1e-5
 """Maximum relative L2 error of a group of gradients: single elements may lose more, all together not."""
@@ -301,5 +307,68 @@ class Refusal:
         return Judgement(False, f"is {actual or 'no error'!r}, expected {wanted!r}", None, None, 1)
 
 
-Expectation = Exact | Decision | Bounded | Interval | Refusal
-EXPECTATIONS: Final = {kind.check: kind for kind in (Exact, Decision, Bounded, Interval, Refusal)}
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """A stream that an encoder makes: any one that does what the task says."""
+
+    task: "Task"
+    check: ClassVar[CheckClass] = "encoding"
+
+    @property
+    def value(self) -> Array:
+        """The source frames, (T, H, W, 3) u1 or u2."""
+        return self.task.frames
+
+    def judge(self, actual: object) -> Judgement:
+        """Decode it with the decoder inside spec.md."""
+        from gsvc_conformance.encoding import judge
+
+        if not isinstance(actual, bytes):
+            return Judgement(False, f"is {type(actual).__name__}, not bytes")
+        verdict = judge(actual, self.task)
+        return Judgement(not verdict.message, verdict.message, verdict.ratio, wrong=int(bool(verdict.message)))
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store: none, as the task is the inputs."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Rate:
+    """The size of a stream that stands beside it, in bits: all of its bytes, with headers, index and end."""
+
+    of: str = "stream"
+    stream: object = None
+    check: ClassVar[CheckClass] = "rate"
+
+    @property
+    def value(self) -> Array:
+        """The bits of the stream, i8 (); 0 without one."""
+        return np.array(8 * len(self.stream) if isinstance(self.stream, bytes) else 0, np.int64)
+
+    def beside(self, outputs: Mapping[str, Any]) -> Self:
+        """The expectation, now that the stream is there."""
+        return replace(self, stream=outputs.get(self.of))
+
+    def judge(self, actual: object) -> Judgement:
+        """Compare with the size of the stream."""
+        failure = _form(self.value, actual)
+        if failure or not isinstance(actual, np.ndarray):
+            return failure or Judgement(False)
+        if not isinstance(self.stream, bytes):
+            return Judgement(False, f"is {actual}, and there is no {self.of} beside it")
+        if actual != self.value:
+            whole = f"{self.value}: the file of {self.of} has {len(self.stream)} bytes"
+            return Judgement(False, f"is {actual}, expected {whole}", wrong=1)
+        return Judgement(True)
+
+    def parts(self) -> dict[str, Array]:
+        """The arrays to store: none."""
+        return {}
+
+
+OfArrays = Exact | Decision | Bounded | Interval
+Expectation = OfArrays | Refusal | Encoding | Rate
+EXPECTATIONS: Final = {kind.check: kind for kind in (Exact, Decision, Bounded, Interval, Refusal, Encoding, Rate)}
+NO_ARRAYS: Final = (Refusal, Encoding, Rate)
+"""Expectations without an expected number for each element."""

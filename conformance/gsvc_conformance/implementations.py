@@ -231,6 +231,8 @@ def _output(port: Port, value: Any) -> Any:
     """An output as a plain array of its own: a function may return the same memory each time, or a subclass."""
     if port.type == "text":
         return value
+    if port.type == "stream":
+        return bytes(value) if isinstance(value, bytearray | memoryview) else value
     if isinstance(value, int | float) and not isinstance(value, np.generic):
         return np.asarray(value, port.type if port.type in DTYPES else None)
     return np.array(np.ndarray.view(value, np.ndarray) if isinstance(value, np.ndarray) else value)

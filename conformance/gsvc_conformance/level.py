@@ -61,8 +61,9 @@ def _pixels(operation: Operation, inputs: Values) -> Iterator[int]:
         if width in inputs:
             yield int(inputs[width]) * int(inputs[height])
     for port in operation.inputs:
-        if port.shape.startswith("(H, W"):
-            height, width = inputs[port.name].shape[:2]
+        if port.shape.startswith(("(H, W", "(T, H, W")):
+            first = 1 if port.shape.startswith("(T") else 0
+            height, width = inputs[port.name].shape[first : first + 2]
             yield height * width
 
 

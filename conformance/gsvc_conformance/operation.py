@@ -16,9 +16,9 @@ Values = dict[str, Any]
 
 Group = Literal[
     "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
-    "metrics", "seeking", "sizes",
+    "metrics", "seeking", "sizes", "encoder",
 ]  # fmt: skip
-"""The conformance class that an operation belongs to (spec.md section 13); the last two are options of a claim."""
+"""The conformance class that an operation belongs to (spec.md section 13); `OPTIONS` are options of a claim."""
 
 OPTIONS: Final = ("seeking", "sizes")
 """Classes that a claim names as options."""
@@ -32,6 +32,7 @@ MODULES: Final = (
     "quantization",
     "color",
     "metrics",
+    "encoding",
 )
 """Where operations are defined, in gsvc_conformance.operations."""
 

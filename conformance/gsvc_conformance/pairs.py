@@ -1,7 +1,8 @@
 """The functions that gsvc_ref has for the operations of spec.md: the table that ``run --reference`` answers by.
 
 An operation whose name and arguments gsvc_ref has too is a `Twin`: its answer is that function's, as it stands. Any
-other is `Other`, with what gsvc_ref has instead and why; `gsvc_conformance.operations` translates it.
+other is `Other`, with what gsvc_ref has instead and why; `gsvc_conformance.operations` translates it. A `Free` one has
+no function in the code of spec.md either, because many answers are right.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,6 +35,11 @@ class Other:
 
     name: str
     reason: str
+
+
+@dataclass(frozen=True)
+class Free(Other):
+    """gsvc_ref has something else, and the code of spec.md has nothing: the reason says why."""
 
 
 TWIN: Final = Twin()
@@ -79,6 +85,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "planes_to_frame": TWIN,
     "frame_to_planes": TWIN,
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
+    "encode_video": Free("gsvc_ref.encoder:encode", "an encoder is free: whatever decodes to what was asked is right"),
 }
 """By name of the operation, in the order of spec.md section 4.3."""
 

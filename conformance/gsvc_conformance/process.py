@@ -175,7 +175,7 @@ def write_inputs(folder: Path, inputs: Values) -> None:
             (folder / f"{name}.npy").write_bytes(npy(np.asarray(value, dtype)))
 
 
-def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
+def read_output(folder: Path, port: Port) -> NDArray[Any] | str | bytes:
     """An output from its file.
 
     Raises
@@ -185,6 +185,8 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str:
     """
     if port.type == "text":
         return _read_file(folder / f"{port.name}.txt", MAX_TEXT).decode(errors="replace").strip()
+    if port.type == "stream":
+        return _read_file(folder / f"{port.name}.gsvc", MAX_BYTES)
     name = f"{port.name}.npy"
     data = _read_file(folder / name, MAX_BYTES)
     file = io.BytesIO(data)

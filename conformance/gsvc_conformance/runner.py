@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from gsvc_conformance.diagnosis.streams import elements_named
-from gsvc_conformance.expectations import Expectation, Refusal
+from gsvc_conformance.expectations import Expectation, Rate, Refusal
 from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.names import with_names
@@ -164,6 +164,8 @@ def _key(answer: Answer) -> object:
 
 
 def _bytes(value: object) -> object:
+    if isinstance(value, bytes):
+        return value
     array = np.asarray(value)
     return array.dtype.str, array.shape, array.tobytes() if array.dtype.kind != "O" else repr(value)
 
@@ -228,7 +230,14 @@ def judge_outputs(
         Why it may be refused as unsupported at any level, in words; empty for no reason.
     """
     judged = tuple(
-        _judge(vector.operation, name, expected, outputs[name], in_full) for name, expected in vector.expected.items()
+        _judge(
+            vector.operation,
+            name,
+            expected.beside(outputs) if isinstance(expected, Rate) else expected,
+            outputs[name],
+            in_full,
+        )
+        for name, expected in vector.expected.items()
     )
     wrong = [output for output in judged if not output.passed]
     if not wrong:

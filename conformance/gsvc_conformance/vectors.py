@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_conformance.case import Case
-from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Expectation, Refusal
+from gsvc_conformance.encoding import Task
+from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expectation, Rate, Refusal
 from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.runs import pack, unpack
@@ -33,7 +34,9 @@ MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.1"
 PROFILE: Final = "paper"
 ERROR_MODEL: Final = "fp32/1"
-CHECK_RULES: Final = {"decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4"}
+CHECK_RULES: Final = {
+    "decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4", "encoding": "R-13-7", "rate": "R-13-8",
+}  # fmt: skip
 """The requirement that each check holds an output against (spec.md section 13.2)."""
 
 
@@ -188,7 +191,7 @@ def from_files(files: Mapping[str, bytes]) -> Vector:
     """The vector of some files, by name."""
     manifest = json.loads(files["manifest.json"])
     inputs = {name: _load(files, entry) for name, entry in manifest["inputs"].items()}
-    expected = {name: _expected(files, entry) for name, entry in manifest["outputs"].items()}
+    expected = {name: _expected(files, entry, inputs) for name, entry in manifest["outputs"].items()}
     return Vector(manifest["id"], manifest, operations()[manifest["operation"]], inputs, expected)
 
 
@@ -281,6 +284,8 @@ def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -
     entry: dict[str, Any] = {"check": expectation.check}
     if isinstance(expectation, Refusal):
         return {**entry, "value": expectation.value}
+    if isinstance(expectation, Rate):
+        return {**entry, "of": expectation.of}
     for part, array in expectation.parts().items():
         entry[part or "expected"] = _store(f"{name}.{part or 'expected'}", array, files)
     if isinstance(expectation, Bounded):
@@ -301,10 +306,14 @@ def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
     return unpack(array, entry) if "runs" in entry else array
 
 
-def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Expectation:
+def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any], inputs: Values) -> Expectation:
     kind = EXPECTATIONS[entry["check"]]
     if kind is Refusal:
         return Refusal(entry["value"])
+    if kind is Encoding:
+        return Encoding(Task(**inputs))
+    if kind is Rate:
+        return Rate(entry["of"])
     fields = {"value": _load(files, entry["expected"])}
     for part in ("bound", "alternative", "lowest", "highest"):
         if part in entry:

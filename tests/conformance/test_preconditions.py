@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from gsvc_conformance.operation import Values, operations
+from gsvc_conformance.spec import namespace
 from gsvc_conformance.vectors import VECTORS, read
 
+LEVELS: Final = namespace()["LEVELS"]
 SIDES: Final = ("width", "height", "new_width", "new_height")
 RANGES: Final = {
     **dict.fromkeys(SIDES, (1, 65535)),
@@ -28,6 +30,10 @@ RANGES: Final = {
     "beta2": (0, np.nextafter(1, 0)),
     "beta3": (0, np.nextafter(1, 0)),
     "codebook_sizes": (1, 1024),
+    "level": (1, 5),
+    "key_frame_interval": (0, np.inf),
+    "frame_rate_numerator": (1, 2**31 - 1),
+    "frame_rate_denominator": (1, 2**31 - 1),
 }
 """Of inputs by name, whatever the operation."""
 
@@ -108,6 +114,12 @@ ROWS: Final[dict[str, Callable[[Values], bool]]] = {
     "commitment": of_codebooks,
     "planes_to_frame": planes_can_be_converted,
     "frame_to_planes": planes_can_be_converted,
+    "encode_video": lambda i: (
+        min(len(i["frames"]), i["splats"]) >= 1
+        and int(i["frames"].max()) < 2 ** i["bit_depth"]
+        and i["frames"][0, ..., 0].size <= LEVELS[i["level"]]["pixels"]
+        and i["splats"] <= LEVELS[i["level"]]["splats"]
+    ),
     "metrics": lambda i: i["a"].shape == i["b"].shape and max(i["a"].max(), i["b"].max()) < 2 ** i["bit_depth"],
 }  # fmt: skip
 """What the row of an operation asks of its inputs."""

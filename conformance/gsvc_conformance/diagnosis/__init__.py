@@ -31,6 +31,9 @@ EXAMINED: Final = 12
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """Beginnings of sentences that say where errors are, not what they are."""
 
+NO_LOOKS: Final = "encoder"
+"""The class in which no look and no mutant can be found: many streams are right, and what is wrong with one is said."""
+
 MAX_SENTENCES: Final = 3
 """Maximum number of sentences about one failure."""
 
@@ -83,6 +86,7 @@ def diagnose(
     dict[str, list[str]]
         At most `MAX_SENTENCES` sentences by the id of a vector, the better ones first.
     """
+    failures = [failure for failure in failures if Failure(*failure).vector.operation.group != NO_LOOKS]
     chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
     looks = generic_looks(chosen, passed)
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]

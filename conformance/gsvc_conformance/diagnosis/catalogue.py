@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
-from gsvc_conformance.expectations import Exact, Refusal
+from gsvc_conformance.expectations import NO_ARRAYS, Exact, Refusal
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, called
 from gsvc_conformance.operation import Values
 from gsvc_conformance.vectors import Vector
@@ -114,7 +114,7 @@ def _tells_little(failure: Failure) -> bool:
     found = 0
     for name in wrong:
         expectation, mine = vector.expected[name], outputs.get(name)
-        if not isinstance(expectation, Refusal) and isinstance(mine, np.ndarray):
+        if not isinstance(expectation, NO_ARRAYS) and isinstance(mine, np.ndarray):
             whole = mine.shape == expectation.value.shape
             found += count(expectation, mine) if whole else 0 if refused else mine.size
             if (
@@ -132,7 +132,7 @@ def _missing_part(failure: Failure) -> bool:
     vector, outputs, _ = failure
     for name in wrong_outputs(vector, outputs):
         expectation, mine = vector.expected[name], outputs.get(name)
-        if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray):
+        if isinstance(expectation, NO_ARRAYS) or not isinstance(mine, np.ndarray):
             return False
         if mine.shape != expectation.value.shape or mine[wrong_elements(expectation, mine)].any():
             return False

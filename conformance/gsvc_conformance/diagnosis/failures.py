@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
+from gsvc_conformance.expectations import NO_ARRAYS, Bounded, Decision, Exact, Expectation, Interval, Refusal
 from gsvc_conformance.operation import Operation, Values
 from gsvc_conformance.vectors import Vector
 
@@ -100,7 +100,7 @@ def parts(failure: Failure) -> list[Part]:
     found = []
     for name in wrong_outputs(failure.vector, failure.outputs):
         expectation, given = failure.vector.expected[name], failure.outputs.get(name)
-        if isinstance(expectation, Refusal) or not isinstance(given, np.ndarray):
+        if isinstance(expectation, NO_ARRAYS) or not isinstance(given, np.ndarray):
             continue
         if given.shape != expectation.value.shape or given.dtype.kind not in "biuf":
             continue
@@ -151,7 +151,7 @@ def wrong_elements(expectation: Bounded | Decision | Exact | Interval, mine: Arr
 
 def count(expectation: Expectation, mine: Any) -> int:
     """The number of wrong elements of an output; 0 for what is no array of the right shape."""
-    if isinstance(expectation, Refusal) or not isinstance(mine, np.ndarray) or mine.shape != expectation.value.shape:
+    if isinstance(expectation, NO_ARRAYS) or not isinstance(mine, np.ndarray) or mine.shape != expectation.value.shape:
         return 0
     return int(wrong_elements(expectation, mine).sum())
 

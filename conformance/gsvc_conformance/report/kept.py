@@ -37,7 +37,8 @@ def keep_files(folder: Path, judged: Judged) -> None:
     texts = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, str)}
     given = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, np.ndarray)}
     arrays = {name: value for name, value in given.items() if value.dtype.kind in "biuf"}
-    for part, values in (("in", judged.vector.inputs), ("expected", expected), ("out", arrays)):
+    streams = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, bytes)}
+    for part, values in (("in", judged.vector.inputs), ("expected", expected), ("out", arrays | streams)):
         (home / part).mkdir(parents=True, exist_ok=True)
         write_inputs(home / part, values)
     for part, values in (("expected", refusals), ("out", texts)):

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
+from gsvc_conformance.expectations import NO_ARRAYS, Bounded, Decision, Exact, Interval
 from gsvc_conformance.operation import Values
 from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
@@ -62,7 +62,7 @@ def pictures_of(vector: Vector, outputs: Values, result: Result) -> list[Picture
     wrong = [out for out in result.outputs if not out.passed and out.place]
     for out in sorted(wrong, key=lambda out: -(out.ratio or 0)):
         expectation, actual = vector.expected[out.name], outputs[out.name]
-        if isinstance(expectation, Refusal) or out.place is None or actual.size < FEWEST:
+        if isinstance(expectation, NO_ARRAYS) or out.place is None or actual.size < FEWEST:
             continue
         view, peak = _view(actual.shape, out.place), _peak(vector.inputs, expectation.value)
         shown = {"expected": expectation.value, "actual": actual}
