@@ -93,6 +93,8 @@ class ServerImplementation:
         return self
 
     def __exit__(self, *_: object) -> None:
+        for server in self._idle:
+            server.tell_to_end()
         while self._idle:
             self._idle.pop().end()
 
@@ -258,19 +260,21 @@ class _Server:
         time.sleep(LATE_S)
         return str(self._program.log)
 
-    def end(self) -> None:
-        """Tell it to end, and give it time for that."""
+    def tell_to_end(self) -> None:
+        """Close its standard input."""
         with suppress(OSError):
             assert self._program.process.stdin is not None
             self._program.process.stdin.close()
+
+    def end(self) -> None:
+        """Tell it to end, and give it time for that."""
+        self.tell_to_end()
         self._program.wait(END_S)
         self._close()
 
     def _close(self) -> None:
         self._program.close()
-        with suppress(OSError):
-            assert self._program.process.stdin is not None
-            self._program.process.stdin.close()
+        self.tell_to_end()
 
     def _line(self, timeout: float, what: str, check: Callable[[], object] = int) -> bytes:
         """The next line.
@@ -323,7 +327,7 @@ class _Server:
 
     def _read_hello(self, line: bytes) -> tuple[str, dict[str, str]]:
         """The name and the environment of its first line."""
-        hello = self._object(line)
+        hello = self._object(line, "in place of the hello ")
         if type(version := hello.get("gsvc")) is not int:
             raise self._fault(f"its first line must be the hello, {HELLO}, and is {_shown(line)}")
         if version != PROTOCOL:
@@ -338,8 +342,8 @@ class _Server:
         except UsageError as error:
             raise self._fault(str(error)) from None
 
-    def _object(self, line: bytes) -> dict[str, Any]:
-        """The object that a line is.
+    def _object(self, line: bytes, place: str = "") -> dict[str, Any]:
+        """The object that a line is, which stands in some place.
 
         Raises
         ------
@@ -347,17 +351,17 @@ class _Server:
             It is none.
         """
         if len(line) > MAX_LINE:
-            raise self._fault(f"it wrote a line of more than {MAX_LINE >> 10} KiB, which begins {_shown(line)}")
+            raise self._fault(f"{place}it wrote a line of more than {MAX_LINE >> 10} KiB, which begins {_shown(line)}")
         try:
             value = json.loads(line.decode())
         except UnicodeDecodeError:
-            raise self._fault(f"it wrote a line that is no UTF-8: {_shown(line)}") from None
+            raise self._fault(f"{place}it wrote a line that is no UTF-8: {_shown(line)}") from None
         except (ValueError, RecursionError):
             value = None
         if not isinstance(value, dict):
             raise self._fault(
-                f"it wrote a line that is no object of JSON: {_shown(line)}; standard output is the protocol's, so let "
-                "it and its libraries print to standard error"
+                f"{place}it wrote a line that is no object of JSON: {_shown(line)}; standard output is the protocol's, "
+                "so let it and its libraries print to standard error"
             )
         return value
 

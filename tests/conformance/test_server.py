@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -253,6 +254,17 @@ def test_what_it_started_ends_with_it(folder, tmp_path):
     raise AssertionError("it lives")
 
 
+def test_what_others_started_meanwhile_is_left_alone(folder, tmp_path):
+    with ServerImplementation(command_of(tmp_path), 20) as implementation:
+        child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
+        assert judge(folder, implementation, SCALE).passed
+    try:
+        assert child.poll() is None
+    finally:
+        child.kill()
+        child.wait()
+
+
 def test_a_server_that_ignores_its_end_is_killed(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(server, "END_S", 0.2)
     command = command_of(tmp_path)
@@ -269,7 +281,10 @@ HELLOS = {
     ),
     "a signal": ("os.kill(os.getpid(), 9)", "killed by SIGKILL without a hello"),
     "silence": ("time.sleep(600)", "no hello after 1 s"),
-    "noise": ("print('Loading model...', flush=True)", "no object of JSON: 'Loading model...'; standard output is the"),
+    "noise": (
+        "print('Loading model...', flush=True)",
+        "in place of the hello it wrote a line that is no object of JSON: 'Loading model...'; standard",
+    ),
     "another version": (
         "say(gsvc=2, name='x')",
         "its hello is of version 2 of the protocol; this kit speaks version 1",
