@@ -234,7 +234,7 @@ class _Server:
             There is no answer, or another one.
         """
         self._program.log = Log()
-        before = f"after {self._before} and before it was asked again"
+        before = f"after {self._before} and before the next request"
         if (rest := self._unasked(before)) is not None:
             raise self._ended(rest, before)
         request = json.dumps({"id": number, **words}, ensure_ascii=False).encode() + b"\n"

@@ -240,6 +240,8 @@ def test_what_is_skipped_inside_does_not_hold(folder):
     skips = {"core/halve/one_to_six": "--skip"}
     report = replace(judge(folder, module(paint=paint), features=EIGHT, skips=skips), features=EIGHT)
     assert last_line(report).startswith("NOTHING IS WRONG")
+    report = replace(judge(folder, module(), features=EIGHT, skips={TEN: "--skip"}), features=EIGHT)
+    assert last_line(report).startswith("ITS FEATURES HOLD")
 
 
 # The command

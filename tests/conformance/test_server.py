@@ -223,6 +223,13 @@ def test_a_line_before_it_is_asked(folder, tmp_path):
     assert "it wrote a line after its answer" in wrong.message
 
 
+def test_a_line_before_the_first_request(folder, tmp_path):
+    start = 'os.write(1, b\'{"gsvc": 1, "name": "x"}\\nready\\n\')'
+    results = results_of(folder, command_of(tmp_path, start=start))
+    sentence = "it wrote a line after its hello and before the next request: 'ready'"
+    assert [(result.outcome, result.message) for result in results] == [("error", sentence)] * 3
+
+
 def test_an_end_between_two_vectors(folder, tmp_path):
     each = "write(request); answer(request); os._exit(0)"
     results = results_of(folder, command_of(tmp_path, each))
