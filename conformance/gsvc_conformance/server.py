@@ -45,8 +45,8 @@ MAX_REQUEST: Final = 1 << 12
 """Bytes of a line of the kit, with its end."""
 MAX_FOLDER: Final = 1000
 """Bytes of the name of the folder for temporary files, so that a request with two paths fits."""
-WAITING: Final = 1000
-"""Number of lines that nobody asked for after which no more are read."""
+WAITING: Final = 16
+"""Number of reads (of at most 64 KiB) with lines that nobody asked for after which no more is read."""
 SHOWN: Final = 100
 """Characters of a line that a message quotes."""
 LATE_S: Final = 0.05
@@ -375,7 +375,8 @@ class _Lines:
     """The lines of a pipe, read by a thread: the bytes of each, and whether it has an end; one without is the last."""
 
     def __init__(self, pipe: IO[bytes]) -> None:
-        self._found: SimpleQueue[tuple[bytes, bool]] = SimpleQueue()
+        self._found: SimpleQueue[list[tuple[bytes, bool]]] = SimpleQueue()
+        self._next: list[tuple[bytes, bool]] = []  # what came at once, the last first
         threading.Thread(target=self._read, args=(pipe,), daemon=True).start()
 
     def get(self, timeout: float) -> tuple[bytes, bool]:
@@ -386,23 +387,25 @@ class _Lines:
         queue.Empty
             There is none.
         """
-        return self._found.get(timeout=timeout) if timeout > 0 else self._found.get_nowait()
+        if not self._next:
+            self._next = (self._found.get(timeout=timeout) if timeout > 0 else self._found.get_nowait())[::-1]
+        return self._next.pop()
 
     def put_back(self, rest: bytes) -> None:
         """Let the end come again."""
-        self._found.put((rest, False))
+        self._next.append((rest, False))
 
     def _read(self, pipe: IO[bytes]) -> None:
         rest = b""
         with pipe:
             while data := os.read(pipe.fileno(), 1 << 16):
                 *lines, rest = (rest + data).split(b"\n")
-                for line in lines:
-                    self._found.put((line.removesuffix(b"\r"), True))
+                if lines:
+                    self._found.put([(line.removesuffix(b"\r"), True) for line in lines])
                 if len(rest) > MAX_LINE or self._found.qsize() > WAITING:
-                    self._found.put((rest, True))
+                    self._found.put([(rest, True)])
                     return
-        self._found.put((rest, False))
+        self._found.put([(rest, False)])
 
 
 def _check_folder(folder: str) -> None:
