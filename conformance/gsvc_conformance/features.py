@@ -61,8 +61,8 @@ class Features:
             yield from (f"bit depth {depth}" for depth in _numbers(vector, "bit_depth") if depth not in self.bit_depths)
         if self.lanes is not None:
             yield from (plural(lanes, "lane") for lanes in _numbers(vector, "lane_count") if lanes not in self.lanes)
-        if self.max_splats is not None and (splats := most_splats(vector)) > self.max_splats:
-            yield plural(splats, "splat")
+        if self.max_splats is not None and most_splats(vector) > self.max_splats:
+            yield f"more than {plural(self.max_splats, 'splat')}"
 
     def _has(self, operation: Operation) -> bool:
         if self.classes is None and self.operations is None:

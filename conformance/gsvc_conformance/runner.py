@@ -76,7 +76,8 @@ def run_suite(
 
     def judged_vector(vector: Vector) -> Callable[[], Judged]:
         if vector.id in skips:
-            return lambda: Judged(vector, None, _result(vector, "skipped", skips[vector.id]))
+            skipped = _result(vector, "skipped", skips[vector.id])
+            return lambda: Judged(vector, None, by_features(skipped, features.outside(vector)) if features else skipped)
         answers = list(_asked(implementation, vector, repeat))
         return lambda: judge_answers(vector, answers, implementation.in_full, level, features)
 

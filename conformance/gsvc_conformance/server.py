@@ -45,8 +45,8 @@ MAX_REQUEST: Final = 1 << 12
 """Bytes of a line of the kit, with its end."""
 MAX_FOLDER: Final = 1000
 """Bytes of the name of the folder for temporary files, so that a request with two paths fits."""
-WAITING: Final = 1000
-"""Number of lines that nobody asked for after which no more are read."""
+WAITING: Final = 16
+"""Number of reads (of at most 64 KiB) with lines that nobody asked for after which no more is read."""
 SHOWN: Final = 100
 """Characters of a line that a message quotes."""
 LATE_S: Final = 0.05
@@ -93,6 +93,8 @@ class ServerImplementation:
         return self
 
     def __exit__(self, *_: object) -> None:
+        for server in self._idle:
+            server.tell_to_end()
         while self._idle:
             self._idle.pop().end()
 
@@ -232,7 +234,7 @@ class _Server:
             There is no answer, or another one.
         """
         self._program.log = Log()
-        before = f"after {self._before} and before it was asked again"
+        before = f"after {self._before} and before the next request"
         if (rest := self._unasked(before)) is not None:
             raise self._ended(rest, before)
         request = json.dumps({"id": number, **words}, ensure_ascii=False).encode() + b"\n"
@@ -258,19 +260,21 @@ class _Server:
         time.sleep(LATE_S)
         return str(self._program.log)
 
-    def end(self) -> None:
-        """Tell it to end, and give it time for that."""
+    def tell_to_end(self) -> None:
+        """Close its standard input."""
         with suppress(OSError):
             assert self._program.process.stdin is not None
             self._program.process.stdin.close()
+
+    def end(self) -> None:
+        """Tell it to end, and give it time for that."""
+        self.tell_to_end()
         self._program.wait(END_S)
         self._close()
 
     def _close(self) -> None:
         self._program.close()
-        with suppress(OSError):
-            assert self._program.process.stdin is not None
-            self._program.process.stdin.close()
+        self.tell_to_end()
 
     def _line(self, timeout: float, what: str, check: Callable[[], object] = int) -> bytes:
         """The next line.
@@ -323,7 +327,7 @@ class _Server:
 
     def _read_hello(self, line: bytes) -> tuple[str, dict[str, str]]:
         """The name and the environment of its first line."""
-        hello = self._object(line)
+        hello = self._object(line, "in place of the hello ")
         if type(version := hello.get("gsvc")) is not int:
             raise self._fault(f"its first line must be the hello, {HELLO}, and is {_shown(line)}")
         if version != PROTOCOL:
@@ -338,8 +342,8 @@ class _Server:
         except UsageError as error:
             raise self._fault(str(error)) from None
 
-    def _object(self, line: bytes) -> dict[str, Any]:
-        """The object that a line is.
+    def _object(self, line: bytes, place: str = "") -> dict[str, Any]:
+        """The object that a line is, which stands in some place.
 
         Raises
         ------
@@ -347,17 +351,17 @@ class _Server:
             It is none.
         """
         if len(line) > MAX_LINE:
-            raise self._fault(f"it wrote a line of more than {MAX_LINE >> 10} KiB, which begins {_shown(line)}")
+            raise self._fault(f"{place}it wrote a line of more than {MAX_LINE >> 10} KiB, which begins {_shown(line)}")
         try:
             value = json.loads(line.decode())
         except UnicodeDecodeError:
-            raise self._fault(f"it wrote a line that is no UTF-8: {_shown(line)}") from None
+            raise self._fault(f"{place}it wrote a line that is no UTF-8: {_shown(line)}") from None
         except (ValueError, RecursionError):
             value = None
         if not isinstance(value, dict):
             raise self._fault(
-                f"it wrote a line that is no object of JSON: {_shown(line)}; standard output is the protocol's, so let "
-                "it and its libraries print to standard error"
+                f"{place}it wrote a line that is no object of JSON: {_shown(line)}; standard output is the protocol's, "
+                "so let it and its libraries print to standard error"
             )
         return value
 
@@ -371,7 +375,8 @@ class _Lines:
     """The lines of a pipe, read by a thread: the bytes of each, and whether it has an end; one without is the last."""
 
     def __init__(self, pipe: IO[bytes]) -> None:
-        self._found: SimpleQueue[tuple[bytes, bool]] = SimpleQueue()
+        self._found: SimpleQueue[list[tuple[bytes, bool]]] = SimpleQueue()
+        self._next: list[tuple[bytes, bool]] = []  # what came at once, the last first
         threading.Thread(target=self._read, args=(pipe,), daemon=True).start()
 
     def get(self, timeout: float) -> tuple[bytes, bool]:
@@ -382,23 +387,25 @@ class _Lines:
         queue.Empty
             There is none.
         """
-        return self._found.get(timeout=timeout) if timeout > 0 else self._found.get_nowait()
+        if not self._next:
+            self._next = (self._found.get(timeout=timeout) if timeout > 0 else self._found.get_nowait())[::-1]
+        return self._next.pop()
 
     def put_back(self, rest: bytes) -> None:
         """Let the end come again."""
-        self._found.put((rest, False))
+        self._next.append((rest, False))
 
     def _read(self, pipe: IO[bytes]) -> None:
         rest = b""
         with pipe:
             while data := os.read(pipe.fileno(), 1 << 16):
                 *lines, rest = (rest + data).split(b"\n")
-                for line in lines:
-                    self._found.put((line.removesuffix(b"\r"), True))
+                if lines:
+                    self._found.put([(line.removesuffix(b"\r"), True) for line in lines])
                 if len(rest) > MAX_LINE or self._found.qsize() > WAITING:
-                    self._found.put((rest, True))
+                    self._found.put([(rest, True)])
                     return
-        self._found.put((rest, False))
+        self._found.put([(rest, False)])
 
 
 def _check_folder(folder: str) -> None:

@@ -86,7 +86,7 @@ class Program:
     def __init__(self, words: list[str], log: Log, variables: Mapping[str, str], talks: bool = False) -> None:
         self.log = log
         self._mark = secrets.token_hex(8)
-        self._closed = False
+        self._talks, self._closed = talks, False
         environment = {**os.environ, **variables, MARK: self._mark}
         given, printed = (subprocess.PIPE, subprocess.PIPE) if talks else (subprocess.DEVNULL, subprocess.STDOUT)
         with _starting:
@@ -132,7 +132,7 @@ class Program:
         _kill(self.process)
         with _starting:
             _programs.discard(self.process.pid)
-        _kill_strays(self._mark)
+        _kill_strays(self.process.pid, self._mark, self._talks)
         self._reader.join(PATIENCE_S)  # it ends with the last process that may print
 
     def _read(self, printed: IO[bytes]) -> None:
@@ -169,17 +169,18 @@ def _children() -> Iterator[int]:
                 yield from map(int, (task / "children").read_text().split())
 
 
-def _kill_strays(mark: str) -> None:
+def _kill_strays(group: int, mark: str, its_own_only: bool) -> None:
     """End what a program left behind; each that ends may leave children of its own.
 
     A process that hides its environment is known by being nobody else's: while other programs run it may be theirs,
-    and ends with the last of them.
+    and ends with the last of them. A program that talks may live as long as the kit, or as the tests of others that
+    the kit is a part of: what came since then may be theirs, so that only what is known to be its own is ended.
     """
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         with _starting:
             strays = [child for child in _children() if child not in _programs and child not in _others]
-            strays = [child for child in strays if not _programs or _has_mark(child, mark)]
+            strays = [child for child in strays if not (_programs or its_own_only) or _is_of(child, group, mark)]
             for stray in strays:
                 with suppress(ProcessLookupError, ChildProcessError):
                     os.kill(stray, signal.SIGKILL)
@@ -189,8 +190,11 @@ def _kill_strays(mark: str) -> None:
         time.sleep(0.001)
 
 
-def _has_mark(process: int, mark: str) -> bool:
+def _is_of(process: int, group: int, mark: str) -> bool:
+    """Whether a process is of the group of a program, or has its mark; one that has ended has none."""
     try:
-        return f"{MARK}={mark}".encode() in Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
+        return os.getpgid(process) == group or f"{MARK}={mark}".encode() in Path(
+            f"/proc/{process}/environ"
+        ).read_bytes().split(b"\0")
     except OSError:  # it has just ended, or belongs to another user
         return False

@@ -155,7 +155,7 @@ def test_nothing_but_errors_names_the_smallest_vector():
     vectors = [vector_of(f"core/parameter_checksum/checksum_{name}") for name in ("many", "one")]
     for sentences in diagnose([], [], vectors).values():
         assert sentences == [
-            "every vector ends with an error, the smallest too, which is core/parameter_checksum/checksum_one"
+            "every answer is an error, that to the smallest vector too, which is core/parameter_checksum/checksum_one"
         ]
 
 

@@ -126,7 +126,7 @@ def test_splats_are_rows_counts_and_what_faulty_frames_state():
     one = next(vectors(tiers="core", operations="render_sum"))
     rows = np.zeros((7, 8), "f4")
     many = replace(one, inputs={**one.inputs, "parameters": rows})
-    assert Features(max_splats=6).outside(many) == "7 splats"
+    assert Features(max_splats=6).outside(many) == "more than 6 splats"
     assert Features(max_splats=7).outside(many) == ""
     stated = vectors(patterns="r_5_2*")
     assert any(most_splats(vector) > 1 << 14 for vector in stated)
@@ -240,6 +240,8 @@ def test_what_is_skipped_inside_does_not_hold(folder):
     skips = {"core/halve/one_to_six": "--skip"}
     report = replace(judge(folder, module(paint=paint), features=EIGHT, skips=skips), features=EIGHT)
     assert last_line(report).startswith("NOTHING IS WRONG")
+    report = replace(judge(folder, module(), features=EIGHT, skips={TEN: "--skip"}), features=EIGHT)
+    assert last_line(report).startswith("ITS FEATURES HOLD")
 
 
 # The command

@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import islice
 from pathlib import Path
 from typing import get_args
@@ -15,10 +15,13 @@ import pytest
 from jsonschema import Draft202012Validator
 from toy_operations import INPUTS
 
+from gsvc_conformance import server
 from gsvc_conformance.case import of_operation
 from gsvc_conformance.commands.list import BEGIN, END, markdown
+from gsvc_conformance.commands.run import TIMEOUT
 from gsvc_conformance.diagnosis import EXAMINED
 from gsvc_conformance.expectations import Exact
+from gsvc_conformance.features import Features, read_features
 from gsvc_conformance.implementations import Failure, ModuleImplementation, Unsupported, load_module
 from gsvc_conformance.operation import operations
 from gsvc_conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
@@ -53,6 +56,32 @@ def test_what_the_protocol_says_of_the_code():
     assert "256 MiB" in PROTOCOL
     for command in re.findall(r"gsvc-conformance (\w+)", PROTOCOL):
         assert (ROOT / "conformance" / "gsvc_conformance" / "commands" / f"{command}.py").is_file()
+
+
+def test_what_the_protocol_says_of_servers():
+    chapter = PROTOCOL.partition("\n## A server\n")[2].partition("\n## ")[0]
+    texts = (
+        f"`--start-timeout` seconds ({server.START_S:g})", f"`--timeout` seconds ({TIMEOUT:g})",
+        f"has {server.END_S:g} seconds to end", f"{server.MAX_LINE >> 10} KiB long", f"{server.MAX_REQUEST} bytes long",
+    )  # fmt: skip
+    for text in texts:
+        assert text in chapter
+    assert (server.STARTS, "three times in a row" in chapter) == (3, True)
+    hello, request, answer = map(
+        json.loads, re.findall(r"^\| (?:hello|request|answer) .*`({.*})` \|$", chapter, re.MULTILINE)
+    )
+    assert hello["gsvc"] == server.PROTOCOL
+    assert list(request) == ["id", "operation", "in", "out"]
+    assert answer["status"] in server.STATUSES
+    for status in server.STATUSES:
+        assert f"`{status}`" in chapter
+
+
+def test_the_features_of_the_protocol_can_be_read(tmp_path):
+    (text,) = re.findall(r"```toml\n(.*?)```", PROTOCOL, re.DOTALL)
+    (tmp_path / "features.toml").write_text(text)
+    given = read_features(tmp_path / "features.toml").to_object()
+    assert list(given) == [field.name for field in fields(Features)]
 
 
 def test_vectors_that_documents_name_exist():

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -222,6 +223,13 @@ def test_a_line_before_it_is_asked(folder, tmp_path):
     assert "it wrote a line after its answer" in wrong.message
 
 
+def test_a_line_before_the_first_request(folder, tmp_path):
+    start = 'os.write(1, b\'{"gsvc": 1, "name": "x"}\\nready\\n\')'
+    results = results_of(folder, command_of(tmp_path, start=start))
+    sentence = "it wrote a line after its hello and before the next request: 'ready'"
+    assert [(result.outcome, result.message) for result in results] == [("error", sentence)] * 3
+
+
 def test_an_end_between_two_vectors(folder, tmp_path):
     each = "write(request); answer(request); os._exit(0)"
     results = results_of(folder, command_of(tmp_path, each))
@@ -253,6 +261,17 @@ def test_what_it_started_ends_with_it(folder, tmp_path):
     raise AssertionError("it lives")
 
 
+def test_what_others_started_meanwhile_is_left_alone(folder, tmp_path):
+    with ServerImplementation(command_of(tmp_path), 20) as implementation:
+        child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
+        assert judge(folder, implementation, SCALE).passed
+    try:
+        assert child.poll() is None
+    finally:
+        child.kill()
+        child.wait()
+
+
 def test_a_server_that_ignores_its_end_is_killed(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(server, "END_S", 0.2)
     command = command_of(tmp_path)
@@ -269,7 +288,10 @@ HELLOS = {
     ),
     "a signal": ("os.kill(os.getpid(), 9)", "killed by SIGKILL without a hello"),
     "silence": ("time.sleep(600)", "no hello after 1 s"),
-    "noise": ("print('Loading model...', flush=True)", "no object of JSON: 'Loading model...'; standard output is the"),
+    "noise": (
+        "print('Loading model...', flush=True)",
+        "in place of the hello it wrote a line that is no object of JSON: 'Loading model...'; standard",
+    ),
     "another version": (
         "say(gsvc=2, name='x')",
         "its hello is of version 2 of the protocol; this kit speaks version 1",

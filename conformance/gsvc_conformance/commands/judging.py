@@ -51,7 +51,7 @@ def add_judging(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",
-        help="a TOML file of what it is made for: all that is inside must be answered, all else refused as unsupported",
+        help="a TOML file of what it is made for: all that is inside must be answered, all else right or refused",
     )  # fmt: skip
     parser.add_argument("--skip", action="append", default=[], metavar="GLOB", help="do not run these vectors")
     parser.add_argument("--waivers", type=Path, metavar="FILE", help="a TOML file of known failures")
@@ -67,8 +67,8 @@ def add_judging(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--order", type=whole, metavar="SEED",
-        help="ask in another order, by the SHA-256 of 'SEED ID': what a module keeps from the vector before shows; a "
-        "command is a new process for each vector, and keeps what it keeps in files only",
+        help="ask in another order, by the SHA-256 of 'SEED ID': what a module or a server keeps from vector to vector "
+        "shows; a command is a new process for each vector, and keeps what it keeps in files only",
     )  # fmt: skip
     outputs = parser.add_argument_group("output", "relative paths begin in the current folder")
     outputs.add_argument(

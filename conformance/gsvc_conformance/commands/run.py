@@ -101,7 +101,8 @@ def _command(arguments: Namespace) -> list[str]:
     if (program := arguments.impl or arguments.serve) is not None:
         words += ["--impl" if arguments.impl else "--serve", program]
         words += ["--timeout", f"{arguments.timeout:g}"] * (arguments.timeout != TIMEOUT)
-        words += ["--start-timeout", f"{arguments.start_timeout:g}"] * (arguments.start_timeout != server.START_S)
+        waits = arguments.serve is not None and arguments.start_timeout != server.START_S
+        words += ["--start-timeout", f"{arguments.start_timeout:g}"] * waits
     elif arguments.module is not None:
         words += ["--module", arguments.module]
     else:

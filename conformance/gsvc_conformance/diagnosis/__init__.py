@@ -109,7 +109,7 @@ def diagnose(
 def _simplest(errors: Sequence[Vector]) -> str:
     """The sentence about an implementation that answers nothing but errors."""
     first = min(errors, key=lambda vector: input_size(vector.inputs))
-    return f"every vector ends with an error, the smallest too, which is {first.id}"
+    return f"every answer is an error, that to the smallest vector too, which is {first.id}"
 
 
 def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
