@@ -30,8 +30,8 @@ SH_0: Final = 0.28209479177387814
 """The spherical harmonic of degree 0, 1 / (2 sqrt(pi)); a colour is SH_0 times its coefficient, plus 1/2."""
 SMALLEST_NORMAL: Final = 2.0**-126
 MAX_CHANGE: Final = 1e-5
-"""Maximum change of a pixel by storing splats in binary32 as glTF has them, as a fraction of white or, if it is more, of
-the largest colour; a vector with more is left out."""
+"""Maximum change of a pixel by storing splats in binary32 as glTF has them, as a fraction of white or, if it is more,
+of the largest colour; a vector with more is left out."""
 MAX_WORK: Final = 1 << 27
 """Maximum number of pairs of splats and pixels of a vector; one with more is left out."""
 FLOAT: Final = 5126

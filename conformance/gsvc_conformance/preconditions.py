@@ -122,8 +122,15 @@ def _finite_halves(bits: Any) -> bool:
     return bool(np.all(bits & 0x7C00 != 0x7C00))
 
 
+def _values_are_finite(inputs: Values) -> bool:
+    """Whether the values of codes (10-17) are finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = inputs["codes"].astype(np.float32) * inputs["scale"] + inputs["offset"]
+    return bool(np.isfinite(values).all())
+
+
 def _result_is_finite(name: str) -> Callable[[Values], bool]:
-    """Whether all that an exact operation gives is finite."""
+    """Whether every parameter that a block's codes stand for is finite."""
 
     def holds(inputs: Values) -> bool:
         with np.errstate(all="ignore"):
@@ -279,7 +286,7 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
     ),
     "lsq_quantize": (SCALE, BITS),
     "lsq_gradients": (SCALE, BITS),
-    "lsq_dequantize": (SCALE, ("the values must be finite", _result_is_finite("lsq_dequantize"))),
+    "lsq_dequantize": (SCALE, ("the values must be finite", _values_are_finite)),
     "rvq_assign": (
         STAGES,
         _sizes_add_up("codebooks"),
