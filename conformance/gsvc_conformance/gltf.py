@@ -35,6 +35,7 @@ of the largest colour; a vector with more is left out."""
 MAX_WORK: Final = 1 << 27
 """Maximum number of pairs of splats and pixels of a vector; one with more is left out."""
 FLOAT: Final = 5126
+ARRAY_BUFFER: Final = 34962
 CHECKER: Final = Path(__file__).with_name("compare_pictures.py")
 
 
@@ -197,7 +198,7 @@ def document(splats: Stored, width: int, height: int, title: str) -> tuple[dict[
         if name == "position":
             accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
         accessors.append(accessor)
-        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes, "target": ARRAY_BUFFER})
         data += array.tobytes()
     attributes = {attribute: place for place, (attribute, _) in enumerate(ATTRIBUTES.values())}
     extension = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}
