@@ -101,8 +101,9 @@ def _out_of_range(inputs: Values) -> Iterator[str]:
 
 def _sides(operation: Operation, inputs: Values) -> Iterator[str]:
     for port in operation.inputs:
-        if port.shape.lower().startswith("(h, w"):
-            height, width = inputs[port.name].shape[:2]
+        symbols = port.shape.strip("()").lower().split(", ")
+        if {"h", "w"} <= set(symbols):
+            height, width = (inputs[port.name].shape[symbols.index(symbol)] for symbol in ("h", "w"))
             if not (1 <= height <= MAX_SIDE and 1 <= width <= MAX_SIDE):
                 yield f"the sides of {port.name} must be 1 to {MAX_SIDE}; it has {width}x{height} pixels"
 
