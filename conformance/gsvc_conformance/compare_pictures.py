@@ -46,9 +46,11 @@ def judge(home: Path, picture: NDArray[Any]) -> str:
         return ""
     row, column, channel = np.unravel_index(np.argmax(np.where(np.isnan(beyond), np.inf, beyond)), beyond.shape)
     place = (row, column, channel)
+    middle, half = (low[place] + high[place].astype(np.float64)) / 2, (high[place].astype(np.float64) - low[place]) / 2
+    times = f", an error {abs(wide[place] - middle) / half:.3g} times what is allowed" if half else ""
     return (
-        f"is {picture[place]!s} at x {column}, y {row}, {'RGB'[channel]}; {low[place]!s} to {high[place]!s} are right "
-        f"({np.count_nonzero(wrong)} of {wrong.size} samples are wrong)"
+        f"is {picture[place]!s} at x {column}, y {row}, {'RGB'[channel]}; {low[place]!s} to {high[place]!s} are right"
+        f"{times} ({np.count_nonzero(wrong)} of {wrong.size} samples are wrong)"
     )
 
 

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
 from gsvc_conformance.vectors import Vector, npy
-from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
+from gsvc_ref.constants import LN_255, REACH
+from gsvc_ref.rendering.bounds import EPS
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 
 EXTENSION: Final = "KHR_gaussian_splatting"
 OPERATIONS: Final = ("render_sum", "render_frame")
@@ -28,11 +30,12 @@ SH_0: Final = 0.28209479177387814
 """The spherical harmonic of degree 0, 1 / (2 sqrt(pi)); a colour is SH_0 times its coefficient, plus 1/2."""
 SMALLEST_NORMAL: Final = 2.0**-126
 MAX_CHANGE: Final = 1e-5
-"""Maximum change of a pixel, 1 being white, by storing splats in binary32 as glTF has them; a vector with more is left
-out."""
+"""Maximum change of a pixel by storing splats in binary32 as glTF has them, as a fraction of white or, if it is more,
+of the largest colour; a vector with more is left out."""
 MAX_WORK: Final = 1 << 27
 """Maximum number of pairs of splats and pixels of a vector; one with more is left out."""
 FLOAT: Final = 5126
+ARRAY_BUFFER: Final = 34962
 CHECKER: Final = Path(__file__).with_name("compare_pictures.py")
 
 
@@ -95,7 +98,8 @@ class Pictures:
     Attributes
     ----------
     change
-        (H, W, 3) f8: how far storing the splats may move each pixel, splat by splat.
+        (H, W, 3) f8: how far storing the splats, and reading their colours in binary32, may move each pixel, splat by
+        splat.
     covered
         (H, W) i8: the number of splats that cover each pixel.
     """
@@ -109,34 +113,35 @@ def pictures(parameters: F4, splats: Stored, width: int, height: int) -> Picture
     change, covered = np.zeros((height, width, 3)), np.zeros((height, width), np.int64)
     colors = parameters[:, 5:].astype(np.float64)
     stored_colors = splats.coefficient.astype(np.float64) * SH_0 + 0.5
+    read = EPS * (abs(stored_colors - 0.5) + abs(stored_colors))  # three roundings of half an EPS each, in binary32
     for n, (rows, columns) in enumerate(_boxes(parameters, width, height)):
         x, y = columns[None, :] + 0.5, rows[:, None] + 0.5
         before = _weight(*_by_factor(parameters[n].astype(np.float64), x, y))
         after = _weight(*_by_rotation(splats, n, x, y))
         box = np.ix_(rows, columns)
         change[box] += abs(after[..., None] * stored_colors[n] - before[..., None] * colors[n])
+        change[box] += after[..., None] * read[n]
         covered[box] += before > 0
     return Pictures(change, covered)
 
 
 def _boxes(parameters: F4, width: int, height: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """The rows and columns that each splat may cover, and one more on each side."""
-    reach = SUPPORT_RADIUS * (1 + 2.0**-17)
     for x, y, l11, l21, l22, *_ in parameters.astype(np.float64):
         ends = []
         for middle, extent, size in ((y, np.hypot(l21, l22), height), (x, l11, width)):
-            first, last = middle - reach * extent - 1, middle + reach * extent + 1
+            first, last = middle - REACH * extent - 1, middle + REACH * extent + 1
             ends.append(np.arange(int(np.clip(first, 0, size)), int(np.clip(np.ceil(last), 0, size))))
         yield ends[0], ends[1]
 
 
-def _by_factor(splat: F8, x: F8, y: F8) -> tuple[F8, F8]:
+def _by_factor(splat: F8, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """The two coordinates u of pixels by the Cholesky factor."""
     u1 = (x - splat[0]) / splat[2]
     return u1, (y - splat[1] - splat[3] * u1) / splat[4]
 
 
-def _by_rotation(splats: Stored, n: int, x: F8, y: F8) -> tuple[F8, F8]:
+def _by_rotation(splats: Stored, n: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """The two coordinates of pixels along the axes of a stored splat, in its scales."""
     px, py, _ = splats.position[n].astype(np.float64)
     _, _, qz, qw = splats.rotation[n].astype(np.float64)
@@ -146,9 +151,9 @@ def _by_rotation(splats: Stored, n: int, x: F8, y: F8) -> tuple[F8, F8]:
     return (np.cos(angle) * dx + np.sin(angle) * dy) / first, (np.cos(angle) * dy - np.sin(angle) * dx) / second
 
 
-def _weight(u1: F8, u2: F8) -> F8:
+def _weight(u1: Floats, u2: Floats) -> F8:
     sigma = (u1 * u1 + u2 * u2) / 2
-    return np.where(sigma <= LN_255, np.exp(-sigma), 0.0)
+    return np.asarray(np.where(sigma <= LN_255, np.exp(-sigma), 0.0), np.float64)
 
 
 def left_out(vector: Vector) -> str:
@@ -184,14 +189,16 @@ def needs(vector: Vector, covered: NDArray[np.int64]) -> list[str]:
 
 def document(splats: Stored, width: int, height: int, title: str) -> tuple[dict[str, Any], bytes]:
     """The JSON of a glTF file ``splats.gltf``, and the bytes of its ``splats.bin``."""
-    accessors, views, data = [], [], b""
+    accessors: list[dict[str, Any]] = []
+    views: list[dict[str, int]] = []
+    data = b""
     for name, (_, kind) in ATTRIBUTES.items():
         array = np.ascontiguousarray(getattr(splats, name), "<f4")
         accessor = {"bufferView": len(views), "componentType": FLOAT, "count": len(array), "type": kind}
         if name == "position":
             accessor |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
         accessors.append(accessor)
-        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes, "target": ARRAY_BUFFER})
         data += array.tobytes()
     attributes = {attribute: place for place, (attribute, _) in enumerate(ATTRIBUTES.values())}
     extension = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}
@@ -232,7 +239,9 @@ def export(vectors: Iterable[Vector], folder: Path) -> tuple[list[str], dict[str
         if entry:
             entries.append(entry)
         else:
-            others[vector.id] = reason or f"loses more than {MAX_CHANGE:g} of white to the binary32 numbers of glTF"
+            others[vector.id] = (
+                reason or f"loses more than {MAX_CHANGE:g} of its colours to the binary32 numbers of glTF"
+            )
     folder.mkdir(parents=True, exist_ok=True)
     index = {"extension": EXTENSION, "pictures": entries, "left_out": others}
     (folder / "index.json").write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
@@ -245,7 +254,7 @@ def _write(vector: Vector, folder: Path) -> dict[str, Any] | None:
     parameters, width, height = (vector.inputs[name] for name in ("parameters", "width", "height"))
     splats = stored(parameters)
     found = pictures(parameters, splats, width, height)
-    if not found.change.max() <= MAX_CHANGE:
+    if not found.change.max() <= MAX_CHANGE * max(1.0, float(abs(parameters[:, 5:]).max())):
         return None
     home = folder / vector.id
     home.mkdir(parents=True, exist_ok=True)

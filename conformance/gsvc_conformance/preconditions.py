@@ -10,11 +10,14 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance.expectations import Exact
+from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import Operation, Values, operations
+from gsvc_conformance.spec import namespace
 
 Rule = tuple[str, Callable[[Values], Any]]
 """A sentence that must be true of the inputs, and the function that says whether it is."""
 
+LIMITS: Final = namespace()["LEVELS"]
 MAX_SIDE: Final = 65535
 MAX_ALPHABET: Final = 4096
 MAX_CODEWORDS: Final = 1024
@@ -44,6 +47,10 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "beta2": (0, BELOW_ONE),
     "beta3": (0, BELOW_ONE),
     "codebook_sizes": (1, MAX_CODEWORDS),
+    "level": (1, max(LEVELS)),
+    "key_frame_interval": (0, np.inf),
+    "frame_rate_numerator": (1, 2**31 - 1),
+    "frame_rate_denominator": (1, 2**31 - 1),
 }
 """The range of inputs by name, whatever the operation; both ends are allowed."""
 
@@ -101,8 +108,9 @@ def _out_of_range(inputs: Values) -> Iterator[str]:
 
 def _sides(operation: Operation, inputs: Values) -> Iterator[str]:
     for port in operation.inputs:
-        if port.shape.lower().startswith("(h, w"):
-            height, width = inputs[port.name].shape[:2]
+        symbols = port.shape.strip("()").lower().split(", ")
+        if {"h", "w"} <= set(symbols):
+            height, width = (inputs[port.name].shape[symbols.index(symbol)] for symbol in ("h", "w"))
             if not (1 <= height <= MAX_SIDE and 1 <= width <= MAX_SIDE):
                 yield f"the sides of {port.name} must be 1 to {MAX_SIDE}; it has {width}x{height} pixels"
 
@@ -122,8 +130,15 @@ def _finite_halves(bits: Any) -> bool:
     return bool(np.all(bits & 0x7C00 != 0x7C00))
 
 
+def _values_are_finite(inputs: Values) -> bool:
+    """Whether the values of codes (10-17) are finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = inputs["codes"].astype(np.float32) * inputs["scale"] + inputs["offset"]
+    return bool(np.isfinite(values).all())
+
+
 def _result_is_finite(name: str) -> Callable[[Values], bool]:
-    """Whether all that an exact operation gives is finite."""
+    """Whether every parameter that a block's codes stand for is finite."""
 
     def holds(inputs: Values) -> bool:
         with np.errstate(all="ignore"):
@@ -279,7 +294,7 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
     ),
     "lsq_quantize": (SCALE, BITS),
     "lsq_gradients": (SCALE, BITS),
-    "lsq_dequantize": (SCALE, ("the values must be finite", _result_is_finite("lsq_dequantize"))),
+    "lsq_dequantize": (SCALE, ("the values must be finite", _values_are_finite)),
     "rvq_assign": (
         STAGES,
         _sizes_add_up("codebooks"),
@@ -300,5 +315,10 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
          "4:2:0, rounded up", lambda i: i["chroma_format"] not in (1, 2, 3) or _chroma_fits(i, *i["y"].shape)),
     ),
     "frame_to_planes": MATRIX,
+    "encode_video": (
+        ("there must be a frame, and a splat", lambda i: min(len(i["frames"]), i["splats"]) >= 1),
+        ("the level must allow so many pixels", lambda i: i["frames"][0, ..., 0].size <= LIMITS[i["level"]]["pixels"]),
+        ("the level must allow so many splats", lambda i: i["splats"] <= LIMITS[i["level"]]["splats"]),
+    ),
 }  # fmt: skip
 """What the row of an operation in the table of preconditions asks for beyond the last row, in its order."""

@@ -168,7 +168,7 @@ def make_stream(
     }  # fmt: skip
     paced = choices.boolean()
     if wishes.paced:
-        return _paced(header, codes, splats, parts)
+        return _paced(header, codes, splats, parts, any(name.startswith("frame_rate_") for name in wishes.elements))
     if paced and wishes.paced is None:
         try:
             return _written(replace(header, paced_flag=True), codes, splats, parts)
@@ -197,8 +197,14 @@ def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
     return SequenceHeader(**{**wished, "level": max(wished["level"], needed)})
 
 
-def _paced(header: SequenceHeader, codes: list[FrameCodes], splats: list[Splats], parts: Mapping[str, Any]) -> Stream:
-    """The paced stream, at its frame rate, or else at 25 frames a second.
+def _paced(
+    header: SequenceHeader,
+    codes: list[FrameCodes],
+    splats: list[Splats],
+    parts: Mapping[str, Any],
+    rate_is_wished: bool,
+) -> Stream:
+    """The paced stream, at its frame rate, or else, unless that is wished, at 25 frames a second.
 
     Raises
     ------
@@ -209,6 +215,8 @@ def _paced(header: SequenceHeader, codes: list[FrameCodes], splats: list[Splats]
     try:
         return _written(header, codes, splats, parts)
     except UsageError:
+        if rate_is_wished:
+            raise
         usual = replace(header, frame_rate_numerator=25, frame_rate_denominator=1)
         return _written(usual, codes, splats, parts)
 

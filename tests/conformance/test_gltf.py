@@ -132,7 +132,7 @@ def test_what_does_not_map_is_left_out(of_splats, tmp_path):
     assert left_out(thin) == ""
     written, others = export([thin], tmp_path)
     assert (written, list(others)) == ([], [thin.id])
-    assert "1e-05 of white" in others[thin.id]
+    assert "1e-05 of its colours" in others[thin.id]
 
 
 def test_storing_changes_little_and_the_change_is_known():

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_conformance.__main__ import main
 from gsvc_conformance.element_values import IGNORED, values
 from gsvc_conformance.elements import ELEMENTS
-from gsvc_conformance.streams import stream_of, write_streams
+from gsvc_conformance.streams import MAX_PIXELS, stream_of, write_streams
+from gsvc_ref import UsageError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import split_chunks
+from gsvc_ref.testing.random_streams import Wishes, random_stream
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +88,99 @@ def test_written_streams(tmp_path):
 
 def test_another_seed_gives_other_streams():
     assert stream_of(0, 1).data != stream_of(1, 0).data
+
+
+DEFAULT_DIGESTS = {
+    MAX_PIXELS: "23d9feece077c3728ac5d82031c6d6a0109701569ced42c5384a7bbfdf0b15ff",
+    1 << 17: "22433810c4cf52092eb7806c1ca911d835486b726c9b974709ec88b18f690162",
+}
+"""SHA-256 of the streams of seeds 0 to 39, one after the other, by maximum number of pixels."""
+
+
+@pytest.mark.parametrize("max_pixels", DEFAULT_DIGESTS)
+def test_what_is_drawn_without_wishes_never_changes(max_pixels):
+    streams = b"".join(random_stream(seed, max_pixels=max_pixels).data for seed in range(40))
+    assert hashlib.sha256(streams).hexdigest() == DEFAULT_DIGESTS[max_pixels]
+
+
+SLOW = {"frame_rate_numerator": 1, "frame_rate_denominator": 1}
+FEATURES = {"bit_depth": 10, "lane_count": 7, "cholesky_bits": 9, "color_stages": 3, "color_codewords": 20}
+
+
+def test_wishes_are_granted():
+    wishes = Wishes(
+        {"width": 24, "height": 18, **FEATURES},
+        frames=7,
+        splats=30,
+        types="PPPR",
+        index=True,
+        ancillary=True,
+        paced=True,
+    )
+    found = set()
+    for seed in range(12):
+        stream = random_stream(seed, wishes=wishes)
+        read = list(StreamReader(stream.data))
+        assert [len(frame.splats) for frame in read] == [30] * 7
+        assert [frame.splats for frame in read] == stream.splats
+        assert read[0].type == "I"
+        found |= {frame.type for frame in read[1:]}
+        header = StreamReader(stream.data).header
+        assert {name: getattr(header, name) for name in FEATURES} == FEATURES
+        assert (header.width, header.height, header.paced_flag) == (24, 18, True)
+        types = {chunk_type for chunk_type, _ in split_chunks(stream.data)}
+        assert b"x" in types
+        assert types & {b"a", b"b", b"z"}
+    assert found == {"P", "R"}
+    without = [random_stream(seed, wishes=Wishes(index=False, ancillary=False, paced=False)) for seed in range(12)]
+    for stream in without:
+        assert {chunk_type for chunk_type, _ in split_chunks(stream.data)} <= {b"H", b"I", b"P", b"R", b"E"}
+        assert not stream.header.paced_flag
+
+
+def test_a_letter_that_stands_there_more_often_is_drawn_more_often():
+    drawn = [
+        frame.type for frame in random_stream(1, wishes=Wishes(frames=200, splats=0, types="IRRRRRRRRR")).frames
+    ]
+    assert drawn.count("R") > 150 > drawn.count("I") > 5
+
+
+def test_the_level_is_raised_to_what_is_wished():
+    size = {"width": 64, "height": 48}
+    assert random_stream(0, wishes=Wishes({**size, "level": 1}, splats=10)).header.level == 1
+    levels = {random_stream(seed, wishes=Wishes(size, frames=1, splats=20_000)).header.level for seed in range(3)}
+    assert min(levels) >= 2
+    with pytest.raises(UsageError, match="need level 2"):
+        random_stream(0, wishes=Wishes({**size, "level": 1}, splats=20_000))
+
+
+@pytest.mark.parametrize(
+    ("wishes", "words"),
+    [
+        ({"types": "XY"}, "no letters of IPR"),
+        ({"types": ""}, "no letters of IPR"),
+        ({"frames": 0}, "at least one frame"),
+        ({"splats": -1}, "at least 0 splats"),
+        ({"elements": {"bit_deph": 8}}, "no element bit_deph"),
+        ({"elements": {"bit_depth": 7}}, "bit_depth"),
+        ({"elements": {"width": 65535, "height": 65535}}, "no level allows"),
+        ({"elements": SLOW, "frames": 5, "types": "P", "paced": True}, "R-5-8"),
+    ],
+)
+def test_what_no_stream_has_is_refused(wishes, words):
+    with pytest.raises(UsageError, match=words):
+        random_stream(0, max_pixels=64, wishes=Wishes(**wishes))
+
+
+def test_the_command_passes_wishes_on(tmp_path, capsys):
+    words = ["--count", "2", "--size", "16x8", "--frames", "3", "--splats", "5", "--bit-depth", "8", "--paced", "no"]
+    assert main(["streams", str(tmp_path), *words, "--quiet"]) == 0
+    assert np.load(tmp_path / "stream-0-0001.frames.npy").shape == (3, 8, 16, 3)
+    assert np.load(tmp_path / "stream-0-0001.counts.npy").tolist() == [5, 5, 5]
+    assert main(["streams", str(tmp_path), *words, "--lanes", "2", "--without-frames", "--quiet"]) == 0
+    left = {path.name.split(".", 1)[1] for path in tmp_path.glob("stream-0-0001.*")}
+    assert left == {"gsvc", "counts.npy", "parameters.npy"}
+    assert {entry["header"]["lane_count"] for entry in json.loads((tmp_path / "index.json").read_text())} == {2}
+    capsys.readouterr()
+    assert main(["streams", str(tmp_path), "--lanes", "65"]) == 2
+    assert "--lanes: 65 is not in 1 to 64" in capsys.readouterr().err
