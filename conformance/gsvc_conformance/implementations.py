@@ -5,6 +5,7 @@ A module may have a function ``environment() -> dict[str, str]`` that says what 
 
 import importlib
 import inspect
+import sys
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -119,8 +120,15 @@ class ModuleImplementation:
             return Failure("error", _last_line(error))
 
 
-def load_module(name: str) -> ModuleImplementation:
+def load_module(name: str, home: Path | None = None) -> ModuleImplementation:
     """The implementation that is a module.
+
+    Parameters
+    ----------
+    name
+        As in an import statement.
+    home
+        A folder that it may be in, if it is not installed; None: the current folder.
 
     Raises
     ------
@@ -128,9 +136,9 @@ def load_module(name: str) -> ModuleImplementation:
         It cannot be imported, has no function of an operation, or its `environment` fails.
     """
     if name.endswith(".py"):
-        raise UsageError(
-            f"--module takes the name of a module: {'.'.join(Path(name).with_suffix('').parts)}, not {name}"
-        )
+        raise UsageError(f"a module is given by its name: {'.'.join(Path(name).with_suffix('').parts)}, not {name}")
+    if (folder := str(home or Path.cwd())) not in sys.path:  # a command has it not, other than `python -m`
+        sys.path.insert(0, folder)
     try:
         with kept_streams():
             module = importlib.import_module(name)
