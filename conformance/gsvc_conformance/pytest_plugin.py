@@ -38,7 +38,12 @@ def pytest_addoption(parser: "pytest.Parser") -> None:
 def pytest_configure(config: "pytest.Config") -> None:
     """Do nothing, unless an option is given or a vector is named."""
     given = any(config.getoption(f"--gsvc-{name}") for name in OPTIONS)
-    if given or any(argument.startswith(NODE) for argument in config.args):
+    if given or any(map(is_vector, config.args)):
         from gsvc_conformance import pytest_vectors
 
         pytest_vectors.configure(config)
+
+
+def is_vector(argument: str) -> bool:
+    """Whether an argument names vectors: ``gsvc::...``, or as pytest shows that from another folder, ``../gsvc::...``."""
+    return argument.lstrip("./").startswith(NODE)

@@ -19,7 +19,7 @@ from gsvc_conformance.commands.judging import environment
 from gsvc_conformance.implementations import Implementation, ModuleImplementation, load_module
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.process import ProcessImplementation
-from gsvc_conformance.pytest_plugin import JUDGED, NODE
+from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
 from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of
 from gsvc_conformance.report.json import result_from, result_object
 from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
@@ -48,12 +48,12 @@ def configure(config: pytest.Config) -> None:
     pytest.UsageError
         Options are missing or wrong.
     """
-    wanted = [argument.removeprefix(NODE) for argument in config.args if argument.startswith(NODE)]
+    wanted = [argument.partition(NODE)[2] for argument in config.args if is_vector(argument)]
     typed = any(str(word).startswith("--gsvc-") for word in config.invocation_params.args)
     named = config.args_source == pytest.Config.ArgsSource.ARGS
     if named and not wanted and not typed:  # options of the configuration file give way to paths
         return
-    config.args = [argument for argument in config.args if not argument.startswith(NODE)]
+    config.args = [argument for argument in config.args if not is_vector(argument)]
     try:
         run = Run(config, tuple(filter(None, wanted)))
     except UsageError as error:
@@ -92,8 +92,8 @@ class Run:
         if unmatched := self._waivers.unmatched(self._folder.names):
             raise UsageError(f"{self._file}: {unmatched[0]}")
         self.implementation = _implementation(option, config.rootpath)
-        self.words = [word for name in (*JUDGED, "timeout", "vectors") if option(name)
-                      for word in (f"--gsvc-{name}", option(name))]  # fmt: skip
+        # In one word each: pytest takes a word that is a file or folder for a path to tests.
+        self._words = [f"--gsvc-{name}={option(name)}" for name in (*JUDGED, "timeout", "vectors") if option(name)]
         self.results: dict[str, Result] = {}
         self._causes = Causes()
 
@@ -131,14 +131,14 @@ class Run:
 
     def again(self, name: str) -> str:
         """The command that runs one vector alone."""
-        waivers = ["--gsvc-waivers", self._file] if self._file else []
-        return shlex.join(["pytest", *self.words, *waivers, f"{NODE}{name}"])
+        waivers = [f"--gsvc-waivers={self._file}"] if self._file else []
+        return shlex.join(["pytest", *self._words, *waivers, f"{NODE}{name}"])
 
     def pictures(self) -> str:
         """The command of the kit that writes a page about the same vectors."""
-        words = [word.replace("--gsvc-", "--") for word in self.words]
+        words = [f"--{word.removeprefix('--gsvc-')}" for word in self._words]
         chosen = {"operation": self.selection.operations, "class": self.selection.groups, "case": self.selection.patterns}
-        words += [word for name, values in chosen.items() for value in values for word in (f"--{name}", value)]
+        words += [f"--{name}={value}" for name, values in chosen.items() for value in values]
         return shlex.join(["gsvc-conformance", "run", *words, "--html", "page.html"])
 
     def found(self) -> tuple[list[Result], list[str]]:

@@ -85,7 +85,7 @@ def describe_changes(base: Report, now: Report, found: Changes, most: int) -> li
     for result in found.regressions[:most]:
         lines += [*_regression(result, now.again(result.id)), ""]
     lines += [f"REGRESSION {result.id}: {result.outcome}" for result in found.regressions[most:]]
-    parts = {"fixed": found.fixed, "wrong, and was not judged": found.broken, "still wrong": found.still}
+    parts = {"fixed": found.fixed, "wrong now, neither right nor wrong before": found.broken, "still wrong": found.still}
     lines += [f"{what}: {_listed(results)}" for what, results in parts.items() if results]
     for what, results in (("new", found.new), ("missing", found.missing)):
         if results:
@@ -115,7 +115,7 @@ def conclusion_of(found: Changes) -> str:
     """The changes in one line, for those who read nothing else."""
     counts = {"fixed": found.fixed, "still wrong": found.still, "new": found.new, "missing": found.missing}
     rest = [f"{len(results)} {what}" for what, results in counts.items() if results]
-    head = plural(len(found.regressions), "REGRESSION") if found.regressions else "NO REGRESSION"
+    head = plural(len(found.regressions), "regression").upper() if found.regressions else "NO REGRESSION"
     return f"{head}{': ' if rest else ''}{', '.join(rest)}"
 
 
