@@ -107,8 +107,8 @@ def _notes(base: Report, now: Report) -> Iterable[str]:
     for what, report in (("first", base), ("second", now)):
         if report.ended:
             yield f"note: the {what} report is not whole: {report.ended}"
-        elif report.selection:
-            yield f"note: the {what} report is of a part: {report.selection}"
+        elif base.selection != now.selection:
+            yield f"note: the {what} report is of {report.selection or 'all vectors'}"
 
 
 def conclusion_of(found: Changes) -> str:
