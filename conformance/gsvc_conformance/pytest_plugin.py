@@ -1,9 +1,10 @@
 """The pytest plug-in: ``pytest --gsvc-module mine`` has a test for each golden vector (protocol.md, "From pytest").
 
-pytest imports this module in every session of every project, so it imports nothing: `pytest_vectors` is imported when an
-option of ours is given.
+pytest imports this module in every session of every project, so it imports nothing: `pytest_vectors` is imported when
+an option of ours is given.
 """
 
+import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -39,11 +40,9 @@ def pytest_configure(config: "pytest.Config") -> None:
     """Do nothing, unless an option is given or a vector is named."""
     given = any(config.getoption(f"--gsvc-{name}") for name in OPTIONS)
     if given or any(map(is_vector, config.args)):
-        from gsvc_conformance import pytest_vectors
-
-        pytest_vectors.configure(config)
+        importlib.import_module("gsvc_conformance.pytest_vectors").configure(config)
 
 
 def is_vector(argument: str) -> bool:
-    """Whether an argument names vectors: ``gsvc::...``, or as pytest shows that from another folder, ``../gsvc::...``."""
+    """Whether an argument names vectors: ``gsvc::...``, or ``../gsvc::...`` as pytest shows it in another folder."""
     return argument.lstrip("./").startswith(NODE)

@@ -16,7 +16,7 @@ import pytest
 from gsvc_conformance.causes import Causes
 from gsvc_conformance.commands import checked_operations
 from gsvc_conformance.commands.judging import environment
-from gsvc_conformance.implementations import Implementation, ModuleImplementation, load_module
+from gsvc_conformance.implementations import Implementation, load_module
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
@@ -137,7 +137,11 @@ class Run:
     def pictures(self) -> str:
         """The command of the kit that writes a page about the same vectors."""
         words = [f"--{word.removeprefix('--gsvc-')}" for word in self._words]
-        chosen = {"operation": self.selection.operations, "class": self.selection.groups, "case": self.selection.patterns}
+        chosen = {
+            "operation": self.selection.operations,
+            "class": self.selection.groups,
+            "case": self.selection.patterns,
+        }
         words += [f"--{name}={value}" for name, values in chosen.items() for value in values]
         return shlex.join(["gsvc-conformance", "run", *words, "--html", "page.html"])
 
@@ -248,7 +252,7 @@ class VectorItem(pytest.Item):
         text = "\n".join(lines) + "\n"
         if self.config.getoption("fulltrace"):
             return text
-        shown = super().repr_failure(excinfo, "native")  # its form is kept, so that pytest-xdist can send it
+        shown: Any = super().repr_failure(excinfo, "native")  # its form is kept, so that pytest-xdist can send it
         shown.reprtraceback.reprentries[0].lines = [text]
         shown.reprcrash.message = message
         return shown

@@ -1,10 +1,10 @@
 """Waivers: failures that are known, as data in TOML: which vectors, why, for how long.
 
-    [[waiver]]
-    vectors = ["core/render_sum/*"]     # ids or globs
-    reason = "driver bug: ..."
-    issue = "https://..."               # may be left out
-    until = 2027-01-31                  # may be left out; after that day the waiver counts no more
+[[waiver]]
+vectors = ["core/render_sum/*"]     # ids or globs
+reason = "driver bug: ..."
+issue = "https://..."               # may be left out
+until = 2027-01-31                  # may be left out; after that day the waiver counts no more
 """
 
 import datetime

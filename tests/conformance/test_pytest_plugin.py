@@ -58,14 +58,21 @@ def test_vectors_are_added_to_the_tests_that_are_there(run, toy_module):
     result = run("-q", "--gsvc-module", toy_module())
     result.assert_outcomes(passed=len(INPUTS) + 1)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["*GSVC vectors * (sha256 *): toy_implementation*", "class training passed: 3 vectors*",
-                                 "passes GSVC vectors *, class training, profile paper, level 5, 0 waivers"])  # fmt: skip
+    result.stdout.fnmatch_lines(
+        [
+            "*GSVC vectors * (sha256 *): toy_implementation*",
+            "class training passed: 3 vectors*",
+            "passes GSVC vectors *, class training, profile paper, level 5, 0 waivers",
+        ]
+    )
 
 
 def test_without_an_option_nothing_is_added_and_nothing_imported(run):
     run("-q", vectors=False).assert_outcomes(passed=1)
     code = f"import sys; before = set(sys.modules); import {PLUGIN}; print(*sorted(set(sys.modules) - before))"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT / "conformance")
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT / "conformance"
+    )
     assert {name for name in out.stdout.split() if name.startswith(("gsvc", "numpy"))} == {"gsvc_conformance", PLUGIN}
 
 
@@ -73,9 +80,17 @@ def test_a_failure_shows_the_message_of_the_kit_and_the_command_that_works(run, 
     result = run("-q", "--gsvc-module", toy_module(halve=wrong_halves))
     result.assert_outcomes(passed=len(INPUTS), failed=1)
     again = f"pytest --gsvc-module=toy_implementation --gsvc-vectors={folder} {ID}"
-    result.stdout.fnmatch_lines(["*_ core/halve/one_to_six _*", "The vector one_to_six.", "  output count is 0, expected 6*",
-                                 f"  again: {again}", "Probable cause: a toy, beside 0 that pass (halve: 1 of 1 examined)", "class quantization failed: 1 of 1 *",
-                                 f"FAILED {ID} - output count is 0, expected 6*"])  # fmt: skip
+    result.stdout.fnmatch_lines(
+        [
+            "*_ core/halve/one_to_six _*",
+            "The vector one_to_six.",
+            "  output count is 0, expected 6*",
+            f"  again: {again}",
+            "Probable cause: a toy, beside 0 that pass (halve: 1 of 1 examined)",
+            "class quantization failed: 1 of 1 *",
+            f"FAILED {ID} - output count is 0, expected 6*",
+        ]
+    )
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*pytest_vectors.py*")
     alone = run(*again.split()[1:], "-q", vectors=False)
@@ -163,14 +178,18 @@ def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     assert "the module no_such_module cannot be imported" in sentence(run("--gsvc-module", "no_such_module"))
     assert "did you mean halve?" in sentence(run("--gsvc-module", name, "--gsvc-operation", "halv"))
     assert "did you mean training?" in sentence(run("--gsvc-module", name, "--gsvc-class", "trainin"))
-    assert "did you mean core/halve/one_to_six or" in sentence(run("--gsvc-module", name, "gsvc::core/halve/one_to_sixx"))
+    assert "did you mean core/halve/one_to_six or" in sentence(
+        run("--gsvc-module", name, "gsvc::core/halve/one_to_sixx")
+    )
     assert "did you mean by_two?" in sentence(run("--gsvc-module", name, "--gsvc-case", "by_tow"))
     assert "--gsvc-timeout needs --gsvc-impl" in sentence(run("--gsvc-module", name, "--gsvc-timeout", "5"))
     file = pytester.makefile(".toml", known='[[waiver]]\nvectors = ["core/halve/one"]\nreason = "x"\n')
     assert "which matches no vector" in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
     file.write_text("[[waiver]]\n")
     assert "waiver 1 of " in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
-    assert "there are no vectors in nowhere" in sentence(run("--gsvc-module", name, "--gsvc-vectors", "nowhere", vectors=False))
+    assert "there are no vectors in nowhere" in sentence(
+        run("--gsvc-module", name, "--gsvc-vectors", "nowhere", vectors=False)
+    )
 
 
 def test_a_damaged_vector_is_told_without_a_traceback(run, toy_module, folder):

@@ -89,9 +89,9 @@ BAD = {
     "a text of vectors": ('[[waiver]]\nvectors = "a"\nreason = "b"', 'must have vectors = ["..."]'),
     "no reason": ('[[waiver]]\nvectors = ["a"]', '(a) must have reason = "..."'),
     "an empty reason": ('[[waiver]]\nvectors = ["a"]\nreason = " "', '(a) must have reason = "..."'),
-    "an issue by number": ('[[waiver]]\nvectors = ["a"]\nreason = "b"\nissue = 3', "has the issue 3; it must be a text"),
+    "an issue by number": ('[[waiver]]\nvectors = ["a"]\nreason = "b"\nissue = 3', "has the issue 3; it must be"),
     "a date in quotes": ('[[waiver]]\nvectors = ["a"]\nreason = "b"\nuntil = "2027-01-31"', "has until = '2027-01-31'"),
-    "a time": ('[[waiver]]\nvectors = ["a"]\nreason = "b"\nuntil = 2027-01-31T10:00:00', "must be a date without quotes"),
+    "a time": ('[[waiver]]\nvectors = ["a"]\nreason = "b"\nuntil = 2027-01-31T10:00:00', "must be a date without"),
 }  # fmt: skip
 
 
@@ -118,7 +118,9 @@ def test_globs_match_no_other_vectors():
 
 
 def test_what_is_written_is_read_again(tmp_path):
-    awkward = Waiver(("core/scale/by_two",), 'with "quotes", a \\, a\nline and µ', "https://x", datetime.date(2027, 1, 31))
+    awkward = Waiver(
+        ("core/scale/by_two",), 'with "quotes", a \\, a\nline and µ', "https://x", datetime.date(2027, 1, 31)
+    )
     waivers = Waivers((awkward, Waiver(("a", "b/*"), "plain")), TODAY)
     assert waivers_of(tmp_path, to_toml(waivers)) == waivers
 
@@ -137,8 +139,8 @@ def test_new_waivers_are_grouped_and_old_ones_kept_as_far_as_they_are_needed(tmp
         """
     names = [*NAMES, "core/paint/odd", "core/paint/even", "core/paint/third"]
     results = [
-        result("core/halve/one_to_six", "waived"),
-        result("core/scale/by_a_third", "waived"), result("core/scale/by_two"), result("core/scale/by_two_more", "waived"),
+        result("core/halve/one_to_six", "waived"), result("core/scale/by_a_third", "waived"),
+        result("core/scale/by_two"), result("core/scale/by_two_more", "waived"),
         result("core/scale/other"),
         result("core/paint/odd", "fail", "is 1", ["a cause", "another"]), result("core/paint/even", "fail", "is 2"),
         result("core/paint/third", "timeout", "no answer in 60 s"),

@@ -142,7 +142,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_is_full, names)),
-        stale if arguments.strict_waivers else (),
+        tuple(stale) if arguments.strict_waivers else (),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     if arguments.write_waivers:

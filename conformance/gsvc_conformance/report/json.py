@@ -61,8 +61,13 @@ def to_object(report: Report) -> dict[str, Any]:
         "command": report.command,
         "selection": report.selection,
         "notes": list(report.notes),
-        **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes(),
-                  stale=list(report.stale)),
+        **_filled(
+            ended=report.ended,
+            claim=str(report.claim or ""),
+            whole=report.whole,
+            quotes=report.quotes(),
+            stale=list(report.stale),
+        ),
         "classes": [_class_object(group, report) for group in report.groups()],
         "operations": [_summary_object(operation) for operation in report.operations()],
         "results": [result_object(result) for result in report.results],
@@ -134,7 +139,7 @@ def from_object(value: Any) -> Report:
         [result_from(entry, f"result {number}") for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
-        report.list_of_texts("stale", []),
+        tuple(report.list_of_texts("stale", [])),
     )  # fmt: skip
 
 
