@@ -67,7 +67,7 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 	-GSVC_WEB_RENDERER=webgl2 $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.web $(call report,web-webgl2)
 	-GSVC_WEB_RENDERER=webgpu $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.web $(call report,web-webgpu)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.gsplat_cuda $(call report,gsplat_cuda) \
-		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.json
+		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.toml
 	-PYTHONPATH=tests/adapters $(BIN)/gsvc-conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
 	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \

@@ -120,8 +120,15 @@ class ModuleImplementation:
             return Failure("error", _last_line(error))
 
 
-def load_module(name: str) -> ModuleImplementation:
-    """The implementation that is a module; the current folder is searched first.
+def load_module(name: str, home: Path | None = None) -> ModuleImplementation:
+    """The implementation that is a module.
+
+    Parameters
+    ----------
+    name
+        As in an import statement.
+    home
+        A folder that it may be in, if it is not installed; None: the current folder.
 
     Raises
     ------
@@ -129,11 +136,9 @@ def load_module(name: str) -> ModuleImplementation:
         It cannot be imported, has no function of an operation, or its `environment` fails.
     """
     if name.endswith(".py"):
-        raise UsageError(
-            f"--module takes the name of a module: {'.'.join(Path(name).with_suffix('').parts)}, not {name}"
-        )
-    if (here := str(Path.cwd())) not in sys.path and "" not in sys.path:  # as under the installed command
-        sys.path.insert(0, here)
+        raise UsageError(f"a module is given by its name: {'.'.join(Path(name).with_suffix('').parts)}, not {name}")
+    if (folder := str(home or Path.cwd())) not in sys.path:  # a command has it not, other than `python -m`
+        sys.path.insert(0, folder)
     try:
         with kept_streams():
             module = importlib.import_module(name)

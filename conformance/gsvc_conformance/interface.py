@@ -56,13 +56,13 @@ def vectors(
     Examples
     --------
     >>> from gsvc_conformance import vectors
-    >>> vector = next(vectors("render_sum", case="one_splat_round"))
+    >>> vector = next(vectors("render_sum", case="needle_across"))
     >>> vector.id
-    'core/render_sum/one_splat_round'
+    'core/render_sum/needle_across'
     >>> {name: getattr(value, "shape", value) for name, value in vector.inputs.items()}
-    {'parameters': (1, 8), 'width': 11, 'height': 9}
+    {'parameters': (1, 8), 'width': 25, 'height': 23}
     >>> vector.expected["sum"].value.shape, vector.expected["sum"].bound.shape
-    ((9, 11, 3), (9, 11, 3))
+    ((23, 25, 3), (23, 25, 3))
     """
     selection = Selection(
         operations=checked_operations(_some(operation)), patterns=_some(case), groups=_some(group), tiers=_some(tier)

@@ -86,13 +86,17 @@ def run_suite(
         for judge in mapped:
             judged = judge()
             if judged.vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
-                reason = (waivers or {})[judged.vector.id]
-                message = f"{reason} (waived {judged.result.outcome}: {judged.result.message})"
-                judged = replace(judged, result=replace(judged.result, outcome="waived", message=message))
+                judged = excused(judged, (waivers or {})[judged.vector.id])
             results.append(judged.result)
             if on_result:
                 on_result(judged)
     return results
+
+
+def excused(judged: Judged, reason: str) -> Judged:
+    """A vector that is wrong, and waived for a reason."""
+    message = f"{reason} (waived {judged.result.outcome}: {judged.result.message})"
+    return replace(judged, result=replace(judged.result, outcome="waived", message=message))
 
 
 def judge_vector(implementation: Implementation, vector: Vector) -> Judged:

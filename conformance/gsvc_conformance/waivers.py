@@ -1,16 +1,17 @@
 """Waivers: failures that are known, as data in TOML: which vectors, why, for how long.
 
-    [[waiver]]
-    vectors = ["core/render_sum/*"]     # ids or globs
-    reason = "driver bug: ..."
-    issue = "https://..."               # may be left out
-    until = 2027-01-31                  # may be left out; after that day the waiver counts no more
+[[waiver]]
+vectors = ["core/render_sum/*"]     # ids or globs
+reason = "driver bug: ..."
+issue = "https://..."               # may be left out
+until = 2027-01-31                  # may be left out; after that day the waiver counts no more
 """
 
 import datetime
 import json
 import textwrap
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -165,7 +166,7 @@ def read_waivers(path: Path | None, today: datetime.date | None = None) -> Waive
     except ValueError as error:
         raise UsageError(f"{path} is no TOML: {error}; protocol.md shows what waivers look like") from None
     for key in value.keys() - {TABLE}:
-        raise UsageError(f"{path} has {key!r} outside of a waiver{question(key, [TABLE])}; each begins with [[waiver]]")
+        raise UsageError(f"{path} has {key!r} outside of a waiver; each waiver begins with [[waiver]]")
     tables = value.get(TABLE, [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise UsageError(f"{path} has one [waiver]; each of them begins with [[waiver]]")
@@ -192,7 +193,8 @@ def _waiver(what: str, table: Mapping[str, Any]) -> Waiver:
     if not _is_text(table.get("issue", "none")):
         raise UsageError(f"{what} ({vectors[0]}) has the issue {table['issue']!r}; it must be a text, or be left out")
     if until is not None and type(until) is not datetime.date:
-        raise UsageError(f"{what} ({vectors[0]}) has until = {until!s}; it must be a date without quotes: 2027-01-31")
+        shown = repr(until) if isinstance(until, str) else until
+        raise UsageError(f"{what} ({vectors[0]}) has until = {shown}; it must be a date without quotes: 2027-01-31")
     return Waiver(tuple(vectors), table["reason"].strip(), table.get("issue", ""), until)
 
 
@@ -232,11 +234,13 @@ def renewed(waivers: Waivers, results: Sequence[Result], names: Sequence[str]) -
 
 
 def _why(result: Result, results: Sequence[Result]) -> str:
-    """A reason for a new waiver: what it looks like, or what all looks like that was examined of its operation."""
-    alike = {other.causes[0] for other in results if other.operation == result.operation and other.causes}
-    if result.outcome == "fail" and (result.causes or len(alike) == 1):
-        return f"looks like {result.causes[0] if result.causes else alike.pop()}"
-    return f"{result.outcome}: {result.message}"
+    """A reason for a new waiver: what most failures of the operation look like, or the message."""
+    like = Counter(cause for other in results if other.operation == result.operation for cause in other.causes)
+    if result.outcome != "fail" or not like:
+        return f"{result.outcome}: {result.message}"
+    if not result.causes:
+        return f"not examined; failures of {result.operation} look like {like.most_common(1)[0][0]}"
+    return f"looks like {max(result.causes, key=lambda cause: like[cause])}"
 
 
 def patterns(chosen: Iterable[str], names: Sequence[str]) -> list[str]:
@@ -263,9 +267,9 @@ def _globs(name: str, names: Sequence[str]) -> Iterable[tuple[str, list[str]]]:
             yield f"{start}*", matched
 
 
-def to_toml(waivers: Waivers) -> str:
-    """Waivers as the text of their file."""
-    return "\n".join([HEAD.format(today=waivers.today), *map(_table, waivers.entries)])
+def to_toml(waivers: Waivers, head: str = HEAD) -> str:
+    """Waivers as the text of their file, below a comment that may name the day as ``{today}``."""
+    return "\n".join([head.replace("{today}", str(waivers.today)), *map(_table, waivers.entries)])
 
 
 def _table(waiver: Waiver) -> str:

@@ -1,7 +1,5 @@
 """The adapter of the authors' rasteriser, tested with a double of it (gsplat_double): no GPU is needed."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ import gsplat_double as double  # noqa: E402
 from gsvc_conformance.implementations import load_module  # noqa: E402
 from gsvc_conformance.results import FAULTS  # noqa: E402
 from gsvc_conformance.runner import run_suite  # noqa: E402
+from gsvc_conformance.waivers import read_waivers  # noqa: E402
 from gsvc_ref.errors import UsageError  # noqa: E402
 
 
@@ -32,8 +31,7 @@ def vectors():
 
 @pytest.fixture(scope="module")
 def waivers(vectors):
-    ids = {vector.id for vector in vectors}
-    return {name: why for name, why in json.loads(double.EXPECTED.read_text(encoding="utf-8")).items() if name in ids}
+    return read_waivers(double.EXPECTED).reasons(vector.id for vector in vectors)
 
 
 def sum_of(implementation, splats, width, height):

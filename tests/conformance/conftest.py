@@ -9,7 +9,7 @@ import toy_operations
 USERS = (
     "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.judging", "commands.list",
     "commands.verify",
-    "reference", "implementations", "features",
+    "reference", "implementations", "features", "pytest_vectors",
 )  # fmt: skip
 """Modules that have `operations` by name."""
 

@@ -284,9 +284,9 @@ def test_a_module_without_operations(folder, monkeypatch, capsys):
     assert run(folder, "--module", "almost") == 2
     assert "is it scales for scale?" in capsys.readouterr().err
     assert run(folder, "--module", "almost.py") == 2
-    assert "--module takes the name of a module: almost, not almost.py" in capsys.readouterr().err
+    assert "a module is given by its name: almost, not almost.py" in capsys.readouterr().err
     assert run(folder, "--module", "./almost.py") == 2
-    assert "--module takes the name of a module: almost, not ./almost.py" in capsys.readouterr().err
+    assert "a module is given by its name: almost, not ./almost.py" in capsys.readouterr().err
 
 
 def test_a_program_as_a_module(folder, tmp_path, monkeypatch, capsys):

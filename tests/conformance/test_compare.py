@@ -162,3 +162,96 @@ def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
     ):
         assert main(["compare", *words]) == 2
         assert message in capsys.readouterr().err
+
+
+# Two reports of one implementation
+
+
+def reports(tmp_path, before, now, **options):
+    """Two reports in files: the outcomes of some vectors, `message` for what is wrong."""
+    paths = []
+    for name, outcomes in (("before", before), ("now", now)):
+        results = [
+            Result(vector, f"The vector {vector.split('/')[2]}.", OPERATIONS[vector.split("/")[1]].group, outcome,
+                   "" if outcome == "pass" else f"output x is {outcome}", size=size)
+            for vector, (outcome, size) in outcomes.items()
+        ]  # fmt: skip
+        around = {"implementation": "mine", "vectors": options.get("vectors", "a" * 64) if name == "now" else "a" * 64}
+        report = Report(around, "gsvc-conformance run --module mine", "", [], results, ended=options.get("ended", ""))
+        paths.append(tmp_path / f"{name}.json")
+        paths[-1].write_text(to_text(report))
+    return [str(path) for path in paths]
+
+
+BEFORE = {
+    "core/scale/by_a_third": ("pass", 0), "core/scale/by_two": ("pass", 0), "core/halve/one_to_six": ("fail", 8),
+    "core/paint/odd_size": ("pass", 0), "core/parse/three_bytes": ("fail", 3), "stress/scale/nothing": ("pass", 0),
+    "uncommon/parse/empty": ("unsupported", 0),
+}  # fmt: skip
+NOW = {
+    "core/scale/by_a_third": ("fail", 56), "core/scale/by_two": ("timeout", 24), "core/halve/one_to_six": ("pass", 0),
+    "core/paint/odd_size": ("unsupported", 0), "core/parse/three_bytes": ("fail", 3),
+    "uncommon/parse/empty": ("error", 0), "faulty/parse/bad_letter": ("pass", 0),
+}  # fmt: skip
+
+
+def test_regressions_are_named_with_their_messages_the_simplest_first(toys, tmp_path, capsys):
+    assert main(["compare", *reports(tmp_path, BEFORE, NOW)]) == 1
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    named = [line for line in lines if line.startswith("REGRESSION")]
+    assert sorted(named) == [
+        "REGRESSION FAIL core/scale/by_a_third: The vector by_a_third.",
+        "REGRESSION TIMEOUT core/scale/by_two: The vector by_two.",
+        "REGRESSION UNSUPPORTED core/paint/odd_size: The vector odd_size.",
+    ]
+    scales = [line for line in named if "scale" in line]
+    assert "by_two" in scales[0]  # the smaller inputs
+    assert "  output x is timeout" in lines
+    assert "  again: gsvc-conformance run --module mine --case core/scale/by_two" in lines
+    assert lines[-7:-2] == [
+        "fixed: core/halve/one_to_six",
+        "wrong now, neither right nor wrong before: uncommon/parse/empty",
+        "still wrong: core/parse/three_bytes",
+        "new: faulty/parse/bad_letter (1 pass)",
+        "missing: stress/scale/nothing (1 pass)",
+    ]
+    assert lines[-1] == "3 REGRESSIONS: 1 fixed, 1 still wrong, 1 new, 1 missing"
+
+
+def test_quiet_and_show(toys, tmp_path, capsys):
+    files = reports(tmp_path, BEFORE, NOW)
+    assert main(["compare", "--quiet", *files]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert sorted(lines[:-1]) == ["core/paint/odd_size", "core/scale/by_a_third", "core/scale/by_two"]
+    assert main(["compare", "--show", "0", *files]) == 1
+    assert "REGRESSION core/scale/by_two: timeout" in capsys.readouterr().out
+
+
+def test_without_a_regression(toys, tmp_path, capsys):
+    assert main(["compare", *reports(tmp_path, NOW, NOW)]) == 0
+    out = capsys.readouterr().out
+    assert out.endswith("NO REGRESSION: 4 still wrong\n")
+    better = dict.fromkeys(BEFORE, ("pass", 0))
+    assert main(["compare", *reports(tmp_path, BEFORE, better)]) == 0
+    assert capsys.readouterr().out.endswith("\nNO REGRESSION: 2 fixed\n")
+
+
+def test_what_else_changed_is_told(toys, tmp_path, capsys):
+    files = reports(tmp_path, BEFORE, BEFORE, vectors="b" * 64, ended="ended early, after 2 of 3 vectors: x")
+    assert main(["compare", *files]) == 2  # what is missing may have regressed
+    out = capsys.readouterr().out
+    assert f"note: not the same vectors: {'a' * 40} before, {'b' * 40} now" in out
+    assert "note: the second report is not whole: ended early" in out
+
+
+def test_reports_with_nothing_in_common(toys, tmp_path, capsys):
+    other = {"faulty/parse/bad_letter": ("pass", 0)}
+    assert main(["compare", *reports(tmp_path, BEFORE, other)]) == 2
+    assert "the reports have no vector in common" in capsys.readouterr().err
+
+
+def test_another_implementation_is_no_regression(entries, tmp_path, capsys):
+    files = reports(tmp_path, BEFORE, NOW)
+    assert main(["compare", "--tables", *files]) == 0
+    assert "| `scale` |" in capsys.readouterr().out

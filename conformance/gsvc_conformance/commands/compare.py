@@ -22,15 +22,13 @@ SHOWN: Final = 10
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
-    parser.description = (
-        "Name what passed in the first of two reports and does not pass in the second (exit code 1). With --tables, "
-        "--markdown, --speeds or another number of reports: show them beside each other, an operation a row (exit code "
-        "0: another implementation is no regression)."
-    )
     parser.epilog = (
-        "In tables, a column is named as its file. The cell of an operation says how many of its vectors pass, what became of the "
-        "others, and in parentheses the worst error as a multiple of its bound, in core vectors and, if that is "
-        "another, in all. Links lead to the files, and to RESULT.html if that stands beside RESULT.json."
+        "Of two reports, the first is the earlier one: what passed there and does not pass in the second is named "
+        "(exit code 1). With --tables, --markdown, --speeds or another number of reports, they are shown beside each "
+        "other, an operation a row (exit code 0: another implementation is no regression). "
+        "In tables, a column is named as its file. The cell of an operation says how many of its vectors pass, what "
+        "became of the others, and in parentheses the worst error as a multiple of its bound, in core vectors and, if "
+        "that is another, in all. Links lead to the files, and to RESULT.html if that stands beside RESULT.json."
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULT.json", help="what `run --json` wrote")
     parser.add_argument("--show", type=count, default=SHOWN, metavar="N", help=f"describe N regressions ({SHOWN})")

@@ -154,7 +154,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
-        features, stale if arguments.strict_waivers else (),
+        features, tuple(stale) if arguments.strict_waivers else (),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     if arguments.write_waivers:

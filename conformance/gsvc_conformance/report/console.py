@@ -211,8 +211,12 @@ def describe_fault(result: Result, command: str) -> list[str]:
 def result_lines(result: Result) -> list[str]:
     """One wrong vector: its errors, and what they look like."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
-    lines += [f"{INDENT}looks like {cause}" for cause in result.causes]
-    lines += [f"{INDENT}{line}" for line in table_lines(result.table)]
+    return [*lines, *(f"{INDENT}looks like {cause}" for cause in result.causes), *detail_lines(result)]
+
+
+def detail_lines(result: Result) -> list[str]:
+    """The table of a wrong vector, and what a process printed."""
+    lines = [f"{INDENT}{line}" for line in table_lines(result.table)]
     return [*lines, *(f"{INDENT}| {line}" for line in ends(result.log))]
 
 

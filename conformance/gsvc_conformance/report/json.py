@@ -137,7 +137,7 @@ def from_object(value: Any) -> Report:
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
         features_of(report.get("features", dict), "the report") if "features" in report else None,
-        report.list_of_texts("stale", []),
+        tuple(report.list_of_texts("stale", [])),
     )  # fmt: skip
 
 

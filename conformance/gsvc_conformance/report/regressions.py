@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gsvc_conformance.report.console import INDENT, describe_fault
+from gsvc_conformance.report.console import describe_fault
 from gsvc_conformance.results import FAULTS, Report, Result, simplest_first
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError
@@ -85,7 +85,11 @@ def describe_changes(base: Report, now: Report, found: Changes, most: int) -> li
     for result in found.regressions[:most]:
         lines += [*_regression(result, now.again(result.id)), ""]
     lines += [f"REGRESSION {result.id}: {result.outcome}" for result in found.regressions[most:]]
-    parts = {"fixed": found.fixed, "wrong, and was not judged": found.broken, "still wrong": found.still}
+    parts = {
+        "fixed": found.fixed,
+        "wrong now, neither right nor wrong before": found.broken,
+        "still wrong": found.still,
+    }
     lines += [f"{what}: {_listed(results)}" for what, results in parts.items() if results]
     for what, results in (("new", found.new), ("missing", found.missing)):
         if results:
@@ -107,15 +111,15 @@ def _notes(base: Report, now: Report) -> Iterable[str]:
     for what, report in (("first", base), ("second", now)):
         if report.ended:
             yield f"note: the {what} report is not whole: {report.ended}"
-        elif report.selection:
-            yield f"note: the {what} report is of a part: {report.selection}"
+        elif base.selection != now.selection:
+            yield f"note: the {what} report is of {report.selection or 'all vectors'}"
 
 
 def conclusion_of(found: Changes) -> str:
     """The changes in one line, for those who read nothing else."""
     counts = {"fixed": found.fixed, "still wrong": found.still, "new": found.new, "missing": found.missing}
     rest = [f"{len(results)} {what}" for what, results in counts.items() if results]
-    head = plural(len(found.regressions), "REGRESSION") if found.regressions else "NO REGRESSION"
+    head = plural(len(found.regressions), "regression").upper() if found.regressions else "NO REGRESSION"
     return f"{head}{': ' if rest else ''}{', '.join(rest)}"
 
 

@@ -8,7 +8,7 @@ GSVC build. It is no part of this project, and needs PyTorch, nvcc and an NVIDIA
     pip install --no-build-isolation ./gsplat
     gsvc-conformance run --module gsvc_conformance.adapters.gsplat_cuda --waivers FILE
 
-FILE is `expected_failures.json` beside this module: which vectors should fail, and which equation of spec.md the
+FILE is `expected_failures.toml` beside this module: which vectors should fail, and which equation of spec.md the
 rasteriser breaks in each. That is a prediction from its public code, not a measurement: it is what the double of the
 rasteriser in tests/adapters fails. It is for bf697c8; a later commit, 7b8c18f, counts the off-diagonal entry twice in
 yet another place, and should fail the gradients of l22, too.

@@ -1,0 +1,367 @@
+"""Golden vectors as tests of pytest: an item each, waivers as strict xfail, causes and verdicts in the summary.
+
+Where pytest-xdist shares the vectors among processes, each process looks for causes among the vectors that it ran, and
+sends them with its results when it ends.
+"""
+
+import json
+import shlex
+from collections import Counter
+from collections.abc import Generator, Iterable
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import pytest
+
+from gsvc_conformance.causes import Causes
+from gsvc_conformance.commands import checked_operations
+from gsvc_conformance.commands.judging import environment
+from gsvc_conformance.implementations import Implementation, load_module
+from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.process import ProcessImplementation
+from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
+from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of
+from gsvc_conformance.report.json import result_from, result_object
+from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
+from gsvc_conformance.runner import excused, judge_vector
+from gsvc_conformance.spelling import question
+from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.waivers import read_waivers
+from gsvc_ref.cli.text import plural
+from gsvc_ref.errors import UsageError
+
+SUITE: Final = NODE.rstrip(":")
+TIMEOUT: Final = 60.0
+SENT: Final = "gsvc"
+"""The name of what a process of pytest-xdist sends when it ends."""
+NOT_CLAIMED: Final = "not claimed"
+NO_FUNCTION: Final = "has no function"
+MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl)"
+
+
+def configure(config: pytest.Config) -> None:
+    """Add the vectors to a session, unless its command line names other tests only.
+
+    Raises
+    ------
+    pytest.UsageError
+        Options are missing or wrong.
+    """
+    wanted = [argument.partition(NODE)[2] for argument in config.args if is_vector(argument)]
+    typed = any(str(word).startswith("--gsvc-") for word in config.invocation_params.args)
+    named = config.args_source == pytest.Config.ArgsSource.ARGS
+    if named and not wanted and not typed:  # options of the configuration file give way to paths
+        return
+    config.args = [argument for argument in config.args if not is_vector(argument)]
+    try:
+        run = Run(config, tuple(filter(None, wanted)))
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from None
+    config.addinivalue_line("markers", MARKER)
+    config.pluginmanager.register(Session(run), "gsvc-vectors")
+
+
+class Run:
+    """The vectors of a session and what became of them in this process.
+
+    Parameters
+    ----------
+    config
+        With the options.
+    wanted
+        Ids or globs of vectors that are named as tests are; they take the place of other selections.
+
+    Raises
+    ------
+    UsageError
+        Options are missing or wrong.
+    """
+
+    def __init__(self, config: pytest.Config, wanted: tuple[str, ...]) -> None:
+        def option(name: str) -> Any:
+            return config.getoption(f"--gsvc-{name}")
+
+        self._home = Path(option("vectors") or VECTORS)
+        self._folder = VectorFolder(self._home)
+        self.selection = _selection(option, wanted)
+        self._folder.check_patterns("--gsvc-case" if not wanted else NODE, self.selection.patterns)
+        self.names = self._folder.select(self.selection)
+        self._file = option("waivers")
+        self._waivers = read_waivers(Path(self._file) if self._file else None)
+        if unmatched := self._waivers.unmatched(self._folder.names):
+            raise UsageError(f"{self._file}: {unmatched[0]}")
+        self.implementation = _implementation(option, config.rootpath)
+        # In one word each: pytest takes a word that is a file or folder for a path to tests.
+        self._words = [f"--gsvc-{name}={option(name)}" for name in (*JUDGED, "timeout", "vectors") if option(name)]
+        self.results: dict[str, Result] = {}
+        self._causes = Causes()
+
+    def unanswered(self, name: str) -> str:
+        """The reason why a vector needs not be read: its operation has no function; else empty."""
+        functions = getattr(self.implementation, "functions", None)
+        operation = name.split("/")[1]
+        if functions is None or callable(functions.get(operation)):
+            return ""
+        return f"{self.implementation.name} {NO_FUNCTION} {operation}"
+
+    def judged(self, name: str) -> Result:
+        """Ask for a vector's outputs and judge them; with its waiver, if one counts."""
+        (vector,) = self._folder.read([name])
+        judged = judge_vector(self.implementation, vector)
+        if (waiver := self._waivers.of(name)) and judged.result.outcome in FAULTS:
+            judged = excused(judged, waiver.excuse)
+        self._causes.add(judged)
+        self.results[name] = judged.result
+        return judged.result
+
+    def skipped(self, name: str, reason: str) -> None:
+        """Note a vector that is unsupported without being asked for."""
+        group = operations()[name.split("/")[1]].group
+        self.results[name] = Result(name, "", group, "unsupported", reason)
+
+    def stale(self, name: str) -> str:
+        """A sentence about a waiver that is not needed: its vector passes; else empty."""
+        waiver = self._waivers.of(name)
+        return f"it passes, so take it out of {waiver} in {self._file}" if waiver else ""
+
+    def ended(self, name: str) -> str:
+        """A sentence about a vector's waiver that counts no more; else empty."""
+        return self._waivers.ended(name)
+
+    def again(self, name: str) -> str:
+        """The command that runs one vector alone."""
+        waivers = [f"--gsvc-waivers={self._file}"] if self._file else []
+        return shlex.join(["pytest", *self._words, *waivers, f"{NODE}{name}"])
+
+    def pictures(self) -> str:
+        """The command of the kit that writes a page about the same vectors."""
+        words = [f"--{word.removeprefix('--gsvc-')}" for word in self._words]
+        chosen = {
+            "operation": self.selection.operations,
+            "class": self.selection.groups,
+            "case": self.selection.patterns,
+        }
+        words += [f"--{name}={value}" for name, values in chosen.items() for value in values]
+        return shlex.join(["gsvc-conformance", "run", *words, "--html", "page.html"])
+
+    def found(self) -> tuple[list[Result], list[str]]:
+        """The results with their causes, and what is to be said of the search."""
+        return self._causes.find(self.results.values())
+
+    def report(self, results: Iterable[Result], notes: list[str]) -> Report:
+        """The report of a session."""
+        by_id = {result.id: result for result in results}
+        there = [by_id[name] for name in self.names if name in by_id]
+        return Report(
+            environment(self.implementation.name, self._home), "", str(self.selection), notes, there,
+            self.implementation.environment, whole=self.selection.whole and len(there) == len(self.names),
+        )  # fmt: skip
+
+
+def _selection(option: Any, wanted: tuple[str, ...]) -> Selection:
+    """The vectors that the options choose, or those that are named as tests."""
+    for name in option("class") or ():
+        if name not in get_args(Group):
+            near = question(name, get_args(Group)) or f"; the classes are {', '.join(get_args(Group))}"
+            raise UsageError(f"there is no class {name!r}{near}")
+    chosen = checked_operations(option("operation") or ())
+    if wanted:
+        return Selection(patterns=wanted)
+    return Selection(operations=chosen, groups=tuple(option("class") or ()), patterns=tuple(option("case") or ()))
+
+
+def _implementation(option: Any, home: Path) -> Implementation:
+    given = [name for name in JUDGED if option(name)]
+    if len(given) != 1:
+        what = " or ".join(f"--gsvc-{name}" for name in JUDGED)
+        raise UsageError(f"say what golden vectors judge: {'only one of ' if given else ''}{what}")
+    if option("impl"):
+        return ProcessImplementation(option("impl"), _seconds(option("timeout")))
+    if option("timeout"):
+        raise UsageError("--gsvc-timeout needs --gsvc-impl: a module cannot be stopped")
+    return load_module(option("module"), home)
+
+
+def _seconds(text: str | None) -> float:
+    try:
+        seconds = TIMEOUT if text is None else float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
+        raise UsageError(f"--gsvc-timeout takes a number of seconds, not {text}")
+    return seconds
+
+
+class WrongVector(Exception):  # noqa: N818
+    """A vector is wrong, or its waiver is not needed.
+
+    Attributes
+    ----------
+    lines
+        What is shown.
+    message
+        The same in a line.
+    """
+
+    def __init__(self, lines: list[str], message: str) -> None:
+        super().__init__(message)
+        self.lines = lines
+        self.message = message
+
+
+class VectorItem(pytest.Item):
+    """A vector as a test."""
+
+    def __init__(self, *, run: Run, **given: Any) -> None:
+        super().__init__(**given)
+        self._run = run
+        self.add_marker(SUITE)
+
+    def runtest(self) -> None:
+        """Judge the vector.
+
+        Raises
+        ------
+        WrongVector
+            It is wrong, or passes although it is waived.
+        """
+        if reason := self._run.unanswered(self.name):
+            self._run.skipped(self.name, reason)
+            pytest.skip(reason)
+        result = self._run.judged(self.name)
+        if result.outcome == "unsupported":
+            pytest.skip(result.message)
+        if result.outcome == "waived":
+            pytest.xfail(result.message)
+        again = f"{INDENT}again: {self._run.again(self.name)}"
+        if result.passed and (stale := self._run.stale(self.name)):
+            raise WrongVector([result.title, f"{INDENT}{stale}", again], stale)
+        if not result.passed:
+            ended = self._run.ended(self.name)
+            kind = "" if result.outcome == "fail" else f"{result.outcome}: "
+            lines = [result.title, f"{INDENT}{kind}{result.message}", *detail_lines(result)]
+            raise WrongVector([*lines, *[f"{INDENT}{ended}"] * bool(ended), again], f"{kind}{result.message}")
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """The kit's own message in the place of a traceback."""
+        error = excinfo.value
+        if not isinstance(error, WrongVector | UsageError):
+            return super().repr_failure(excinfo, style)
+        lines, message = (error.lines, error.message) if isinstance(error, WrongVector) else ([str(error)], str(error))
+        text = "\n".join(lines) + "\n"
+        if self.config.getoption("fulltrace"):
+            return text
+        shown: Any = super().repr_failure(excinfo, "native")  # its form is kept, so that pytest-xdist can send it
+        shown.reprtraceback.reprentries[0].lines = [text]
+        shown.reprcrash.message = message
+        return shown
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Where reports say that the test is: in no file."""
+        return self.config.rootpath / SUITE, 0, self.name
+
+
+class VectorSuite(pytest.Collector):
+    """All vectors of a session."""
+
+    def __init__(self, *, run: Run, **given: Any) -> None:
+        super().__init__(**given)
+        self._run = run
+
+    def collect(self) -> Iterable[VectorItem]:
+        """A test for each vector."""
+        return [VectorItem.from_parent(self, name=name, run=self._run) for name in self._run.names]
+
+
+class Session:
+    """The hooks of a session with vectors."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._sent: list[tuple[list[Result], list[str]]] = []
+        self._lost = False
+
+    def pytest_report_header(self) -> str:
+        """What is judged, by which vectors, and on what."""
+        run = self._run
+        runs_on = (f"{name}: {value}" for name, value in run.implementation.environment.items())
+        chosen = plural(len(run.names), "vector") + (f" ({run.selection})" if str(run.selection) else "")
+        return ", ".join([f"gsvc: {run.implementation.name} by {chosen}", *runs_on])
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(
+        self, collector: pytest.Collector
+    ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+        """Collect the vectors behind all else."""
+        report = yield
+        if isinstance(collector, pytest.Session) and report.passed:
+            suite = VectorSuite.from_parent(collector, name=SUITE, nodeid=SUITE, run=self._run)
+            report.result = [*report.result, suite]
+        return report
+
+    def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
+        """Count what has no function as skipped, without filling the screen with its letters."""
+        reason = report.longrepr[2] if report.skipped and isinstance(report.longrepr, tuple) else ""
+        silent = report.nodeid.startswith(NODE) and NO_FUNCTION in reason
+        return ("skipped", "", "SKIPPED") if silent else None
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Send the results, in a process of pytest-xdist."""
+        sent = getattr(session.config, "workeroutput", None)
+        if sent is not None:
+            results, notes = self._run.found()
+            sent[SENT] = json.dumps({"results": [result_object(result) for result in results], "notes": notes})
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Receive the results of a process."""
+        text = getattr(node, "workeroutput", {}).get(SENT)
+        if text is None:
+            self._lost = True
+        else:
+            value = json.loads(text)
+            results = [result_from(result, f"a result of {node.gateway.id}") for result in value["results"]]
+            self._sent.append((results, value["notes"]))
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Probable causes and verdicts."""
+        parts = [*self._sent, self._run.found()]
+        results = [result for found, _ in parts for result in found]
+        if not results:
+            return
+        notes = list(dict.fromkeys(note for _, found in parts for note in found))
+        if self._lost:
+            notes.append("a process crashed, and what it found is missing here")
+        report = self._run.report(results, notes)
+        looked: Counter[str] = sum((examined_of(found) for found, _ in parts), Counter())
+        terminalreporter.section(f"{report.vectors}: {self._run.implementation.name}")
+        for line in _summary(report, looked, self._run):
+            terminalreporter.write_line(line)
+
+
+def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
+    """The lines of the summary: where to begin, causes, verdicts."""
+    lines = [f"Probable cause: {cause}" for cause in cause_lines(report, looked)]
+    lines += [f"note: {note}" for note in report.notes]
+    if report.whole:
+        lines += _verdicts(report)
+    else:
+        counts = Counter(result.outcome for result in report.results)
+        said = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
+        lines.append(f"{len(report.results):,} of {plural(len(run.names), 'vector')} ran: {said}; a verdict needs all "
+                     "vectors of a class")  # fmt: skip
+    if len(report.faults) > 1:
+        lines.append(f"Begin with the simplest: {run.again(report.simplest_first()[0].id)}")
+    if any(result.outcome == "fail" for result in report.faults):
+        lines.append(f"Pictures and tables: {run.pictures()}")
+    return lines
+
+
+def _verdicts(report: Report) -> list[str]:
+    """The verdict of each class of which anything was answered, and the words that can be quoted."""
+    groups = report.groups()
+    lines = [f"class {group.name} {group.verdict}: {group.reason}" for group in groups if group.verdict != NOT_CLAIMED]
+    silent = [group.name for group in groups if group.verdict == NOT_CLAIMED]
+    lines += [f"{NOT_CLAIMED}: {', '.join(silent)}"] * bool(silent)
+    return [*lines, *report.quotes()]
