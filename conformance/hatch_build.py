@@ -18,7 +18,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 KIT = "gsvc_conformance"
-MAKING = ("cases/*.py", "streams.py")
+MAKING = ("cases/[!_]*.py", "streams.py")
 """Modules of the kit that make vectors or streams, and therefore need gsvc_ref: patterns below the package."""
 LENDERS = ("gsvc_ref", "gsvc_lab")
 DATA = {
