@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from gsvc_conformance.commands import sets
+from gsvc_ref.errors import GsvcError, UsageError
 
 ROOT = Path(__file__).parents[2]
 KIT = ROOT / "conformance" / "gsvc_conformance"
@@ -73,6 +74,16 @@ def test_lines_keep_their_numbers(hook):
 def imported_from(text):
     """The modules of ``from`` statements at the top of a text."""
     return [node.module for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_errors_are_those_of_an_installed_gsvc_ref(hook, monkeypatch, installed):
+    if not installed:
+        monkeypatch.setitem(sys.modules, "gsvc_ref.errors", None)  # so that importing it fails
+    names = {"__name__": "copy"}
+    exec(hook.rewritten(ROOT / "gsvc_ref" / "errors.py") + hook.SAME_CLASSES, names)
+    assert (names["UsageError"] is UsageError, names["GsvcError"] is GsvcError) == (installed, installed)
+    assert issubclass(names["UsageError"], ValueError)
 
 
 def test_an_import_that_would_name_the_copy_is_refused(hook, tmp_path):
