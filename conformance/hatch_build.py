@@ -18,7 +18,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 KIT = "gsvc_conformance"
-MAKING = ("cases/*.py", "streams.py")
+MAKING = ("cases/[!_]*.py", "streams.py")
 """Modules of the kit that make vectors or streams, and therefore need gsvc_ref: patterns below the package."""
 LENDERS = ("gsvc_ref", "gsvc_lab")
 DATA = {
@@ -29,6 +29,14 @@ DATA = {
     "LICENSE": "LICENSE",
 }
 """Files and folders of the checkout, and their places in the package."""
+SAME_CLASSES = """
+
+try:  # whoever catches an error of the kit catches that of an installed gsvc_ref, and the other way round
+    from gsvc_ref.errors import GsvcError, UsageError
+except ModuleNotFoundError:
+    pass
+"""
+"""The end of the copy of gsvc_ref.errors."""
 OLDEST = (1980, 1, 1, 0, 0, 0)
 """The time of files in vectors.zip: the same archive each time."""
 
@@ -60,7 +68,7 @@ def put_together(checkout: Path, package: Path) -> None:
     for module in borrowed(checkout):
         source = path_of(checkout, module)
         target = package / "borrowed" / source.relative_to(checkout)
-        _write(target, rewritten(source))
+        _write(target, rewritten(source) + (SAME_CLASSES if module == "gsvc_ref.errors" else ""))
         for folder in target.relative_to(package).parents[:-1]:
             if not (package / folder / "__init__.py").exists():
                 _write(package / folder / "__init__.py", "")

@@ -3,7 +3,9 @@
 import importlib.util
 import inspect
 import pickle
+import posixpath
 import pydoc
+import re
 import subprocess
 import sys
 import traceback
@@ -92,6 +94,11 @@ def test_a_wheel_carries_the_document(tmp_path):
     home = tmp_path / "installed"
     with zipfile.ZipFile(wheel) as archive:
         assert archive.read("gsvc_ref/spec.md") == DOCUMENT.read_bytes()
+        page = archive.read("gsvc_ref/web/viewer/index.html").decode()
+        loaded = re.findall(r'(?:src|href)="([^":#]+)"', page)
+        places = [posixpath.normpath(f"gsvc_ref/web/viewer/{name}") for name in loaded]
+        assert len(places) > 20
+        assert set(places) <= set(archive.namelist()), "the viewer lacks a script"
         archive.extractall(home)
     run = [sys.executable, "-P", "-c", f"import sys; sys.path.insert(0, {str(home)!r})\n{CALL}"]
     found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.splitlines()

@@ -13,7 +13,7 @@ from typing import Any, Final
 from gsvc_conformance import __version__
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.parser import Parser
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.errors import UsageError
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 PROGRAM: Final = "gsvc-conformance"
@@ -97,18 +97,6 @@ def _with_packages(words: list[str], named: str | None) -> int:
             raise
         extra = f"[{EXTRAS[package]}]" if package in EXTRAS else ""
         raise UsageError(f"needs {package}: pip install 'gsvc-conformance{extra}'") from None
-    except Exception as error:
-        raise _as_own(error) from error.__cause__
-
-
-def _as_own(error: Exception) -> Exception:
-    """An error of gsvc_ref as one of the kit's: an installed kit has the classes of both errors as its own."""
-    theirs = sys.modules.get("gsvc_ref.errors")
-    if theirs is not None and isinstance(error, theirs.UsageError):
-        return UsageError(str(error))
-    if theirs is not None and isinstance(error, theirs.GsvcError):
-        return GsvcError(error.kind, error.message, rule=error.rule, bit=error.bit)
-    return error
 
 
 def _run(words: list[str], named: str | None) -> int:

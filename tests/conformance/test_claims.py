@@ -248,7 +248,7 @@ def test_a_claim_judges_its_classes_alone_and_the_exit_code_says_whether_it_hold
     assert out.count("passes vectors of no set (sha256 ") == 2  # the toys are nobody's set
     assert "halve" not in out
     assert run(folder, "--module", wrong, "--claim", "quantization,paper,1") == 1
-    assert "does not pass GSVC vectors 1 (sha256 " in capsys.readouterr().out
+    assert "does not pass vectors of no set (sha256 " in capsys.readouterr().out
 
 
 def test_a_decoder_of_a_low_level_refuses_what_is_above_it(folder, toy_module, capsys):

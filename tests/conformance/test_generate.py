@@ -1,5 +1,6 @@
 """Vectors are compared byte for byte; the number of processes does not matter, and one that cannot start is told."""
 
+import json
 import subprocess
 import sys
 
@@ -8,7 +9,9 @@ import pytest
 from gsvc_conformance import generate
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.coverage import coverage_page
+from gsvc_conformance.sets import digest, list_of
 from gsvc_conformance.vectors import SUMS, VECTORS, set_hash, write
+from gsvc_ref.errors import UsageError
 
 NAMES = (
     "core/render_sum/a_splat_in_the_middle",
@@ -96,3 +99,37 @@ def test_processes_that_cannot_start_end_with_a_sentence(jobs, said):
     )
     assert said in (done.stderr if done.returncode else done.stdout)
     assert done.returncode == (0 if jobs == 1 else 1)
+
+
+def test_a_vector_of_a_set_stays_without_its_case(folder, made, monkeypatch):
+    write_set(folder, 1, made)
+    first, *rest = made
+    fewer = {name: made[name] for name in rest}
+    monkeypatch.setattr(generate, "make", lambda **_: dict(fewer))
+    assert generate.generate(folder) == len(rest)
+    assert (folder / first / "manifest.json").read_bytes() == made[first]["manifest.json"]
+    assert generate.differences(folder, fewer) == []
+    write_set(folder, 2, fewer)
+    assert generate.generate(folder) == len(rest)
+    assert (folder / first / "manifest.json").exists()
+    assert first not in (folder / "COVERAGE.md").read_text()  # a withdrawn vector covers nothing
+    with pytest.raises(UsageError, match=f"{first} was withdrawn, and its id is never used again"):
+        generate.differences(folder, made)
+
+
+def test_another_vector_under_an_id_of_a_set_is_not_written(folder, made, monkeypatch):
+    write_set(folder, 1, made)
+    manifest = json.loads(made[NAMES[0]]["manifest.json"])
+    manifest["inputs"]["width"] = {"value": 3}
+    other = {**made, NAMES[0]: {**made[NAMES[0]], "manifest.json": json.dumps(manifest).encode()}}
+    monkeypatch.setattr(generate, "make", lambda **_: dict(other))
+    with pytest.raises(UsageError, match="is not what set 1 means by this name, which never changes: give the case"):
+        generate.generate(folder)
+    assert (folder / NAMES[0] / "manifest.json").read_bytes() == made[NAMES[0]]["manifest.json"]
+
+
+def write_set(folder, number, made):
+    """Write the list of a set of these vectors."""
+    (folder / "sets").mkdir(exist_ok=True)
+    digests = {name: digest(json.loads(files["manifest.json"])) for name, files in made.items()}
+    (folder / "sets" / f"{number}.txt").write_bytes(list_of(digests))

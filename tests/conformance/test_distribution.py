@@ -1,0 +1,255 @@
+"""gsvc-conformance as others install it: from a wheel, an sdist or a checkout, with NumPy alone, in another folder."""
+
+import ast
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gsvc_conformance.commands import sets
+from gsvc_ref.errors import GsvcError, UsageError
+
+ROOT = Path(__file__).parents[2]
+KIT = ROOT / "conformance" / "gsvc_conformance"
+BESIDE = {"numpy", "gsvc_ref", "gsvc_lab", "gsvc_conformance", *sys.stdlib_module_names}
+LARGEST_WHEEL = 8_000_000
+
+pytest.importorskip("hatchling", reason="the build hook is one of hatchling")
+
+
+@pytest.fixture(scope="module")
+def hook():
+    """The module of the build hook."""
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "conformance" / "hatch_build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def imported_at_the_top(path):
+    """The modules that a module imports at its top, as far as their names tell."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+
+
+def test_what_judges_imports_numpy_alone(hook):
+    judging = [path for path in hook.judging(ROOT) if "adapters" not in path.parts]
+    lent = [hook.path_of(ROOT, module) for module in hook.borrowed(ROOT)]
+    others = {
+        (path.name, name)
+        for path in (*judging, *lent)
+        for name in imported_at_the_top(path)
+        if name.partition(".")[0] not in BESIDE
+    }
+    assert others == set(), "import it in the function that needs it, or add the module to MAKING in hatch_build.py"
+    assert "gsvc_ref.spec" in hook.borrowed(ROOT)
+
+
+def test_what_judges_imports_nothing_that_makes_vectors(hook):
+    home = ROOT / "conformance"
+    making = {
+        ".".join(path.relative_to(home).with_suffix("").parts) for pattern in hook.MAKING for path in KIT.glob(pattern)
+    }
+    assert {"gsvc_conformance.streams", "gsvc_conformance.cases.rendering"} < making
+    assert {name for path in hook.judging(ROOT) for name in imported_at_the_top(path)} & making == set()
+
+
+def test_lines_keep_their_numbers(hook):
+    for path in hook.judging(ROOT):
+        before, after = path.read_text(encoding="utf-8").splitlines(), hook.rewritten(path).splitlines()
+        changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
+        assert all(new == old.replace("from ", "from gsvc_conformance.borrowed.") for old, new in changed)
+        assert not any(name.startswith(("gsvc_ref", "gsvc_lab")) for name in imported_from("\n".join(after)))
+
+
+def imported_from(text):
+    """The modules of ``from`` statements at the top of a text."""
+    return [node.module for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_errors_are_those_of_an_installed_gsvc_ref(hook, monkeypatch, installed):
+    if not installed:
+        monkeypatch.setitem(sys.modules, "gsvc_ref.errors", None)  # so that importing it fails
+    names = {"__name__": "copy"}
+    exec(hook.rewritten(ROOT / "gsvc_ref" / "errors.py") + hook.SAME_CLASSES, names)
+    assert (names["UsageError"] is UsageError, names["GsvcError"] is GsvcError) == (installed, installed)
+    assert issubclass(names["UsageError"], ValueError)
+
+
+def test_an_import_that_would_name_the_copy_is_refused(hook, tmp_path):
+    (tmp_path / "x.py").write_text("import gsvc_ref.spec\n")
+    with pytest.raises(ValueError, match=r"x\.py, line 1"):
+        list(hook.lent(tmp_path / "x.py", ROOT))
+
+
+# What follows builds, and installs into fresh environments.
+
+MINE = """
+import numpy as np
+
+CENTRE = {centre}
+
+def render_sum(parameters, width, height):
+    x, y = np.meshgrid(np.arange(width) + CENTRE, np.arange(height) + CENTRE)
+    total = np.zeros((height, width, 3))
+    for px, py, l11, l21, l22, *color in parameters.astype(float):
+        if 2.0**-126 <= l11 < np.inf and 2.0**-126 <= l22 < np.inf:
+            u1 = (x - px) / l11
+            u2 = (y - py - l21 * u1) / l22
+            sigma = (u1 * u1 + u2 * u2) / 2
+            total += np.where(sigma <= np.log(255), np.exp(-sigma), 0)[..., None] * color
+    return {{"sum": total.astype(np.float32)}}
+"""
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of what a build needs, with a set of the vectors."""
+    home = tmp_path_factory.mktemp("checkout")
+    leave_out = shutil.ignore_patterns("__pycache__", ".*", "sets")
+    for name in ("conformance", "gsvc_ref", "gsvc_lab", "vectors"):
+        shutil.copytree(ROOT / name, home / name, ignore=leave_out)
+    for name in ("spec.md", "LICENSE"):
+        shutil.copy(ROOT / name, home)
+    sets.write_next(home / "vectors")
+    return home
+
+
+@pytest.fixture(scope="module")
+def built(checkout, tmp_path_factory):
+    """The sdist, and the wheel that is made of the checkout."""
+    folder = tmp_path_factory.mktemp("built")
+    for target in ("sdist", "wheel"):
+        command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", folder]
+        subprocess.run(command, cwd=checkout / "conformance", check=True, capture_output=True)
+    return {
+        "wheel": next(folder.glob("*.whl")),
+        "sdist": next(folder.glob("*.tar.gz")),
+        "checkout": checkout / "conformance",
+    }
+
+
+class Elsewhere:
+    """A fresh environment, and an empty folder but for one that is called as the kit's is."""
+
+    def __init__(self, home: Path) -> None:
+        venv.create(home / "environment", with_pip=True)
+        self.bin = home / "environment" / ("Scripts" if os.name == "nt" else "bin")
+        self.folder = home / "work"
+        (self.folder / "conformance").mkdir(parents=True)
+        (self.folder / "conformance" / "__init__.py").write_text("raise SystemExit('the wrong package')\n")
+
+    def python(self, *words):
+        """What Python says, with a status of 0."""
+        done = self._run(self.bin / "python", *words)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def kit(self, *words):
+        """The exit status of the command, and all that it says."""
+        done = self._run(self.bin / "gsvc-conformance", *words)
+        return done.returncode, done.stdout + done.stderr
+
+    def _run(self, *words):
+        around = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+        return subprocess.run(
+            [*map(str, words)], cwd=self.folder, env=around, capture_output=True, text=True, timeout=300
+        )
+
+
+@pytest.fixture(scope="module", params=["wheel", "sdist", "checkout"])
+def elsewhere(request, built, tmp_path_factory):
+    """An environment where the kit is installed, with NumPy beside it."""
+    found = Elsewhere(tmp_path_factory.mktemp(request.param))
+    found.python("-m", "pip", "install", "-q", "--disable-pip-version-check", built[request.param])
+    return found
+
+
+@pytest.mark.exhaustive
+def test_the_size_of_the_wheel_and_what_is_in_it(built):
+    assert built["wheel"].stat().st_size <= LARGEST_WHEEL
+    names = zipfile.ZipFile(built["wheel"]).namelist()
+    assert {"vectors.zip", "protocol.md", "examples/minimal.c", "LICENSE", "borrowed/gsvc_ref/spec.md"} <= {
+        name.removeprefix("gsvc_conformance/") for name in names
+    }
+    assert len(names) == len(set(names))
+    assert not [name for name in names if "__pycache__" in name]
+
+
+@pytest.mark.exhaustive
+def test_the_kit_elsewhere(elsewhere):
+    work = elsewhere.folder
+    listed = elsewhere.python("-m", "pip", "list", "--format", "freeze", "--disable-pip-version-check").split()
+    assert {line.partition("==")[0] for line in listed} - {"pip", "setuptools", "wheel"} == {
+        "gsvc-conformance",
+        "numpy",
+    }
+    status, said = elsewhere.kit("--version")
+    assert status == 0
+    assert "GSVC vectors 1 (sha256 " in said
+    assert "spec.md 1.0" in said
+
+    (work / "mine.py").write_text(MINE.format(centre=0.5))
+    (work / "half.py").write_text(MINE.format(centre=0.0))
+    right = ["run", "--module", "mine", "--operation", "render_sum", "--json", "mine.json"]
+    assert elsewhere.kit(*right)[0] == 0
+    status, said = elsewhere.kit(
+        "run", "--module", "half", "--operation", "render_sum", "--json", "half.json", "--html", "half.html",
+        "--junit", "half.xml", "--keep", "kept",
+    )  # fmt: skip
+    assert status == 1
+    assert "Probable cause: pixel centres at integer positions" in said
+    assert 'src="data:image/png' in (work / "half.html").read_text()
+    assert elsewhere.kit("report", "half.json", "--html", "again.html", "--keep", "kept")[0] == 1
+    assert "| render_sum" in elsewhere.kit("compare", "mine.json", "half.json")[1].replace("`", "")
+
+    status, said = elsewhere.kit("run", "--spec", "--class", "metrics", "--class", "colour", "--set", "1")
+    assert status == 0
+    assert "passes GSVC vectors 1 (sha256 " in said
+    assert elsewhere.kit("run", "--spec", "--set", "2")[0] == 2
+    program = Path(elsewhere.python("-P", "-c", "import gsvc_conformance as k; print(k.__path__[0])").strip())
+    command = f"{elsewhere.bin / 'python'} {program / 'examples' / 'minimal.py'}"
+    assert elsewhere.kit("run", "--impl", command, "--operation", "from_half")[0] == 0
+
+    assert "render_sum (rendering)" in elsewhere.kit("list")[1]
+    assert "core/render_sum/no_splats: " in elsewhere.kit("list", "--cases", "--set", "1")[1]
+    assert elsewhere.kit("sets")[1].startswith("set 1: ")
+    assert elsewhere.kit("mutants", "--operation", "to_frame")[0] == 0
+    assert str(program / "protocol.md") in "".join(elsewhere.kit("run", "--help")[1].split())
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("words", "extra"),
+    [
+        (["run", "--reference"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
+        (["streams", "nowhere"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
+        (["generate", "--vectors", "nowhere"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
+        (["verify"], "needs jsonschema: pip install 'gsvc-conformance[verify]'"),
+        (["generate"], "vectors.zip is an archive: name a folder to write to, with --vectors DIR"),
+    ],
+)
+def test_what_an_extra_brings(elsewhere, words, extra):
+    status, said = elsewhere.kit(*words)
+    assert status == 2
+    assert said.count("\n") == 1
+    assert extra in said
+
+
+@pytest.mark.exhaustive
+def test_the_vectors_verify_elsewhere(built, tmp_path):
+    found = Elsewhere(tmp_path)
+    found.python("-m", "pip", "install", "-q", "--disable-pip-version-check", f"{built['wheel']}[verify]")
+    status, said = found.kit("verify")
+    assert status == 0, said
+    assert said.endswith("nothing is wrong\n")
