@@ -18,7 +18,7 @@ PROGRAM: Final = "gsvc-conformance"
 COMMANDS: Final = {
     "run": "judge an implementation by the vectors",
     "list": "show the operations, with their inputs and outputs, or the cases",
-    "report": "make the HTML page or JUnit XML again from the JSON of a run",
+    "report": "make the page, the summary, the badge or JUnit XML again from the JSON of a run",
     "compare": "show several reports beside each other, an operation a row",
     "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",

@@ -143,6 +143,12 @@ class Result:
         return self.id.split("/")[1]
 
     @property
+    def simplicity(self) -> tuple[int, int, str]:
+        """The place among the results of its operation in the order in which to look at them: core, small inputs."""
+        tier = TIERS.index(self.tier) if self.tier in TIERS else len(TIERS)
+        return tier, self.size, self.id
+
+    @property
     def ratio(self) -> float | None:
         """The worst error as a multiple of its bound, of all outputs that have one."""
         return max((output.ratio for output in self.outputs if output.ratio is not None), default=None)
@@ -212,6 +218,8 @@ class Report:
         The claim that was judged, or None.
     whole
         Whether all vectors of each class that was judged were selected, so that verdicts can be quoted.
+    options
+        The options that say which vectors were judged, as words of a command; empty for all.
     """
 
     environment: Mapping[str, str]
@@ -223,6 +231,7 @@ class Report:
     ended: str = ""
     claim: Claim | None = None
     whole: bool = False
+    options: str = ""
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -234,10 +243,7 @@ class Report:
 
     def simplest_first(self) -> list[Result]:
         """The wrong results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
-        tiers = {tier: place for place, tier in enumerate(TIERS)}
-        return sorted(
-            self.faults, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id)
-        )  # fmt: skip
+        return sorted(self.faults, key=lambda result: (complexity(result.operation), result.simplicity))
 
     @property
     def conclusion(self) -> Conclusion:
@@ -314,6 +320,11 @@ class Report:
     def again(self, vector: str) -> str:
         """The command that runs one vector again."""
         return f"{self.command} --case {vector}"
+
+    @property
+    def whole_command(self) -> str:
+        """The command that makes the whole run again."""
+        return f"{self.command} {self.options}".rstrip()
 
     def operations(self) -> list[Summary]:
         """Each operation in numbers, in the order of spec.md."""

@@ -20,7 +20,7 @@ import gsvc_ref
 from gsvc_conformance.case import FULL
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_vectors, count, selection, times
-from gsvc_conformance.commands.outputs import check_outputs, write_files
+from gsvc_conformance.commands.outputs import add_files, check_outputs, write_files
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import DTYPES, operations
@@ -65,8 +65,7 @@ def add_judging(parser: ArgumentParser) -> None:
         "--show", type=count, default=SHOWN, metavar="N", help=f"describe at most N failures ({SHOWN})"
     )
     outputs.add_argument("--json", type=Path, metavar="FILE", help="write everything as JSON")
-    outputs.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
-    outputs.add_argument("--html", type=Path, metavar="FILE", help="write a page with pictures of the worst failures")
+    add_files(outputs)
     outputs.add_argument(
         "--keep", type=Path, metavar="DIR", help="keep inputs, outputs and expectations of what is wrong"
     )
@@ -87,7 +86,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     """
     from gsvc_conformance.report.pictures import PictureBook
 
-    aside = check_outputs(arguments.json, arguments.junit, arguments.html)
+    aside = check_outputs(arguments)
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     claim = read_claim(arguments.claim) if arguments.claim else None
     folder = VectorFolder(arguments.vectors)
@@ -132,6 +131,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_is_full, names)),
+        shlex.join(_options(arguments)),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
@@ -271,6 +271,17 @@ def _right_types(judged: Judged) -> bool:
     given = judged.outputs or {}
     mine = {port: given.get(port.name) for port in judged.vector.operation.outputs if port.type in DTYPES}
     return all(array.dtype == port.type for port, array in mine.items() if isinstance(array, np.ndarray))
+
+
+def _options(arguments: Namespace) -> list[str]:
+    """The options that say which vectors are judged, and what excuses them."""
+    several = {
+        "tier": arguments.tier, "operation": arguments.operation, "class": arguments.group, "case": arguments.case,
+        "rule": arguments.rule, "equation": arguments.equation, "flag": arguments.flag, "skip": arguments.skip,
+    }  # fmt: skip
+    single = {"claim": arguments.claim, "waivers": arguments.waivers, "order": arguments.order}
+    words = [word for name, values in several.items() for value in values for word in (f"--{name}", value)]
+    return words + [word for name, value in single.items() if value is not None for word in (f"--{name}", str(value))]
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:

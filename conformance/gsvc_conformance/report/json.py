@@ -60,6 +60,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "runs_on": dict(report.runs_on),
         "command": report.command,
         "selection": report.selection,
+        **_filled(options=report.options),
         "notes": list(report.notes),
         **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes()),
         "classes": [_class_object(group, report) for group in report.groups()],
@@ -132,6 +133,7 @@ def from_object(value: Any) -> Report:
         [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
+        report.text("options", ""),
     )  # fmt: skip
 
 
