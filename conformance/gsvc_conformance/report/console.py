@@ -119,7 +119,9 @@ def probable_causes(report: Report) -> list[Cause]:
         if not _rare(results, looked) and not explained.issuperset(result.id for result in results):
             explained.update(result.id for result in results)
             counts = Counter(result.operation for result in results)
-            places = tuple(f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items())
+            places = tuple(
+                f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items()
+            )
             causes.append(Cause(sentence, tuple(results), places))
     return causes
 

@@ -73,7 +73,7 @@ def element_table(operation: Operation, name: str, expectation: Expected, actual
     if actual.ndim == 2 and actual.shape[1] <= MAX_COLUMNS:
         named = columns(operation, name, actual.shape[1])
         heads = named if len(named) == actual.shape[1] else tuple(f"column {k}" for k in range(actual.shape[1]))
-        of_rows, severity, thing = wrong.any(axis=1), ratio.max(axis=1), "row"
+        of_rows, severity, thing = np.asarray(wrong.any(axis=1)), ratio.max(axis=1), "row"
     else:
         heads, of_rows, severity, thing = ("",), wrong.ravel(), ratio.ravel(), "element"
     chosen = np.argsort(-severity, kind="stable")[: min(MAX_ROWS, max(int(of_rows.sum()), 1))]

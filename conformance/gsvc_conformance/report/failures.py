@@ -1,7 +1,7 @@
-"""What is wrong, on the page: folded by operation and by cause, the simplest first, each with the command that asks again."""
+"""What is wrong, on the page: folded by operation and by cause, the simplest first, each with its command."""
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -52,7 +52,7 @@ def failures_section(report: Report, views: Mapping[str, View]) -> str:
 
 def filter_form(report: Report) -> str:
     """Boxes that choose among failures and vectors, which the script shows."""
-    choices = {
+    choices: dict[str, Iterable[str]] = {
         "outcome": dict.fromkeys(result.outcome for result in report.results),
         "operation": dict.fromkeys(result.operation for result in report.results),
         "tier": dict.fromkeys(result.tier for result in report.results),

@@ -1,4 +1,4 @@
-"""A run as a summary in Markdown, for a comment or the summary of a job: short, with folds, and never too large for it."""
+"""A run as a summary in Markdown, for the summary of a job or a comment, which it always fits into."""
 
 import html
 import re
@@ -17,24 +17,26 @@ from gsvc_conformance.results import Report, Result, Summary
 from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref.cli.text import plural
 
-MAX_CHARACTERS: Final = 60_000
+MAX_BYTES: Final = 60_000
 """Maximum length: a comment on GitHub holds 65,536 characters."""
 FIRST: Final = 3
 """Number of the simplest failures that are described at once."""
 MORE: Final = 40
 """Number of further failures that are described in a fold."""
 MAX_CAUSES: Final = 5
+MARGIN: Final = 300
+"""Bytes around a list of failures."""
 MAX_TEXT: Final = 600
 """Maximum length of a sentence of the implementation or of a line of its log."""
-MARKS: Final = re.compile(r"([\\`*_{}\[\]<>#|~$@])")
-"""Characters that mean something in Markdown, in formulas, or to GitHub."""
+MARKS: Final = re.compile(r"([\\`*_{}\[\]<>#~$@])")
+"""Characters that mean something in Markdown, in formulas, or to GitHub; tables escape theirs."""
 
 
 def summary_markdown(report: Report) -> str:
     """The summary: verdict, classes, causes, the first failures, and folds of the rest as far as there is room."""
     faults = report.simplest_first()
     head = [
-        f"### GSVC conformance: {_plain(report.environment.get('implementation', 'an implementation'))}",
+        f"### GSVC conformance: {_plain(_cut(report.environment.get('implementation', '?')))}",
         f"**{_plain(''.join(conclusion(report)).capitalize())}** ({_counts(report)})",
         *[f"- {_plain(quote)}" for quote in report.quotes()],
         _classes(report.groups()),
@@ -43,10 +45,15 @@ def summary_markdown(report: Report) -> str:
     first = [_failure(fault, report) for fault in faults[:FIRST]]
     tail = [_fold("Operations", _operations(report)), _fold("Command and environment", _environment(report))]
     text = _joined(head + ([f"#### {_begin(len(faults))}", *first] if first else []))
-    left = MAX_CHARACTERS - len(text) - len(_joined(tail))
+    left = MAX_BYTES - _size(text) - _size(_joined(tail))
     if left < 0:
-        return text[:MAX_CHARACTERS]
+        return text.encode()[:MAX_BYTES].decode(errors="ignore")
     return _joined([text.rstrip("\n"), *_further(faults[FIRST:], report, left), *tail])
+
+
+def _size(text: str) -> int:
+    """Bytes of a text in UTF-8."""
+    return len(text.encode())
 
 
 def _begin(count: int) -> str:
@@ -96,10 +103,10 @@ def _further(faults: Sequence[Result], report: Report, room: int) -> list[str]:
     shown: list[str] = []
     for fault in faults[:MORE]:
         line = f"- `{fault.id}`: {_plain(_cut(fault.message))}"
-        if len(line) + 200 > room:
+        room -= _size(line) + 1
+        if room < MARGIN:
             break
         shown.append(line)
-        room -= len(line) + 1
     left = len(faults) - len(shown)
     if not shown:
         return [f"{plural(left, 'more failure')}."] if left else []
@@ -119,7 +126,9 @@ def _operations(report: Report) -> str:
 
 
 def _environment(report: Report) -> str:
-    rows = [(name, _plain(_cut(value))) for name, value in {**report.runs_on, **report.environment}.items()]
+    rows = [
+        (_plain(_cut(name)), _plain(_cut(value))) for name, value in {**report.runs_on, **report.environment}.items()
+    ]
     return f"{_code(report.whole_command, 'sh')}\n\n{markdown_table(('', ''), rows)}"
 
 

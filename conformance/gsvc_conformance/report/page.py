@@ -63,7 +63,7 @@ def _fold(heading: str, content: str, *, is_open: bool = False, name: str = "") 
     """A section that can be folded; nothing if it has no content."""
     if not content:
         return ""
-    words = f'{f" id={name}" if name else ""}{" open" if is_open else ""}'
+    words = f"{f' id={name}' if name else ''}{' open' if is_open else ''}"
     inside = f"<ul>{content}</ul>" if content.startswith("<li>") else content
     return f'<details class="section"{words}><summary><h2>{html.escape(heading)}</h2></summary>{inside}</details>'
 

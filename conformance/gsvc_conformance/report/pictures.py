@@ -1,4 +1,4 @@
-"""What a page shows of a wrong output: pictures of it and of its errors where it is one, else a table of its elements."""
+"""What a page shows of a wrong output: pictures with its errors where it is a picture, else a table of elements."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -122,10 +122,10 @@ def _painter(inputs: Mapping[str, Any], expected: NDArray[Any]) -> tuple[Callabl
     finite = np.where(np.isfinite(expected), expected, 0.0).astype(np.float64)
     largest = float(abs(finite).max()) or 1.0
     if finite.min() < -USUAL[0] * largest:
-        return lambda values: _paint(0.5 + 0.5 * values.astype(np.float64) / largest), f"; grey is 0, white {largest:.3g}"
+        return lambda values: _paint(0.5 + values / (2 * largest)), f"; grey is 0, white {largest:.3g}"
     if USUAL[0] <= largest <= USUAL[1]:
-        return lambda values: _paint(values), ""
-    return lambda values: _paint(values.astype(np.float64) / largest), f"; white is {largest:.3g}"
+        return _paint, ""
+    return lambda values: _paint(values / largest), f"; white is {largest:.3g}"
 
 
 def _paint(values: NDArray[Any]) -> U1:
