@@ -12,7 +12,7 @@ COLORS: Final[Mapping[Conclusion, str]] = {
     "ended early": "lightgrey",
 }  # fmt: skip
 MAX_NAMES: Final = 2
-"""Maximum number of classes that are named; of more their number is."""
+"""Maximum number of classes or operations that are named; of more their number is."""
 
 
 def badge_json(report: Report) -> str:
@@ -23,22 +23,27 @@ def badge_json(report: Report) -> str:
 
 
 def badge_message(report: Report) -> str:
-    """What passes, in a few words: ``rendering level 2`` of a claim, else ``rendering 139/139``."""
-    groups = [group for group in report.groups() if group.verdict != "not claimed"]
+    """What passes, in a few words: ``rendering level 2`` of a claim, else ``rendering 139/139``.
+
+    Where vectors of a class were left out by the selection, it names operations in place of classes.
+    """
     if report.ended and not report.faults:
         return "ended early"
     if report.claim:
         level = f"{_names(report.claim.judged)} level {report.claim.level}"
         return level if report.passed else f"{level}: not held"
-    if not groups:
+    part = bool(report.selection) and not report.whole
+    judged = [summary for summary in (report.operations() if part else report.groups()) if _answered(summary)]
+    if not judged:
         return "nothing judged"
-    passing = sum(_passing(group) for group in groups)
-    return f"{_names([group.name for group in groups])} {passing}/{sum(group.total for group in groups)}"
+    passing, total = (sum(counts) for counts in zip(*((s.counts.get("pass", 0), s.total) for s in judged), strict=True))
+    return f"{_names([summary.name for summary in judged], 'operations' if part else 'classes')} {passing}/{total}"
 
 
-def _passing(group: Summary) -> int:
-    return group.counts.get("pass", 0)
+def _answered(summary: Summary) -> bool:
+    """Whether anything passes or is wrong."""
+    return bool(summary.counts.get("pass", 0) or summary.faults)
 
 
-def _names(groups: Sequence[str]) -> str:
-    return ", ".join(groups) if len(groups) <= MAX_NAMES else f"{len(groups)} classes"
+def _names(names: Sequence[str], what: str = "classes") -> str:
+    return ", ".join(names) if len(names) <= MAX_NAMES else f"{len(names)} {what}"
