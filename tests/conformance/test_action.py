@@ -55,6 +55,14 @@ def test_every_input_is_used_and_every_expression_is_known():
         assert "${{" not in step.get("run", "")
 
 
+def test_the_workflow_of_the_guide():
+    guide = (ROOT / "docs" / "check-your-implementation.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    *_, step = yaml.safe_load(text)["jobs"]["gsvc"]["steps"]
+    assert step["uses"].partition("@")[0] == "OWNER/gsvc_ref/conformance"
+    assert set(step["with"]) <= set(ACTION["inputs"])
+
+
 @pytest.mark.parametrize(("code", "status", "conclusion"), [(GOOD, 0, "passed"), (WRONG, 1, "failed")])
 def test_judging_a_module(tmp_path, code, status, conclusion):
     (tmp_path / "mine.py").write_text(code)

@@ -131,7 +131,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_is_full, names)),
-        shlex.join(_options(arguments)),
+        options=shlex.join(_options(arguments)),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -99,20 +99,26 @@ def conclusion(report: Report) -> tuple[str, str]:
     return "nothing is wrong", f", but incomplete: {incomplete}" if complete else "; no class is complete"
 
 
-def cause_lines(report: Report) -> list[str]:
-    """The few causes that most failures look like, the most frequent first, and where."""
-    return [f"{cause.sentence} ({', '.join(cause.places)})" for cause in probable_causes(report)[:MAX_CAUSES]]
+def cause_lines(report: Report, looked: Mapping[str, int] | None = None) -> list[str]:
+    """The few causes that most failures look like, the most frequent first, and where; `looked` as below."""
+    return [f"{cause.sentence} ({', '.join(cause.places)})" for cause in probable_causes(report, looked)[:MAX_CAUSES]]
 
 
-def probable_causes(report: Report) -> list[Cause]:
-    """The causes that many failures look like, the most frequent first; none that others cover."""
+def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> list[Cause]:
+    """The causes that many failures look like, the most frequent first; none that others cover.
+
+    Parameters
+    ----------
+    report
+        The report.
+    looked
+        The number of failures by operation in which causes were looked for; None: those of one run.
+    """
+    looked = examined_of(report.results) if looked is None else looked
     like: dict[str, list[Result]] = {}
     for result in report.faults:
         for cause in result.causes:
             like.setdefault(cause, []).append(result)
-    failures = Counter(result.operation for result in report.faults if result.outcome == "fail")
-    errors = Counter(result.operation for result in report.faults if result.outcome != "fail" and result.causes)
-    looked = {operation: min(failures[operation], EXAMINED) + errors[operation] for operation in {*failures, *errors}}
     explained: set[str] = set()
     causes: list[Cause] = []
     for sentence, results in sorted(like.items(), key=_by_weight):
@@ -124,6 +130,14 @@ def probable_causes(report: Report) -> list[Cause]:
             )
             causes.append(Cause(sentence, tuple(results), places))
     return causes
+
+
+def examined_of(results: Iterable[Result]) -> Counter[str]:
+    """The number of failures by operation in which one run looks for causes."""
+    faults = [result for result in results if result.outcome in FAULTS]
+    failures = Counter(result.operation for result in faults if result.outcome == "fail")
+    errors = Counter(result.operation for result in faults if result.outcome != "fail" and result.causes)
+    return Counter({name: min(failures[name], EXAMINED) + errors[name] for name in {*failures, *errors}})
 
 
 def refusal_lines(report: Report, most: int) -> list[str]:

@@ -133,7 +133,7 @@ def from_object(value: Any) -> Report:
         [_from_result(_Entry(entry, f"result {number}")) for number, entry in enumerate(report.get("results", list))],
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
-        report.text("options", ""),
+        options=report.text("options", ""),
     )  # fmt: skip
 
 
