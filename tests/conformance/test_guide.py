@@ -74,7 +74,7 @@ def test_links_and_names():
     for target in re.findall(r"\]\(([^)#]+)", text):
         assert (GUIDE.parent / target).exists(), target
     headings = {
-        re.sub(r"[^a-z0-9 -]", "", line[3:].lower()).replace(" ", "-") for line in re.findall("^## .*", text, re.M)
+        re.sub(r"[^a-z0-9 -]", "", line.lower()).replace(" ", "-") for line in re.findall("^###? (.*)", text, re.M)
     }
     assert set(re.findall(r"\]\(#([^)]+)", text)) <= headings
 

@@ -269,7 +269,7 @@ def test_errors_of_exact_numbers_are_in_units_in_the_last_place():
 
 
 def test_the_ramp_is_logarithmic_and_tells_allowed_from_not():
-    inside, outside = ramp(np.array([0.0, 0.01, 0.1, 1.0])), ramp(np.array([1.001, 10.0, 100.0, 1e4, 1e9]))
+    inside, outside = ramp(np.array([0.0, 0.01, 0.1, 1.0])), ramp(np.array([1.001, 10.0, 100.0, 1e4, 1e6, 1e9]))
     assert np.all(inside[:, 1].astype(int) > inside[:, 0])  # green
     assert np.all(outside[:, 0].astype(int) > outside[:, 1])  # yellow to red
     assert np.all(np.diff(outside[:, 1].astype(int)) <= 0)

@@ -126,7 +126,9 @@ def _by_cause(report: Report, shown: Sequence[Result]) -> str:
     )
     rest = tuple(result for result in shown if result.id not in named)
     if rest and causes:
-        folds += _links("cause-none", "No cause that many have", plural(len(rest), "failure"), rest, place)
+        folds += _links(
+            "cause-none", "No cause that many have, or not examined", plural(len(rest), "failure"), rest, place
+        )
     return f"<h2>By cause</h2>{folds}" if causes else ""
 
 
@@ -149,16 +151,21 @@ def _legend() -> str:
     span = MOST_POWER - LEAST_POWER
     ticks = "".join(
         f'<span{" class=one" if power == 0 else ""} style="left:{100 * (power - LEAST_POWER) / span:.1f}%">'
-        f"{10.0**power:,.{max(0, -power)}f}</span>"
+        f"{_power(power)}</span>"
         for power in range(LEAST_POWER, MOST_POWER + 1)
     )
     pink = f"#{bytes(NOT_FINITE).hex()}"
     return (
-        f'<figure class="scale"><img src="{bar}" alt="dark to green up to 1, yellow to red above">'
+        f'<figure class="scale"><img src="{bar}" alt="dark to green up to 1, yellow to crimson above">'
         f'<div class="ticks">{ticks}</div><figcaption>error/bound, where 1 is allowed; of numbers that must be exact, '
         f'units in the last place. <span class="swatch" style="background:{pink}"></span>has no measure: not a number, '
         "or a wrong integer. A box marks the worst pixel.</figcaption></figure>"
     )
+
+
+def _power(power: int) -> str:
+    """A power of ten, such as 0.01 or 10⁶."""
+    return f"{10.0**power:g}" if power < 3 else f"10<sup>{power}</sup>"
 
 
 def _view(view: View) -> str:

@@ -13,13 +13,13 @@ Expected = Exact | Decision | Bounded | Interval
 """The expectations of an array."""
 
 LEAST_POWER: Final = -3
-MOST_POWER: Final = 4
+MOST_POWER: Final = 6
 """The ends of the scale are ratios of 10 to these powers."""
 STEPS: Final = 0.0001
 """Distance, in powers of ten, from the colour of 1, which is allowed, to that of what is just not allowed."""
-STOPS: Final = (LEAST_POWER, 0.0, STEPS, MOST_POWER)
-STOP_COLORS: Final = np.array([(24, 28, 36), (42, 157, 143), (255, 214, 10), (214, 30, 30)], np.float64)
-"""Dark to green up to 1, yellow to red above."""
+STOPS: Final = (LEAST_POWER, 0.0, STEPS, 3.0, MOST_POWER)
+STOP_COLORS: Final = np.array([(24, 28, 36), (42, 157, 143), (255, 214, 10), (222, 40, 30), (128, 0, 64)], np.float64)
+"""Dark to green up to 1, yellow to red and crimson above."""
 NOT_FINITE: Final = (255, 0, 200)
 LIGHT: Final = 140
 """Luma of the darkest colour that black text stands on."""
