@@ -188,7 +188,8 @@ def test_pictures_of_a_sequence_are_of_the_worst_frame():
     _, actual, error = view_of(*judged(Exact(frames), wrong, "frames", decode))
     assert "(frame 2)" in actual.caption
     assert error.mark == (1, 1)
-    assert tuple(pixels(error)[1, 1]) == NOT_FINITE
+    steps = 1 + abs(200 - int(frames[2, 1, 1].min()))
+    assert tuple(pixels(error)[1, 1]) == tuple(ramp(np.array([float(steps)]))[0])
     assert tuple(pixels(error)[0, 0]) == tuple(ramp(np.zeros(1))[0])
 
 
@@ -222,7 +223,7 @@ def test_what_cannot_be_shown_has_no_pictures():
 
 
 def test_pictures_name_the_worst_pixel(failing):
-    assert re.fullmatch(r"error/bound, the worst in row \d, column \d", view_of(*failing)[2].caption)
+    assert re.fullmatch(r"1 \+ error in steps, the worst in row \d, column \d", view_of(*failing)[2].caption)
     picture = np.linspace(0, 1, 36, dtype="<f4").reshape(4, 3, 3)
     wrong = picture.copy()
     wrong[2, 1, 0] += np.float32(0.25)
@@ -255,8 +256,8 @@ def test_error_ratios():
     assert error_ratios(endless, np.array([np.inf, np.inf], "<f4")).tolist() == [0, math.inf]
     low, high = np.array([3, 3, 3], "|u1"), np.array([4, 4, 4], "|u1")
     assert error_ratios(Interval(low, low, high), np.array([0, 4, 6], "|u1")).tolist() == [4, 0, 3]
-    assert error_ratios(Decision(low, high), np.array([3, 4, 5], "|u1")).tolist() == [0, 0, math.inf]
-    assert error_ratios(Exact(low), high).tolist() == [math.inf] * 3
+    assert error_ratios(Decision(low, high), np.array([3, 4, 6], "|u1")).tolist() == [0, 0, 3]
+    assert error_ratios(Exact(low), high).tolist() == [2] * 3
 
 
 def test_errors_of_exact_numbers_are_in_units_in_the_last_place():
@@ -327,6 +328,14 @@ def test_elements_of_what_is_no_matrix():
         ("symbol 3", "9", "3", "+6"), ("symbol 5", "9", "5", "+4")
     ]  # fmt: skip
     assert table.columns == ("",)
+
+
+def test_a_matrix_of_one_column_is_shown_by_elements():
+    codes = np.arange(6, dtype="<u2").reshape(6, 1)
+    table = view_of(*judged(Exact(codes), codes * 2, "codes", operations()["lsq_quantize"]))
+    assert table.columns == ("",)
+    assert [name for name, _ in table.rows] == [f"splat {n}, column 0" for n in (5, 4, 3, 2, 1)]
+    assert "5 wrong elements; 1 element right. The colour is 1 + error in steps." in table.title
 
 
 def test_a_table_on_the_page(report):

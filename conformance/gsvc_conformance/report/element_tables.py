@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.names import columns, element, item
 from gsvc_conformance.operation import Operation
-from gsvc_conformance.report.measures import F8, Expected, colors_of, error_ratios, in_units, text_color, wrong_elements
+from gsvc_conformance.report.measures import (
+    F8,
+    Expected,
+    colors_of,
+    error_ratios,
+    measure_of,
+    text_color,
+    wrong_elements,
+)
 from gsvc_ref.cli.text import plural
 
 MAX_ROWS: Final = 8
@@ -70,7 +78,8 @@ def element_table(operation: Operation, name: str, expectation: Expected, actual
     """
     ratio = error_ratios(expectation, actual)
     wrong = wrong_elements(expectation, ratio)
-    if actual.ndim == 2 and actual.shape[1] <= MAX_COLUMNS:
+    by_row = actual.ndim == 2 and 1 < actual.shape[1] <= MAX_COLUMNS
+    if by_row:
         named = columns(operation, name, actual.shape[1])
         heads = named if len(named) == actual.shape[1] else tuple(f"column {k}" for k in range(actual.shape[1]))
         of_rows, severity, thing = np.asarray(wrong.any(axis=1)), ratio.max(axis=1), "row"
@@ -80,15 +89,15 @@ def element_table(operation: Operation, name: str, expectation: Expected, actual
     cells = _Cells(expectation, actual, ratio, wrong)
     rows = []
     for n in map(int, chosen):
-        if len(heads) > 1:
+        if by_row:
             rows.append((f"{item(operation, name)} {n}", tuple(cells.at((n, k)) for k in range(len(heads)))))
         else:
             place = tuple(int(index) for index in np.unravel_index(n, actual.shape))
             rows.append((element(operation, name, place, actual.shape), (cells.at(place),)))
-    return ElementTable(_title(name, thing, len(rows), of_rows, in_units(expectation)), heads, tuple(rows))
+    return ElementTable(_title(name, thing, len(rows), of_rows, measure_of(expectation)), heads, tuple(rows))
 
 
-def _title(name: str, thing: str, shown: int, wrong: NDArray[np.bool_], units: bool) -> str:
+def _title(name: str, thing: str, shown: int, wrong: NDArray[np.bool_], measure: str) -> str:
     """What the table shows, and how much it leaves out."""
     count = int(wrong.sum())
     if not count:
@@ -98,7 +107,6 @@ def _title(name: str, thing: str, shown: int, wrong: NDArray[np.bool_], units: b
     else:
         what = f"{plural(count, f'wrong {thing}')}"
     right = f"; {plural(len(wrong) - count, thing)} right" if count < len(wrong) else ""
-    measure = "its error in units in the last place" if units else "error/bound"
     return f"{name}: {what}{right}. The colour is {measure}."
 
 

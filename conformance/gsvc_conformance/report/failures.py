@@ -157,9 +157,10 @@ def _legend() -> str:
     pink = f"#{bytes(NOT_FINITE).hex()}"
     return (
         f'<figure class="scale"><img src="{bar}" alt="dark to green up to 1, yellow to crimson above">'
-        f'<div class="ticks">{ticks}</div><figcaption>error/bound, where 1 is allowed; of numbers that must be exact, '
-        f'units in the last place. <span class="swatch" style="background:{pink}"></span>has no measure: not a number, '
-        "or a wrong integer. A box marks the worst pixel.</figcaption></figure>"
+        f'<div class="ticks">{ticks}</div><figcaption>error/bound, where 1 is allowed. Of numbers that must be '
+        "exact: units in the last place; of integers: steps beyond what is allowed, and 1 more. "
+        f'<span class="swatch" style="background:{pink}"></span>is no number. A box marks the worst pixel.</figcaption>'
+        "</figure>"
     )
 
 

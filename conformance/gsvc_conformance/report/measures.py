@@ -26,9 +26,10 @@ LIGHT: Final = 140
 
 
 def error_ratios(expectation: Expected, actual: NDArray[Any]) -> F8:
-    """Error/bound of each element; where there is no bound, 0 for a right element and infinity for a wrong one.
+    """Error/bound of each element, or what stands for it: 0 for a right element, infinity for what is no number.
 
-    Of numbers that must be exact it is the distance in units in the last place, at least 1 where a bit differs.
+    Of floating-point numbers that must be exact it is the distance in units in the last place, at least 1 where a bit
+    differs; of integers the distance from what is allowed, and 1 more.
     """
     if isinstance(expectation, Bounded):
         with np.errstate(all="ignore"):
@@ -36,16 +37,23 @@ def error_ratios(expectation: Expected, actual: NDArray[Any]) -> F8:
             ratio = np.where(error == 0, 0.0, error / np.asarray(expectation.bound, np.float64))
             ratio = np.where(actual == expectation.value, 0.0, ratio)  # an infinity that is expected
         return np.where(np.isnan(ratio), np.inf, ratio)
-    if isinstance(expectation, Interval):
-        wide = actual.astype(np.float64)
-        beyond = np.maximum(expectation.lowest - wide, wide - expectation.highest)
-        return np.where(beyond > 0, 1 + beyond, 0.0)
     if in_units(expectation):
         return _units_between(actual, expectation.value)
-    wrong = actual != expectation.value
-    if isinstance(expectation, Decision) and expectation.alternative is not None:
-        wrong &= actual != expectation.alternative
-    return np.where(wrong, np.inf, 0.0)
+    wide = actual.astype(np.float64)
+    if isinstance(expectation, Interval):
+        beyond = np.maximum(expectation.lowest - wide, wide - expectation.highest)
+    else:
+        beyond = abs(wide - expectation.value)
+        if isinstance(expectation, Decision) and expectation.alternative is not None:
+            beyond = np.minimum(beyond, abs(wide - expectation.alternative))
+    return np.where(beyond > 0, 1 + beyond, 0.0)
+
+
+def measure_of(expectation: Expected) -> str:
+    """The words for what `error_ratios` are."""
+    if isinstance(expectation, Bounded):
+        return "error/bound"
+    return "error in units in the last place" if in_units(expectation) else "1 + error in steps"
 
 
 def in_units(expectation: Expected) -> bool:

@@ -11,7 +11,7 @@ from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.names import dimensions
 from gsvc_conformance.operation import Values
 from gsvc_conformance.report.element_tables import ElementTable, element_table
-from gsvc_conformance.report.measures import NOT_FINITE, U1, Expected, colors_of, error_ratios, in_units
+from gsvc_conformance.report.measures import NOT_FINITE, U1, Expected, colors_of, error_ratios, measure_of
 from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
@@ -83,12 +83,11 @@ def _pictures(
     pick, mark, where = _window(actual.shape, place, axes)
     paint, scale = _painter(inputs, expectation.value)
     worst = pick(error_ratios(expectation, actual)).max(axis=2)
-    measure = "error in units in the last place" if in_units(expectation) else "error/bound"
     row, column = place[axes[0]], place[axes[1]]
     shown = {
         f"{name}, expected{where}{scale}": paint(pick(expectation.value)),
         f"{name}, actual{where}{scale}": paint(pick(actual)),
-        f"{measure}{where}, the worst in row {row}, column {column}": colors_of(expectation, worst),
+        f"{measure_of(expectation)}{where}, the worst in row {row}, column {column}": colors_of(expectation, worst),
     }
     height, width = worst.shape
     return tuple(Picture(png_uri(pixels), caption, width, height, mark) for caption, pixels in shown.items())
