@@ -63,10 +63,10 @@ def filter_form(report: Report) -> str:
         + "</select>"
         for name, values in choices.items()
     )
+    buttons = '<button type="button" name="open">open all</button><button type="button" name="close">close all</button>'
     return (
         '<form class="filter" hidden><input type="search" name="text" placeholder="filter: words, ids, causes" '
-        f'aria-label="text">{boxes}<button type="button" name="open">open all</button>'
-        '<button type="button" name="close">close all</button><output></output></form>'
+        f'aria-label="text">{boxes}{buttons if report.faults else ""}<output></output></form>'
     )
 
 

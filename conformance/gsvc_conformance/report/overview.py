@@ -21,15 +21,20 @@ def overview_section(title: str, report: Report) -> str:
     """All that the first screen shows."""
     words = html.escape("".join(conclusion(report)).capitalize())
     color = "bad" if report.exit_code == 1 else BADGES.get(report.conclusion, "other")
-    quotes = "".join(f"<li>{html.escape(quote)}</li>" for quote in report.quotes())
     return (
         f'<h1>{html.escape(title)}</h1><p class="verdict {color}">{words}</p><p>{html.escape(report.verdict)}.</p>'
-        + (f'<ul class="quotes">{quotes}</ul>' if quotes else "")
+        + (quotes_list(report) if report.claim else "")
         + _numbers(report)
         + _causes(probable_causes(report))
         + _operations(report.operations())
         + f'<pre class="command">{html.escape(report.whole_command)}</pre>'
     )
+
+
+def quotes_list(report: Report) -> str:
+    """The verdicts in words that can be quoted."""
+    quotes = "".join(f"<li>{html.escape(quote)}</li>" for quote in report.quotes())
+    return f'<ul class="quotes">{quotes}</ul>' if quotes else ""
 
 
 def _numbers(report: Report) -> str:

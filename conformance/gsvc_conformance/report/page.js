@@ -82,8 +82,12 @@
   form.hidden = false;
   form.addEventListener("input", filter);
   form.addEventListener("submit", (event) => event.preventDefault());
-  form.elements.open.addEventListener("click", () => all("details.group, details.fault").forEach((f) => { f.open = !f.hidden; }));
-  form.elements.close.addEventListener("click", () => all("details.group, details.fault").forEach((f) => { f.open = false; }));
+  for (const button of all("button[name]", form)) {
+    const open = button.name === "open";
+    button.addEventListener("click", () => all("details.group, details.fault").forEach((fold) => {
+      fold.open = open && !fold.hidden;
+    }));
+  }
   addEventListener("hashchange", reveal);
   filter();
   reveal();

@@ -9,7 +9,7 @@ from typing import Final
 
 from gsvc_conformance.report.console import folded, ratio_text, rule_counts
 from gsvc_conformance.report.failures import failures_section, filter_form
-from gsvc_conformance.report.overview import BADGES, overview_section
+from gsvc_conformance.report.overview import BADGES, overview_section, quotes_list
 from gsvc_conformance.report.pictures import View
 from gsvc_conformance.results import FAULTS, Report, Result, Summary
 from gsvc_lab.pages.page import document
@@ -34,7 +34,7 @@ def report_html(report: Report, pictures: Mapping[str, View] | None = None) -> s
     sections = [
         overview_section(title, report),
         failures or filter_form(report),
-        _fold("Classes", _classes(report.groups()), is_open=not report.faults),
+        _fold("Classes", _classes(report), is_open=not report.faults),
         _fold("Operations", _operations(report.operations())),
         _fold("Refusals", _refusals(report)),
         _fold("What does not count", _waived(report.results)),
@@ -76,14 +76,16 @@ def _pairs(entries: Mapping[str, str]) -> str:
     return f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>' if rows else ""
 
 
-def _classes(groups: Sequence[Summary]) -> str:
+def _classes(report: Report) -> str:
+    """The verdicts, and the words for them; those of a claim stand in the overview."""
     rows = "".join(
         f'<tr><td class="text">{html.escape(group.name)}</td>'
         f'<td class="text"><span class="badge {BADGES.get(str(group.verdict), "other")}">{group.verdict}</span></td>'
         f'<td class="text long">{html.escape(group.reason)}</td></tr>'
-        for group in groups
+        for group in report.groups()
     )
-    return _table(("class", "verdict", "because"), rows, 3) if rows else ""
+    quotes = "" if report.claim else quotes_list(report)
+    return (_table(("class", "verdict", "because"), rows, 3) if rows else "") + quotes
 
 
 def _refusals(report: Report) -> str:

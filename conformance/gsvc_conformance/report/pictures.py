@@ -63,7 +63,7 @@ def view_of(vector: Vector, outputs: Values, result: Result) -> View | None:
         if isinstance(expectation, Refusal) or out.place is None or actual.size < FEWEST:
             continue
         axes = _axes(dimensions(vector.operation, out.name))
-        if axes is None or len(axes) > actual.ndim:
+        if axes is None:
             return element_table(vector.operation, out.name, expectation, actual)
         return _pictures(vector.inputs, out.name, expectation, actual, out.place, axes)
     return None
