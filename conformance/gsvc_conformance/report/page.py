@@ -4,7 +4,7 @@ import base64
 import hashlib
 import html
 from collections.abc import Mapping, Sequence
-from importlib import resources
+from pathlib import Path
 from typing import Final
 
 from gsvc_conformance.report.console import folded, ratio_text, rule_counts
@@ -56,7 +56,7 @@ def _with_head(page: str) -> str:
 
 
 def _file(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
 def _fold(heading: str, content: str, *, is_open: bool = False, name: str = "") -> str:
