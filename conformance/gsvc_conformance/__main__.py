@@ -20,7 +20,7 @@ PROGRAM: Final = "gsvc-conformance"
 COMMANDS: Final = {
     "run": "judge an implementation by the vectors",
     "list": "show the operations, with their inputs and outputs, or the vectors",
-    "report": "make the HTML page or JUnit XML again from the JSON of a run",
+    "report": "make the page, the summary, the badge or JUnit XML again from the JSON of a run",
     "compare": "name what passed in one report and not in a later one, or show several beside each other",
     "capacities": "show how large the vectors are, and what they catch",
     "spec": "run the decoder inside spec.md over the vectors",

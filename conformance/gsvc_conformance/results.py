@@ -151,6 +151,12 @@ class Result:
         return self.id.split("/")[1]
 
     @property
+    def simplicity(self) -> tuple[int, int, str]:
+        """The place among the results of its operation in the order in which to look at them: core, small inputs."""
+        tier = TIERS.index(self.tier) if self.tier in TIERS else len(TIERS)
+        return tier, self.size, self.id
+
+    @property
     def ratio(self) -> float | None:
         """The worst error as a multiple of its bound, of all outputs that have one."""
         return max((output.ratio for output in self.outputs if output.ratio is not None), default=None)
@@ -224,6 +230,8 @@ class Report:
         What the implementation is made for, by which it was judged, or None.
     stale
         Sentences about waivers that have to leave their file, where a run must have none.
+    options
+        The options that say which vectors were judged, as words of a command; empty for all.
     """
 
     environment: Mapping[str, str]
@@ -237,6 +245,7 @@ class Report:
     whole: bool = False
     features: Features | None = None
     stale: Sequence[str] = ()
+    options: str = ""
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -332,6 +341,11 @@ class Report:
         """The command that runs one vector again."""
         return f"{self.command} --case {vector}"
 
+    @property
+    def whole_command(self) -> str:
+        """The command that makes the whole run again."""
+        return f"{self.command} {self.options}".rstrip()
+
     def operations(self) -> list[Summary]:
         """Each operation in numbers, in the order of spec.md."""
         names = [name for name in operations() if any(result.operation == name for result in self.results)]
@@ -347,8 +361,7 @@ class Report:
 
 def simplest_first(results: Iterable[Result]) -> list[Result]:
     """Results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
-    tiers = {tier: place for place, tier in enumerate(TIERS)}
-    return sorted(results, key=lambda r: (complexity(r.operation), tiers.get(r.tier, len(tiers)), r.size, r.id))
+    return sorted(results, key=lambda result: (complexity(result.operation), result.simplicity))
 
 
 def _make_printable(record: "OutputResult | Table | Result | Report") -> None:

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 import toy_operations
+import toy_reports
+
+from gsvc_conformance.results import Report
 
 USERS = (
     "vectors", "results", "vector_folder", "report.comparison", "commands", "commands.judging", "commands.list",
@@ -22,6 +25,12 @@ def toys(monkeypatch) -> dict:
             importlib.import_module(f"gsvc_conformance.{name}"), "operations", lambda: toy_operations.OPERATIONS
         )
     return toy_operations.OPERATIONS
+
+
+@pytest.fixture
+def report(toys) -> Report:
+    """A report of them with every kind of result."""
+    return toy_reports.toy_report()
 
 
 @pytest.fixture

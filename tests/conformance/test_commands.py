@@ -136,7 +136,7 @@ def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsy
     assert len(from_object(value).results) == len(INPUTS)
     assert ET.parse(files["junit"]).getroot().get("tests") == str(len(INPUTS))
     page = Path(files["html"]).read_text()
-    assert page.count('src="data:image/png') == 2 * 3  # expected, actual and error of both frames
+    assert page.count('src="data:image/png') == 1 + 2 * 3  # the scale; expected, actual and error of both frames
     assert sorted(path.name for path in (kept / "core/paint/odd_size/in").iterdir()) == [
         "bit_depth.npy",
         "height.npy",

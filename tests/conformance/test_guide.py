@@ -3,6 +3,7 @@
 import re
 import shlex
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,7 @@ def sources():
 def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text(code, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
     monkeypatch.delitem(sys.modules, "mine", raising=False)
     status = main(shlex.split(command))
     lines = [without_hash(line.rstrip()) for line in capsys.readouterr().out.splitlines()]
@@ -55,6 +57,13 @@ def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
     assert place == len(lines)
 
 
+def test_files_that_the_guide_shows_can_be_read():
+    blocks = re.findall(r"^```toml\n# (\S+)\n(.*?)^```$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    files = {name: tomllib.loads(text) for name, text in blocks}
+    assert set(files) == {"pyproject.toml", "waivers.toml", "features.toml"}
+    assert set(files["waivers.toml"]["waiver"][0]) == {"vectors", "reason", "issue", "until"}
+
+
 def without_hash(line):
     return DIGITS.sub("0" * 8, line)
 
@@ -64,7 +73,7 @@ def test_links_and_names():
     for target in re.findall(r"\]\(([^)#]+)", text):
         assert (GUIDE.parent / target).exists(), target
     headings = {
-        re.sub(r"[^a-z0-9 -]", "", line[3:].lower()).replace(" ", "-") for line in re.findall("^## .*", text, re.M)
+        re.sub(r"[^a-z0-9 -]", "", line.lower()).replace(" ", "-") for line in re.findall("^###? (.*)", text, re.M)
     }
     assert set(re.findall(r"\]\(#([^)]+)", text)) <= headings
 

@@ -18,7 +18,7 @@ from gsvc_conformance.case import FULL, OWN
 from gsvc_conformance.causes import Causes
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
-from gsvc_conformance.commands.outputs import check_outputs, write_files
+from gsvc_conformance.commands.outputs import add_files, check_outputs, check_writable, write_files
 from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import operations
@@ -75,8 +75,7 @@ def add_judging(parser: ArgumentParser) -> None:
         "--show", type=count, default=SHOWN, metavar="N", help=f"describe at most N failures ({SHOWN})"
     )
     outputs.add_argument("--json", type=Path, metavar="FILE", help="write everything as JSON")
-    outputs.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
-    outputs.add_argument("--html", type=Path, metavar="FILE", help="write a page with pictures of the worst failures")
+    add_files(outputs)
     outputs.add_argument(
         "--keep", type=Path, metavar="DIR", help="keep inputs, outputs and expectations of what is wrong"
     )
@@ -101,7 +100,8 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     """
     from gsvc_conformance.report.pictures import PictureBook
 
-    aside = check_outputs(arguments.json, arguments.junit, arguments.html, arguments.write_waivers)
+    aside = check_outputs(arguments)
+    check_writable(arguments.write_waivers)
     if arguments.strict_waivers and not arguments.waivers:
         raise UsageError("--strict-waivers needs --waivers FILE")
     runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
@@ -154,7 +154,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     report = Report(
         around, again, "" if claim else str(chosen), notes, results, runs_on,
         notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
-        features, tuple(stale) if arguments.strict_waivers else (),
+        features, tuple(stale) if arguments.strict_waivers else (), shlex.join(_options(arguments)),
     )  # fmt: skip
     written, refused = write_files(arguments, report, book.pictures())
     if arguments.write_waivers:
@@ -249,6 +249,18 @@ def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) 
     folder.check_patterns("--skip", patterns)
     names = folder.select(chosen)
     return names, {name: "--skip" for name in names if matches(name, name.split("/")[2], patterns=patterns)}
+
+
+def _options(arguments: Namespace) -> list[str]:
+    """The options that say which vectors are judged, and what excuses them."""
+    several = {
+        "tier": arguments.tier, "operation": arguments.operation, "class": arguments.group, "case": arguments.case,
+        "rule": arguments.rule, "equation": arguments.equation, "flag": arguments.flag, "skip": arguments.skip,
+    }  # fmt: skip
+    single = {"claim": arguments.claim, "waivers": arguments.waivers, "order": arguments.order}
+    words = [word for name, values in several.items() for value in values for word in (f"--{name}", value)]
+    words += [word for name, value in single.items() if value is not None for word in (f"--{name}", str(value))]
+    return [*words, *(["--strict-waivers"] if arguments.strict_waivers else [])]
 
 
 def _vectors_words(arguments: Namespace) -> list[str]:

@@ -1,17 +1,43 @@
 """The files of a report: each is written whole or reported missing; one that is standard output moves the text."""
 
+import os
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from gsvc_conformance.results import Report
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import standard_stream, write_text
 
 if TYPE_CHECKING:
-    from gsvc_conformance.report.pictures import Picture
+    from gsvc_conformance.report.pictures import View
+
+STEP_SUMMARY: Final = "GITHUB_STEP_SUMMARY"
+"""The variable by which GitHub Actions names the file for summaries, to which each command of a step appends."""
+KINDS: Final = ("json", "junit", "html", "markdown", "badge")
+"""The options that name files of a report."""
+
+
+class _Options(Protocol):
+    """What takes options: a parser, or a group of one."""
+
+    def add_argument(self, *names: str, **settings: Any) -> Any:
+        """Add an option."""
+        ...
+
+
+def add_files(parser: _Options) -> None:
+    """The options of files that `run` and `report` write."""
+    helps = {
+        "junit": "write JUnit XML",
+        "html": "write a page with a filter, and with pictures and tables of failures",
+        "markdown": f"write a summary in Markdown; it is appended to the file that {STEP_SUMMARY} names",
+        "badge": "write a badge: JSON for an endpoint of shields.io",
+    }
+    for kind, sentence in helps.items():
+        parser.add_argument(f"--{kind}", type=Path, metavar="FILE", help=sentence)
 
 
 def check_writable(path: Path | None) -> None:
@@ -26,40 +52,45 @@ def check_writable(path: Path | None) -> None:
         raise UsageError(f"{path} cannot be written: give a file name in a folder that exists")
 
 
-def check_outputs(*paths: Path | None) -> bool:
-    """Refuse outputs that cannot be written, before work is done; whether one goes to standard output.
+def check_outputs(arguments: Namespace) -> bool:
+    """Refuse files of a report that cannot be written, before work is done; whether one goes to standard output.
 
     Raises
     ------
     UsageError
         One cannot, or two go to standard output.
     """
+    paths = [path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None]
     for path in paths:
         check_writable(path)
-    taken = [path for path in paths if path is not None and standard_stream(path) is sys.stdout]
+    taken = [path for path in paths if standard_stream(path) is sys.stdout]
     if len(taken) > 1:
         raise UsageError(f"both {taken[0]} and {taken[1]} go to standard output; give a file for one of them")
     return bool(taken)
 
 
 def write_files(
-    arguments: Namespace, report: Report, pictures: "Mapping[str, Sequence[Picture]]"
+    arguments: Namespace, report: Report, pictures: "Mapping[str, View]"
 ) -> tuple[list[str], list[OSError]]:
     """Write the files that were asked for; where each went, and what could not be written."""
+    from gsvc_conformance.report.badge import badge_json
     from gsvc_conformance.report.json import to_text
     from gsvc_conformance.report.junit import junit_xml
+    from gsvc_conformance.report.markdown import summary_markdown
     from gsvc_conformance.report.page import report_html
 
-    files: list[tuple[str, Path | None, Callable[[], str]]] = [
-        ("JSON", arguments.json, lambda: to_text(report)),
-        ("JUnit XML", arguments.junit, lambda: junit_xml(report)),
-        ("page", arguments.html, lambda: report_html(report, pictures)),
-    ]
+    texts: dict[str, tuple[str, Callable[[], str]]] = {
+        "json": ("JSON", lambda: to_text(report)),
+        "junit": ("JUnit XML", lambda: junit_xml(report)),
+        "html": ("page", lambda: report_html(report, pictures)),
+        "markdown": ("Markdown", lambda: summary_markdown(report)),
+        "badge": ("badge", lambda: badge_json(report)),
+    }
     lines, refused = [], []
-    for what, path, text in files:
-        if path is not None:
+    for kind, (what, text) in texts.items():
+        if (path := getattr(arguments, kind, None)) is not None:
             try:
-                write_text(text(), path)
+                _write(text(), path)
             except OSError as error:
                 refused.append(error)
             else:
@@ -67,3 +98,13 @@ def write_files(
     if arguments.keep and report.faults:
         lines.append(f"inputs, outputs and expectations of what is wrong: {arguments.keep}")
     return lines, refused
+
+
+def _write(text: str, path: Path) -> None:
+    """Write a file, or append to the one in which GitHub Actions collects summaries."""
+    summary = os.environ.get(STEP_SUMMARY)
+    if summary and path.is_file() and path.samefile(summary):
+        with path.open("a", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    else:
+        write_text(text, path)

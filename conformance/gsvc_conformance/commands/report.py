@@ -1,11 +1,11 @@
-"""``report``: the HTML page or JUnit XML again, from the JSON of a run."""
+"""``report``: the page, the summary, the badge and JUnit XML again, from the JSON of a run."""
 
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from gsvc_conformance.commands import add_vectors, count
-from gsvc_conformance.commands.outputs import check_outputs
+from gsvc_conformance.commands.outputs import add_files, check_outputs, write_files
 from gsvc_conformance.process import read_output
 from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.json import read
@@ -14,15 +14,13 @@ from gsvc_conformance.results import Report
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
-from gsvc_ref.files import write_text
 
 
 def add_arguments(parser: ArgumentParser) -> None:
     """The options of the command."""
     parser.epilog = "Pictures need the files that `run --keep DIR` left, and the vectors."
     parser.add_argument("result", type=Path, metavar="RESULT.json", help="what `run --json` wrote")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="write the page")
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="write JUnit XML")
+    add_files(parser)
     parser.add_argument("--keep", type=Path, metavar="DIR", help="where `run --keep` left the outputs of failures")
     parser.add_argument("--show", type=count, default=10, metavar="N", help="describe at most N failures (10)")
     add_vectors(parser)
@@ -30,17 +28,13 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Write the files and show the report; the exit code of the run that it is about."""
-    from gsvc_conformance.report.junit import junit_xml
-    from gsvc_conformance.report.page import report_html
-
-    aside = check_outputs(arguments.junit, arguments.html)
+    aside = check_outputs(arguments)
     report = read(arguments.result)
-    if arguments.html:
-        pictures = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep else PictureBook()
-        write_text(report_html(report, pictures.pictures()), arguments.html)
-    if arguments.junit:
-        write_text(junit_xml(report), arguments.junit)
+    book = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep and arguments.html else PictureBook()
+    _, refused = write_files(arguments, report, book.pictures())
     show(*describe(report, arguments.show), "", last_line(report), file=sys.stderr if aside else None)
+    for fault in refused:
+        raise fault
     return report.exit_code
 
 

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from gsvc_conformance.diagnosis import EXAMINED, VAGUE
@@ -16,6 +17,7 @@ END_LINES: Final = 3
 LONGEST: Final = 240
 """Characters of such a line."""
 MAX_CAUSES: Final = 3
+"""Maximum number of causes that are told of, where there is no room for all."""
 RARE: Final = 0.3
 """Minimum fraction of the examined failures of its operations that look like a probable cause."""
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
@@ -26,8 +28,27 @@ CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
 }
 
 
+@dataclass(frozen=True)
+class Cause:
+    """Something that failures look like.
+
+    Attributes
+    ----------
+    sentence
+        What it is.
+    results
+        The failures, in the order of the report.
+    places
+        How many of the failures that were examined look like it, by operation: ``loss: 3 of 5 examined``.
+    """
+
+    sentence: str
+    results: tuple[Result, ...]
+    places: tuple[str, ...]
+
+
 def describe(report: Report, most: int) -> list[str]:
-    """The report: tables, a number of failures, their causes, and the verdicts of the classes.
+    """The report: tables, a number of failures, their causes, the verdicts of the classes, and where to begin.
 
     Parameters
     ----------
@@ -47,7 +68,12 @@ def describe(report: Report, most: int) -> list[str]:
     lines += [f"stale: {sentence}" for sentence in report.stale]
     lines += [f"note: {note}" for note in report.notes]
     lines += refusal_lines(report, most)
-    return [*lines, *class_table(report)]
+    return [*lines, *class_table(report), *begin_lines(report)]
+
+
+def begin_lines(report: Report) -> list[str]:
+    """An empty line and the command for the simplest failure; nothing if nothing is wrong."""
+    return ["", f"begin with: {report.again(first.id)}"] if (first := next(iter(report.simplest_first()), None)) else []
 
 
 def runs_on_lines(report: Report) -> list[str]:
@@ -91,7 +117,12 @@ def conclusion(report: Report) -> tuple[str, str]:
 
 
 def cause_lines(report: Report, looked: Mapping[str, int] | None = None) -> list[str]:
-    """The causes that most failures look like, the most frequent first, and where; none that others cover.
+    """The few causes that most failures look like, the most frequent first, and where; `looked` as below."""
+    return [f"{cause.sentence} ({', '.join(cause.places)})" for cause in probable_causes(report, looked)[:MAX_CAUSES]]
+
+
+def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> list[Cause]:
+    """The causes that many failures look like, the most frequent first; none that others cover.
 
     Parameters
     ----------
@@ -106,18 +137,16 @@ def cause_lines(report: Report, looked: Mapping[str, int] | None = None) -> list
         for cause in result.causes:
             like.setdefault(cause, []).append(result)
     explained: set[str] = set()
-    lines: list[str] = []
-    for cause, results in sorted(like.items(), key=_by_weight):
-        if _rare(results, looked):
-            continue
-        if not explained.issuperset(result.id for result in results) and len(lines) < MAX_CAUSES:
+    causes: list[Cause] = []
+    for sentence, results in sorted(like.items(), key=_by_weight):
+        if not _rare(results, looked) and not explained.issuperset(result.id for result in results):
             explained.update(result.id for result in results)
-            places = [
-                f"{operation}: {count} of {looked[operation]} examined"
-                for operation, count in Counter(result.operation for result in results).items()
-            ]
-            lines.append(f"{cause} ({', '.join(places)})")
-    return lines
+            counts = Counter(result.operation for result in results)
+            places = tuple(
+                f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items()
+            )
+            causes.append(Cause(sentence, tuple(results), places))
+    return causes
 
 
 def examined_of(results: Iterable[Result]) -> Counter[str]:

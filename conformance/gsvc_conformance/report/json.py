@@ -61,6 +61,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "runs_on": dict(report.runs_on),
         "command": report.command,
         "selection": report.selection,
+        **_filled(options=report.options),
         "notes": list(report.notes),
         **_filled(ended=report.ended, claim=str(report.claim or ""), whole=report.whole, quotes=report.quotes(),
                   stale=list(report.stale)),
@@ -137,7 +138,7 @@ def from_object(value: Any) -> Report:
         report.texts("runs_on", {}), report.text("ended", ""),
         read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
         features_of(report.get("features", dict), "the report") if "features" in report else None,
-        tuple(report.list_of_texts("stale", [])),
+        tuple(report.list_of_texts("stale", [])), report.text("options", ""),
     )  # fmt: skip
 
 

@@ -1,25 +1,25 @@
-"""A run of the suite as one HTML page that needs nothing else: no network, no scripts."""
+"""A run of the suite as one HTML page that needs nothing else: no network, and a script for its filter only."""
 
+import base64
+import hashlib
 import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from gsvc_conformance.report.console import cause_lines, conclusion, feature_counts, folded, ratio_text, rule_counts
-from gsvc_conformance.report.pictures import KEY, Picture
-from gsvc_conformance.results import OUTCOMES, Report, Result, Summary, Table
-from gsvc_conformance.side_by_side import RIGHT
-from gsvc_lab.pages.data import Figure
-from gsvc_lab.pages.page import cards_section, document, notes_section
+from gsvc_conformance.report.console import feature_counts, folded, ratio_text, rule_counts
+from gsvc_conformance.report.failures import failures_section, filter_form
+from gsvc_conformance.report.overview import BADGES, overview_section, quotes_list
+from gsvc_conformance.report.pictures import View
+from gsvc_conformance.results import FAULTS, Report, Result, Summary
+from gsvc_lab.pages.page import document
+from gsvc_ref.cli.text import plural
 
-MAX_FAULTS: Final = 200
-"""Maximum number of wrong vectors that are described; all of them stand in the table of vectors."""
-
-COLORS: Final = {"passed": "good", "incomplete": "warn", "failed": "bad"}
-"""Classes of style of verdicts and conclusions."""
+MAX_ADVICE: Final = 200
+"""Maximum number of refusals whose rule is another one that are listed."""
 
 
-def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None = None) -> str:
+def report_html(report: Report, pictures: Mapping[str, View] | None = None) -> str:
     """The page.
 
     Parameters
@@ -27,92 +27,72 @@ def report_html(report: Report, pictures: Mapping[str, Sequence[Picture]] | None
     report
         The report.
     pictures
-        The pictures of wrong vectors, by id.
+        Pictures or tables of wrong outputs, by the id of the vector.
     """
     title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
+    failures = failures_section(report, pictures or {})
     sections = [
-        f"<h1>{html.escape(title)}</h1>",
-        _verdict(report),
-        _causes(report),
-        f"<pre>{html.escape(report.command)}</pre>",
-        cards_section(_cards(report)),
-        _runs_on(report.runs_on),
-        _features(report),
-        _classes(report.groups()),
-        _quotes(report.quotes()),
-        _refusals(report),
-        _operations(report.operations()),
-        _faults(report, pictures or {}),
-        _waived(report.results),
-        _vectors(report.results),
-        notes_section([*report.stale, *report.notes], report.environment),
+        overview_section(title, report),
+        failures or filter_form(report),
+        _fold("Classes", _classes(report), is_open=not report.faults),
+        _fold("What it is made for", _features(report)),
+        _fold("Operations", _operations(report.operations())),
+        _fold("Refusals", _refusals(report)),
+        _fold("What does not count", _waived(report.results)),
+        _fold(f"All {plural(len(report.results), 'vector')}", _vectors(report.results), name="vectors"),
+        _fold("Stale waivers", "".join(f"<li>{html.escape(sentence)}</li>" for sentence in report.stale), is_open=True),
+        _fold("Notes", "".join(f"<li>{html.escape(note)}</li>" for note in report.notes)),
+        _fold("What the implementation runs on", _pairs(report.runs_on)),
+        _fold("Kit, vectors and machine", _pairs(report.environment)),
+        f"<script>{_file('page.js')}</script>",
     ]
-    style = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
-    return document(title, sections).replace("</style>", f"{style}</style>", 1)
+    return _with_head(document(title, sections))
 
 
-def _verdict(report: Report) -> str:
-    words = html.escape("".join(conclusion(report)).capitalize())
-    color = "bad" if report.exit_code == 1 else COLORS.get(report.conclusion, "other")
-    return f'<p class="verdict {color}">{words}</p>\n<p>{html.escape(report.verdict)}.</p>'
+def _with_head(page: str) -> str:
+    """The page with its style, and a policy by which the browser loads nothing and runs no script but the page's."""
+    script = base64.b64encode(hashlib.sha256(_file("page.js").encode()).digest()).decode()
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{script}'"
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+    return page.replace("</style>", f"{_file('style.css')}</style>\n{meta}", 1)
 
 
-def _causes(report: Report) -> str:
-    items = "".join(f"<li>{html.escape(cause)}</li>" for cause in cause_lines(report))
-    return f'<h2>Probable cause</h2><ul class="causes">{items}</ul>' if items else ""
+def _file(name: str) -> str:
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-def _runs_on(entries: Mapping[str, str]) -> str:
+def _fold(heading: str, content: str, *, is_open: bool = False, name: str = "") -> str:
+    """A section that can be folded; nothing if it has no content."""
+    if not content:
+        return ""
+    words = f"{f' id={name}' if name else ''}{' open' if is_open else ''}"
+    inside = f"<ul>{content}</ul>" if content.startswith("<li>") else content
+    return f'<details class="section"{words}><summary><h2>{html.escape(heading)}</h2></summary>{inside}</details>'
+
+
+def _pairs(entries: Mapping[str, str]) -> str:
     rows = "".join(
         f'<tr><td class="text">{html.escape(name)}</td><td class="text long">{html.escape(value)}</td></tr>'
         for name, value in entries.items()
     )
-    table = f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>'
-    return f"<h2>What the implementation runs on</h2>{table}" if entries else ""
+    return f'<div class="scroll"><table><tbody>{rows}</tbody></table></div>' if rows else ""
+
+
+def _classes(report: Report) -> str:
+    """The verdicts, and the words for them; those of a claim stand in the overview."""
+    rows = "".join(
+        f'<tr><td class="text">{html.escape(group.name)}</td>'
+        f'<td class="text"><span class="badge {BADGES.get(str(group.verdict), "other")}">{group.verdict}</span></td>'
+        f'<td class="text long">{html.escape(group.reason)}</td></tr>'
+        for group in report.groups()
+    )
+    quotes = "" if report.claim else quotes_list(report)
+    return (_table(("class", "verdict", "because"), rows, 3) if rows else "") + quotes
 
 
 def _features(report: Report) -> str:
     """The features that it was judged by."""
-    words = html.escape(f"{report.features}: {feature_counts(report)}.")
-    return f"<h2>What it is made for</h2><p>{words}</p>" if report.features else ""
-
-
-def _cards(report: Report) -> list[Figure]:
-    count: dict[str, int] = {
-        outcome: sum(result.outcome == outcome for result in report.results) for outcome in OUTCOMES
-    }
-    ratios = [operation.ratio for operation in report.operations() if operation.ratio is not None]
-    cards = [
-        Figure("Vectors", f"{len(report.results):,}", "", report.selection and f"only {report.selection}"),
-        Figure("Pass", f"{count['pass']:,}"),
-        Figure("Wrong", f"{len(report.faults):,}", "", _split(count, ("fail", "error", "crash", "timeout"))),
-        Figure("Unsupported", f"{count['unsupported']:,}"),
-    ]
-    if count["waived"] or count["skipped"]:
-        excused = count["waived"] + count["skipped"]
-        cards.append(Figure("Excused", f"{excused:,}", "", _split(count, ("waived", "skipped"))))
-    if ratios:
-        cards.append(Figure("Worst error/bound", ratio_text(max(ratios)), "", "1 is allowed"))
-    return cards
-
-
-def _split(count: Mapping[str, int], names: Sequence[str]) -> str:
-    return ", ".join(f"{count[name]} {name}" for name in names if count[name])
-
-
-def _classes(groups: Sequence[Summary]) -> str:
-    rows = "".join(
-        f'<tr><td class="text">{html.escape(group.name)}</td>'
-        f'<td class="text"><span class="badge {_badge(group)}">{group.verdict}</span></td>'
-        f'<td class="text long">{html.escape(group.reason)}</td></tr>'
-        for group in groups
-    )
-    return f"<h2>Classes</h2>{_table(('class', 'verdict', 'because'), rows, 3)}"
-
-
-def _quotes(quotes: Sequence[str]) -> str:
-    """The verdicts in words that can be quoted."""
-    return f"<ul>{''.join(f'<li>{html.escape(quote)}</li>' for quote in quotes)}</ul>" if quotes else ""
+    return f"<p>{html.escape(f'{report.features}: {feature_counts(report)}.')}</p>" if report.features else ""
 
 
 def _refusals(report: Report) -> str:
@@ -122,16 +102,12 @@ def _refusals(report: Report) -> str:
     )
     named = report.advice()
     advice = "".join(
-        f"<li>{html.escape(result.id)} {html.escape(output.advice)}</li>" for result, output in named[:MAX_FAULTS]
+        f"<li>{html.escape(result.id)} {html.escape(output.advice)}</li>" for result, output in named[:MAX_ADVICE]
     )
-    left = len(named) - MAX_FAULTS
+    left = len(named) - MAX_ADVICE
     more = f"<li>{left} more</li>" if left > 0 else ""
-    heading = "<h2>Refusals</h2><p>Only the kind of an error is judged; rule and bit are advice.</p>"
-    return f"{heading}<ul>{counts}{advice}{more}</ul>" if counts else ""
-
-
-def _badge(group: Summary) -> str:
-    return COLORS.get(str(group.verdict), "other")
+    why = "<p>Only the kind of an error is judged; rule and bit are advice.</p>"
+    return f"{why}<ul>{counts}{advice}{more}</ul>" if counts else ""
 
 
 def _operations(operations: Sequence[Summary]) -> str:
@@ -150,73 +126,27 @@ def _operations(operations: Sequence[Summary]) -> str:
         )
     head = ("operation", "vectors", "pass", "wrong", "unsupported", "excused", "worst error/bound", "where")
     others = f"<p>{unsupported}.</p>" if unsupported else ""
-    return f"<h2>Operations</h2>{_table(head, rows, 1) if rows else ''}{others}"
-
-
-def _faults(report: Report, pictures: Mapping[str, Sequence[Picture]]) -> str:
-    faults = report.simplest_first()
-    if not faults:
-        return ""
-    left_out = len(faults) - MAX_FAULTS
-    more = f"<p>{left_out} more stand in the table of vectors.</p>" if left_out > 0 else ""
-    shown = "".join(
-        _fault(result, report.again(result.id), pictures.get(result.id, ())) for result in faults[:MAX_FAULTS]
-    )
-    return f'<h2>What is wrong</h2><p class="caption">{KEY}</p>{shown}{more}'
-
-
-def _ratios(shown: Table | None) -> str:
-    """A table of ratios, what is wrong marked."""
-    if shown is None:
-        return ""
-    rows = "".join(
-        f'<tr><td class="text">{html.escape(row[0])}</td>'
-        + "".join(f"<td{_mark(cell)}>{html.escape(cell)}</td>" for cell in row[1:])
-        + "</tr>"
-        for row in shown.rows
-    )
-    return f'<p class="caption">{html.escape(shown.title)}</p>{_table(("", *shown.columns), rows, 1)}'
-
-
-def _mark(cell: str) -> str:
-    return "" if cell == RIGHT else ' class="off"'
-
-
-def _fault(result: Result, command: str, pictures: Sequence[Picture]) -> str:
-    causes = "".join(f"<li>looks like {html.escape(cause)}</li>" for cause in result.causes)
-    figures = "".join(
-        f'<figure><img class="pixels" src="{picture.uri}" alt="{html.escape(picture.caption)}">'
-        f"<figcaption>{html.escape(picture.caption)}</figcaption></figure>"
-        for picture in pictures
-    )
-    return (
-        f'<section class="fault"><h3><span class="badge bad">{result.outcome}</span> {html.escape(result.id)}</h3>'
-        f"<p>{html.escape(result.title)}</p><p>{html.escape(result.message)}</p>"
-        + (f'<ul class="causes">{causes}</ul>' if causes else "")
-        + _ratios(result.table)
-        + (f'<div class="grid3">{figures}</div>' if figures else "")
-        + (f'<pre class="log">{html.escape(result.log)}</pre>' if result.log else "")
-        + f"<pre>{html.escape(command)}</pre></section>"
-    )
+    return (_table(head, rows, 1) if rows else "") + others
 
 
 def _waived(results: Sequence[Result]) -> str:
     waived = [result for result in results if result.outcome in ("waived", "skipped")]
-    items = "".join(f"<li>{html.escape(r.id)}, {r.outcome}: {html.escape(r.message)}</li>" for r in waived)
-    return f"<h2>What does not count</h2><ul>{items}</ul>" if items else ""
+    return "".join(f"<li>{html.escape(r.id)}, {r.outcome}: {html.escape(r.message)}</li>" for r in waived)
 
 
 def _vectors(results: Sequence[Result]) -> str:
     rows = "".join(
-        f'<tr><td class="text">{html.escape(result.id)}</td><td class="text">{result.outcome}</td>'
-        f'<td>{ratio_text(result.ratio)}</td><td class="text long">{html.escape(result.title)}</td></tr>'
+        f"<tr><td>{_link(result)}</td><td>{result.outcome}</td><td>{ratio_text(result.ratio)}</td>"
+        f"<td>{html.escape(result.title)}</td></tr>"
         for result in results
     )
-    head = ("vector", "result", "worst error/bound", "what it shows")
-    return (
-        f"<h2>Every vector</h2><details><summary>Table of {len(results):,} vectors</summary>"
-        f"{_table(head, rows, 2)}</details>"
-    )
+    return _table(("vector", "result", "worst error/bound", "what it shows"), rows, 2)
+
+
+def _link(result: Result) -> str:
+    """The id; of what is wrong it leads to its description."""
+    name = html.escape(result.id)
+    return f'<a href="#{name}">{name}</a>' if result.outcome in FAULTS else name
 
 
 def _table(head: Sequence[str], rows: str, texts: int) -> str:
