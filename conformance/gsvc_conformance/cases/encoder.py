@@ -196,7 +196,7 @@ CLIPS: Final = (
     Clip(still_picture, 48, 27.05),
     Clip(pan, 60, 26.56, flags=("prediction",)),
     Clip(cut, 48, 26.10, flags=("channel-order",)),
-    Clip(long_fade, 24, 27.51, flags=("prediction",)),
+    Clip(long_fade, 24, 28.03, flags=("prediction",)),
     Clip(random_access, 48, 25.56, key_frame_interval=3, flags=("prediction",)),
     Clip(spots, 20, 55.36, flags=("pixel-centre",)),
     Clip(flat_colour, 6, 54.77),
