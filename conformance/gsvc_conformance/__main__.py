@@ -27,6 +27,7 @@ COMMANDS: Final = {
     "generate": "write the vectors, or compare them with what the cases make",
     "mutants": "check the suite: every mutant must be found",
     "check": "say whether files are legal streams, which level they need, and where their I-frames are",
+    "export": "write the vectors in the form of other tools, such as fluster",
     "streams": "write random legal streams with what they decode to",
 }
 
