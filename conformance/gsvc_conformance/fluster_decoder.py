@@ -23,7 +23,7 @@ from fluster.utils import file_checksum, run_command
 EXIT_UNSUPPORTED = 77
 
 
-class CommandDecoder(Decoder):
+class CommandDecoder(Decoder):  # type: ignore[misc]  # fluster has no types
     """A command that is given the names of the stream and of the raw video."""
 
     codec = Codec.NONE

@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.expectations import NO_ARRAYS, Bounded, Decision, Exact, Interval
+from gsvc_conformance.encoding import Task, worst_frame
+from gsvc_conformance.expectations import NO_ARRAYS, Bounded, Decision, Encoding, Exact, Interval
 from gsvc_conformance.operation import Values
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
@@ -59,6 +60,9 @@ class View:
 
 def pictures_of(vector: Vector, outputs: Values, result: Result) -> list[Picture]:
     """Expected, actual and error of the worst output that can be shown; none if none can."""
+    for name, expectation in vector.expected.items():
+        if isinstance(expectation, Encoding):
+            return _of_stream(expectation.task, outputs[name])
     wrong = [out for out in result.outputs if not out.passed and out.place]
     for out in sorted(wrong, key=lambda out: -(out.ratio or 0)):
         expectation, actual = vector.expected[out.name], outputs[out.name]
@@ -74,6 +78,21 @@ def pictures_of(vector: Vector, outputs: Values, result: Result) -> list[Picture
             _picture(ramp(worst.max(axis=2) if worst.ndim == 3 else worst), _title(expectation, view, out.place)),
         ]
     return []
+
+
+def _of_stream(task: Task, stream: object) -> list[Picture]:
+    """Source, pixels and error of the worst frame of a stream that an encoder made; none if none can be compared."""
+    if (worst := worst_frame(stream, task)) is None:
+        return []
+    number, pixels = worst
+    peak = 2.0**task.bit_depth - 1
+    source, actual = task.frames[number] / peak, pixels / peak
+    ratio = abs(actual - source) / 10 ** (-task.floor / 20)
+    return [
+        _picture(_paint(source, None), f"source (frame {number})"),
+        _picture(_paint(actual, None), f"decoded (frame {number})"),
+        _picture(ramp(ratio.max(axis=2)), "error / root mean squared error that the floor allows"),
+    ]
 
 
 def _title(expectation: Exact | Decision | Bounded | Interval, view: View, place: tuple[int, ...]) -> str:
