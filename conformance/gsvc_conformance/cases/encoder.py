@@ -41,7 +41,7 @@ def wave(t: Frames, period: float) -> Frames:
 def samples(picture: Frames, bit_depth: int = 8) -> Frames:
     """A picture of 0..1 as samples, u1 or u2."""
     peak = 2**bit_depth - 1
-    return np.rint(np.clip(picture, 0, 1) * peak).astype(np.uint8 if bit_depth == 8 else np.uint16)
+    return np.asarray(np.rint(np.clip(picture, 0, 1) * peak), np.uint8 if bit_depth == 8 else np.uint16)
 
 
 def grid(width: int, height: int) -> tuple[Frames, Frames]:
