@@ -178,7 +178,7 @@ WRONG: dict[str, tuple[Encoder, str, str]] = {
     "no bytes": (lambda **i: {"stream": np.zeros(3), "bits": np.array(0)}, "one_pixel", "stream is ndarray, not bytes"),
     "too large": (lambda **i: {"stream": bytes(MAX_BYTES + 1), "bits": np.array(0)}, "one_pixel", "at most 4194304"),
 }  # fmt: skip
-LONG = {"open loop", "predicts from the I-frame", "source frame 0 for all", "no chroma", "blue for red"}
+LONG = {"upside down", "open loop", "predicts from the I-frame", "source frame 0 for all", "no chroma", "blue for red"}
 
 
 @pytest.mark.parametrize(
