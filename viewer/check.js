@@ -11,6 +11,8 @@ globalThis.GSVC ??= {};
     bounded: "within the bound of each element",
     interval: "between the lowest and the highest number",
     refusal: "the same kind of error",
+    encoding: "a stream that does what was asked for",
+    rate: "the size of the stream beside it",
   };
   const WORDS = { passed: "passed", failed: "failed", incomplete: "incomplete", "not claimed": "not done here" };
 

@@ -6,6 +6,7 @@ machine.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -171,9 +172,24 @@ def judge(data: bytes, task: Task) -> Verdict:
     ratio = float(10 ** ((task.floor - worst) / 20))
     if worst < task.floor:
         rate = 8 * len(data) / task.frames[..., 0].size
-        short = f"has {worst:.2f} dB in frame {where}, which must have {task.floor:g} ({rate:.3g} bits per pixel)"
-        return Verdict(short, ratio)
+        quality_words = f"a PSNR of {worst:.2f} dB in frame {where}, which must have {task.floor:g} dB"
+        return Verdict(f"has {quality_words} ({rate:.3g} bits per pixel)", ratio)
     return Verdict("", ratio)
+
+
+def worst_frame(data: object, task: Task) -> tuple[int, Array] | None:
+    """The frame of a stream that is furthest from its source: its number and pixels; None if none can be compared."""
+    if not isinstance(data, bytes) or len(data) > MAX_BYTES:
+        return None
+    decoding = Decoding(data)
+    if not decoding.header or _wrong_header(decoding.header, task):
+        return None
+    pixels = [rendered(frame, decoding.header) for frame in islice(decoding.frames(), len(task.frames))]
+    if not pixels:
+        return None
+    qualities = [psnr(a, b, task.bit_depth) for a, b in zip(pixels, task.frames, strict=False)]
+    number = int(np.argmin(qualities))
+    return number, pixels[number]
 
 
 def _wrong_header(header: Mapping[str, int], task: Task) -> str:

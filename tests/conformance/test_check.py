@@ -1,4 +1,4 @@
-"""``gsvc-conformance legal``: whether the file of an encoder is a stream, and what is wrong with it."""
+"""``gsvc-conformance check``: whether files are legal streams, what is wrong with them, and what they ask for."""
 
 import json
 
@@ -6,8 +6,12 @@ import pytest
 
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.cases.faults import overview, rich
-from gsvc_conformance.commands import legal
-from gsvc_conformance.commands.legal import examine, sentence
+from gsvc_conformance.commands import check
+from gsvc_conformance.commands.check import REFERENCE, SPEC, Frame, examine, least_level, sentence
+from gsvc_conformance.diagnosis.streams import element_at
+from gsvc_conformance.encoding import Decoding
+from gsvc_conformance.spec import namespace
+from gsvc_conformance.vectors import VECTORS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.testing import Lie
 
@@ -16,27 +20,29 @@ def test_legal_streams(tmp_path, capsys):
     files = [tmp_path / "a.gsvc", tmp_path / "b.gsvc"]
     files[0].write_bytes(overview())
     files[1].write_bytes(rich(level=3))
-    assert main(["legal", *map(str, files)]) == 0
+    assert main(["check", *map(str, files)]) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith(f"{files[0]}: legal, class stream, profile paper, level 1")
-    assert first.endswith(": 3 frames")
+    assert first.endswith(f"not paced: 3 frames, 1 I-frame (0), {len(overview())} bytes")
     assert second.startswith(f"{files[1]}: legal, class stream, profile paper, level 3")
-    assert second.endswith(": 5 frames")
+    assert "level 3 (1 would do)" in second
+    assert ": 5 frames, " in second
 
 
 def test_a_fault_has_kind_rule_bit_and_element(tmp_path, capsys):
     good, bad = tmp_path / "good.gsvc", tmp_path / "bad.gsvc"
     good.write_bytes(overview())
     bad.write_bytes(overview(Lie("frame_number", 9, 2)))
-    assert main(["legal", str(bad), str(good)]) == 1
+    assert main(["check", str(bad), str(good)]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith(f"{bad}: refused (invalid R-6.4-1 ")
     assert ") after 2 frames, at frame_number: " in first
-    assert "9" in first.partition("frame_number: ")[2]
+    assert "9" in first.partition("frame_number: ")[2]  # the words are those of gsvc_ref
     assert ": legal, " in second
-    assert main(["legal", "--json", str(bad)]) == 1
+    assert main(["check", "--json", str(bad)]) == 1
     (finding,) = json.loads(capsys.readouterr().out)
-    assert (finding["legal"], finding["frames"], finding["level"]) == (False, 2, 1)
+    assert (finding["legal"], len(finding["frames"]), finding["level"]) == (False, 2, 1)
+    assert finding["element"] == "frame_number"
     assert finding["error"].split()[:2] == ["invalid", "R-6.4-1"]
 
 
@@ -52,7 +58,7 @@ def test_decoders_that_disagree_are_told(monkeypatch):
     def refuse(data):
         raise GsvcError("limit", "too much", rule="R-5-4", bit=99)
 
-    monkeypatch.setattr(legal, "_frames_by_reference", refuse)
+    monkeypatch.setattr(check, "_reference_frames", refuse)
     finding = examine("x", overview())
     assert not finding.legal
     assert sentence(finding) == (
@@ -61,6 +67,80 @@ def test_decoders_that_disagree_are_told(monkeypatch):
     )
 
 
+def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path, capsys):
+    def missing(name):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(check, "import_module", missing)
+    monkeypatch.setattr(check, "_reference_frames", None)  # whoever calls it fails
+    bad = tmp_path / "bad.gsvc"
+    bad.write_bytes(overview(Lie("frame_number", 9, 2)))
+    assert main(["check", str(bad)]) == 1
+    assert capsys.readouterr().out.endswith(" after 2 frames, at frame_number\n")
+
+
+def test_one_decoder_can_be_asked(tmp_path, capsys):
+    path = tmp_path / "a.gsvc"
+    path.write_bytes(overview())
+    for name in (SPEC, REFERENCE):
+        assert main(["check", "--json", "--only", name, str(path)]) == 0
+        (finding,) = json.loads(capsys.readouterr().out)
+        assert finding["decoders"] == [name]
+        assert [frame["type"] for frame in finding["frames"]] == ["I", "P", "R"]
+
+
+def test_bytes_of_frames_are_those_of_the_file(tmp_path, capsys):
+    path = tmp_path / "a.gsvc"
+    path.write_bytes(overview())
+    finding = examine("x", overview())
+    first = namespace()["open_stream"](overview())[0].position() // 8
+    end = 9 + 14  # the index and the end chunk
+    assert sum(frame.bytes for frame in finding.frames) == finding.bytes - first - end
+    assert finding.bytes == len(overview())
+    assert main(["check", "--frames", str(path)]) == 0
+    _, *lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert lines[0].startswith("  frame 0: I, 1 splat, work 156, 54 bytes")
+
+
+@pytest.mark.parametrize(
+    ("splats", "work", "payload", "level"),
+    [(1, 1, 1, 1), (2**14, 2**25, 2**20, 1), (2**14 + 1, 1, 1, 2), (1, 2**28 + 1, 1, 3), (1, 1, 2**24 + 1, 4)],
+)
+def test_the_least_level_is_that_of_the_largest_frame(splats, work, payload, level):
+    header = {"width": 4, "height": 4, "flags": 0, "frame_rate_numerator": 25, "frame_rate_denominator": 1}
+    frames = (Frame("I", 1, 1, 9), Frame("P", splats, work, 9))
+    assert least_level(header, frames, payload) == level
+
+
+def test_the_least_level_of_a_paced_stream_is_that_of_its_seconds():
+    """100 frames of 12,000 splats are within a frame's limit of level 1, and beyond that of a second (2^20)."""
+    header = {"width": 4, "height": 4, "flags": 2, "frame_rate_numerator": 100, "frame_rate_denominator": 1}
+    assert least_level(header, (Frame("I", 12_000, 1, 9),) * 100, 9) == 2
+    assert least_level(header | {"flags": 0}, (Frame("I", 12_000, 1, 9),) * 100, 9) == 1
+    assert least_level(header | {"frame_rate_numerator": 50}, (Frame("I", 12_000, 1, 9),) * 100, 9) == 1
+
+
+def test_elements_by_the_lines_of_spec_md_are_those_of_gsvc_ref():
+    """But where gsvc_ref names what holds the bit, and not what was to be read there, or names it by its plane."""
+    others = {
+        ("survivor_map", "plane_mode"), ("position_high", "plane_mode"), ("magic", ""), ("chunk_length", ""),
+        ("chunk_type", ""), ("version_minor", ""), ("", "payload"), ("frame_number", "chunk_crc"),
+        ("frame_number_step", "chunk_crc"), ("lane_count", "chunk_crc"), ("plane_mode", "chunk_crc"),
+    }  # fmt: skip
+    same = 0
+    for home in sorted((VECTORS / "faulty/reconstruct_stream").iterdir()):
+        stream = (home / "stream.gsvc").read_bytes()
+        decoding = Decoding(stream)
+        assert sum(1 for _ in decoding.frames()) == decoding.count
+        fault = decoding.fault
+        if fault is not None:
+            pair = fault.element, element_at(stream, fault.bit).partition(" of ")[0]
+            same += pair[0] == pair[1]
+            assert pair[0] == pair[1] or pair in others, (home.name, fault.rule, pair)
+    assert same > 250
+
+
 def test_a_file_that_is_not_there(tmp_path, capsys):
-    assert main(["legal", str(tmp_path / "none.gsvc")]) == 2
+    assert main(["check", str(tmp_path / "none.gsvc")]) == 2
     assert "cannot be read" in capsys.readouterr().err

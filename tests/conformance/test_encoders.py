@@ -14,7 +14,7 @@ import pytest
 from gsvc_conformance.case import cases
 from gsvc_conformance.cases.encoder import CLIPS, MARGIN
 from gsvc_conformance.commands.judging import Causes
-from gsvc_conformance.encoding import MAX_BYTES, Decoding, judge, psnr, rendered
+from gsvc_conformance.encoding import MAX_BYTES, Decoding, judge, psnr, rendered, worst_frame
 from gsvc_conformance.expectations import Rate
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.level import level_of
@@ -178,7 +178,7 @@ WRONG: dict[str, tuple[Encoder, str, str]] = {
     "no bytes": (lambda **i: {"stream": np.zeros(3), "bits": np.array(0)}, "one_pixel", "stream is ndarray, not bytes"),
     "too large": (lambda **i: {"stream": bytes(MAX_BYTES + 1), "bits": np.array(0)}, "one_pixel", "at most 4194304"),
 }  # fmt: skip
-LONG = {"open loop", "predicts from the I-frame", "source frame 0 for all", "no chroma", "blue for red"}
+LONG = {"upside down", "open loop", "predicts from the I-frame", "source frame 0 for all", "no chroma", "blue for red"}
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_a_wrong_encoder_is_found(name):
     assert result.outcome == "fail", (result.outcome, result.message)
     if words == SHORT:
         floor = CASES[where].arguments["value"].floor
-        words = rf"output stream has \d+\.\d\d dB in frame \d+, which must have {floor:g} "
+        words = rf"output stream has a PSNR of \d+\.\d\d dB in frame \d+, which must have {floor:g} dB "
         assert result.ratio > 1
     assert re.search(words, result.message), result.message
 
@@ -300,10 +300,23 @@ def test_what_is_wrong_is_kept_and_needs_no_cause(tmp_path):
     home = tmp_path / "stress/encode_video/one_pixel"
     assert (home / "out/stream.gsvc").read_bytes() == wrong.outputs["stream"]
     assert (home / "in/frames.npy").is_file()
-    assert pictures_of(wrong.vector, wrong.outputs, wrong.result) == []
     causes = Causes()
     causes.add(wrong)
     assert causes.find([wrong.result])[0] == [wrong.result]
+
+
+def test_pictures_show_the_worst_frame():
+    given = vector("flat_colour")
+    with settings(precision="fast", iterations=5):
+        wrong = judge_vector(ModuleImplementation("mine", {"encode_video": changed(in_limited_range)}), given)
+    pictures = pictures_of(given, wrong.outputs, wrong.result)
+    captions = [picture.caption for picture in pictures]
+    assert captions == [
+        "source (frame 0)",
+        "decoded (frame 0)",
+        "error / root mean squared error that the floor allows",
+    ]
+    assert worst_frame(b"no stream", given.expected["stream"].task) is None
 
 
 def test_of_a_free_operation_spec_md_says_why_it_has_no_code():

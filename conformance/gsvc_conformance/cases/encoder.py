@@ -41,7 +41,7 @@ def wave(t: Frames, period: float) -> Frames:
 def samples(picture: Frames, bit_depth: int = 8) -> Frames:
     """A picture of 0..1 as samples, u1 or u2."""
     peak = 2**bit_depth - 1
-    return np.rint(np.clip(picture, 0, 1) * peak).astype(np.uint8 if bit_depth == 8 else np.uint16)
+    return np.asarray(np.rint(np.clip(picture, 0, 1) * peak), np.uint8 if bit_depth == 8 else np.uint16)
 
 
 def grid(width: int, height: int) -> tuple[Frames, Frames]:
@@ -196,7 +196,7 @@ CLIPS: Final = (
     Clip(still_picture, 48, 27.05),
     Clip(pan, 60, 26.56, flags=("prediction",)),
     Clip(cut, 48, 26.10, flags=("channel-order",)),
-    Clip(long_fade, 24, 27.51, flags=("prediction",)),
+    Clip(long_fade, 24, 28.03, flags=("prediction",)),
     Clip(random_access, 48, 25.56, key_frame_interval=3, flags=("prediction",)),
     Clip(spots, 20, 55.36, flags=("pixel-centre",)),
     Clip(flat_colour, 6, 54.77),

@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -159,7 +159,11 @@ def chosen_decoders(only: str | None) -> tuple[str, ...]:
     """The decoders to ask: the one that is named, else spec.md's, and gsvc_ref where it is installed."""
     if only:
         return (only,)
-    return DECODERS if find_spec(REFERENCE) else (SPEC,)
+    try:
+        import_module(f"{REFERENCE}.stream")
+    except ModuleNotFoundError:
+        return (SPEC,)
+    return DECODERS
 
 
 def _progress(display: ProgressDisplay, title: str, data: bytes) -> OnFrame:

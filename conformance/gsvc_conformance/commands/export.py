@@ -18,6 +18,10 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="the vectors of render_sum and render_frame as glTF files (KHR_gaussian_splatting) with the pictures that "
         "they must give, for renderers that know nothing of GSVC; docs/gltf.md tells what maps",
     )  # fmt: skip
+    form.add_argument(
+        "--fluster", type=Path, metavar="OUT",
+        help="all deterministic frames of streams as a test suite for fluster, with its streams and a decoder class",
+    )  # fmt: skip
     add_vectors(parser)
     add_selection(parser)
 
@@ -30,7 +34,17 @@ def run(arguments: Namespace) -> int:
     UsageError
         None of the selected vectors has that form.
     """
-    return export_gltf(arguments)
+    return export_gltf(arguments) if arguments.gltf else export_fluster(arguments)
+
+
+def export_fluster(arguments: Namespace) -> int:
+    """Write a suite for fluster."""
+    from gsvc_conformance.fluster import export, lines
+
+    if str(selection(arguments)):
+        raise UsageError("a suite for fluster has all its vectors: leave the selection out")
+    show(*lines(arguments.fluster, export(arguments.vectors, arguments.fluster)))
+    return 0
 
 
 def export_gltf(arguments: Namespace) -> int:

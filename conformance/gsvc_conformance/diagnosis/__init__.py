@@ -86,13 +86,13 @@ def diagnose(
     dict[str, list[str]]
         At most `MAX_SENTENCES` sentences by the id of a vector, the better ones first.
     """
-    failures = [failure for failure in failures if Failure(*failure).vector.operation.group != NO_LOOKS]
-    chosen, passed = examined([Failure(*failure) for failure in failures]), list(passed)
+    wrong = [Failure(*failure) for failure in failures]
+    wrong = [failure for failure in wrong if failure.vector.operation.group != NO_LOOKS]
+    chosen, passed = examined(wrong), list(passed)
     looks = generic_looks(chosen, passed)
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
     accounted = {name for name, look in looks.items() if look.strong}
     named = catalogue.named(unnamed, passed, accounted)
-    wrong = [Failure(*failure) for failure in failures]
     if kind := kind_sentence(wrong, passed):
         return {failure.vector.id: [kind] for failure in chosen}
     common = common_condition([*(failure.vector for failure in wrong), *errors], passed)

@@ -180,7 +180,7 @@ def mutants_for(vector: Vector) -> list[Mutant]:
     if kills is not None:
         return [mutant for mutant in MUTANTS if mutant.name in kills]
     run = called(vector.operation, vector.inputs)
-    return [mutant for mutant in MUTANTS if run & mutant.touched()]
+    return [mutant for mutant in MUTANTS if run & mutant.touched()] if run else []
 
 
 def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> None:

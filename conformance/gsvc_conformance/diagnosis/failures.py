@@ -179,7 +179,7 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
         return float(
             common == mine.split()[: len(common)] == theirs.split()[: len(common)] and bool(mine) == bool(theirs)
         )
-    if not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
+    if isinstance(expectation, NO_ARRAYS) or not isinstance(mine, np.ndarray) or not isinstance(theirs, np.ndarray):
         return 0.0
     if mine.shape != theirs.shape or mine.dtype != theirs.dtype:
         return 0.0

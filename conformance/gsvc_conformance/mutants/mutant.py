@@ -180,6 +180,6 @@ def killed_by(vectors: Iterable[Vector], mutants: Iterable[Mutant]) -> dict[str,
     table = {}
     for vector in vectors:
         run = called(vector.operation, vector.inputs)
-        able = (mutant for mutant in mutants if run & mutant.touched())
+        able = (mutant for mutant in mutants if run & mutant.touched()) if run else ()
         table[vector.id] = [mutant.name for mutant in able if kills(vector, mutant)]
     return table

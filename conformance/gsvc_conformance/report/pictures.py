@@ -7,11 +7,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.expectations import NO_ARRAYS
+from gsvc_conformance.encoding import Task, worst_frame
+from gsvc_conformance.expectations import NO_ARRAYS, Encoding
 from gsvc_conformance.names import dimensions
 from gsvc_conformance.operation import Values
 from gsvc_conformance.report.element_tables import ElementTable, element_table
-from gsvc_conformance.report.measures import NOT_FINITE, U1, Expected, colors_of, error_ratios, measure_of
+from gsvc_conformance.report.measures import NOT_FINITE, U1, Expected, colors_of, error_ratios, measure_of, ramp
 from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
 from gsvc_conformance.vectors import Vector
@@ -57,6 +58,9 @@ View = tuple[Picture, ...] | ElementTable
 
 def view_of(vector: Vector, outputs: Values, result: Result) -> View | None:
     """The worst output that can be shown; None if none can."""
+    for name, expectation in vector.expected.items():
+        if isinstance(expectation, Encoding):
+            return _of_stream(expectation.task, outputs[name]) or None
     wrong = [out for out in result.outputs if not out.passed and out.place]
     for out in sorted(wrong, key=lambda out: -(out.ratio or 0)):
         expectation, actual = vector.expected[out.name], outputs[out.name]
@@ -73,6 +77,25 @@ def _axes(letters: tuple[str, ...]) -> tuple[int, int] | None:
     """The axes of rows and columns of pixels, or None: ``("T", "H", "W", "3")`` has 1 and 2."""
     lower = [letter.lower() for letter in letters]
     return (lower.index("h"), lower.index("w")) if {"h", "w"} <= {*lower} else None
+
+
+def _of_stream(task: Task, stream: object) -> tuple[Picture, ...]:
+    """Source, pixels and error of the worst frame of a stream that an encoder made; none if none can be compared."""
+    if (worst := worst_frame(stream, task)) is None:
+        return ()
+    number, pixels = worst
+    peak = 2.0**task.bit_depth - 1
+    source, actual = task.frames[number] / peak, pixels / peak
+    ratio = (abs(actual - source) / 10 ** (-task.floor / 20)).max(axis=2)
+    height, width = ratio.shape
+    row, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    shown = {
+        f"source (frame {number})": _paint(source),
+        f"decoded (frame {number})": _paint(actual),
+        "error / root mean squared error that the floor allows": ramp(ratio),
+    }
+    mark = (int(column), int(row))
+    return tuple(Picture(png_uri(painted), caption, width, height, mark) for caption, painted in shown.items())
 
 
 def _pictures(
