@@ -13,8 +13,7 @@ from gsvc_conformance.elements import ELEMENTS
 from gsvc_conformance.streams import MAX_PIXELS, stream_of, write_streams
 from gsvc_ref import UsageError
 from gsvc_ref.stream import StreamReader
-from gsvc_ref.testing import split_chunks
-from gsvc_ref.testing.random_streams import Wishes, random_stream
+from gsvc_ref.testing import Wishes, random_stream, split_chunks
 
 
 @pytest.fixture(scope="module")
