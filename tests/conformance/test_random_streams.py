@@ -138,9 +138,7 @@ def test_wishes_are_granted():
 
 
 def test_a_letter_that_stands_there_more_often_is_drawn_more_often():
-    drawn = [
-        frame.type for frame in random_stream(1, wishes=Wishes(frames=200, splats=0, types="IRRRRRRRRR")).frames
-    ]
+    drawn = [frame.type for frame in random_stream(1, wishes=Wishes(frames=200, splats=0, types="IRRRRRRRRR")).frames]
     assert drawn.count("R") > 150 > drawn.count("I") > 5
 
 
