@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.testing.examples import OVERVIEW_HEADER, RICH_HEADER, overview_frames, rich_frames
 from gsvc_ref.testing.faults import FaultyWriter, Liar, Lie, join_chunks, split_chunks, write_stream
-from gsvc_ref.testing.random_streams import Stream, random_stream
+from gsvc_ref.testing.random_streams import Stream, Wishes, random_stream
 
 if TYPE_CHECKING:
     from gsvc_ref.testing.frame_codes import frames as frames
@@ -61,6 +61,7 @@ __all__ = [
     "Lie",
     "Plane",
     "Stream",
+    "Wishes",
     "frames",
     "headers",
     "join_chunks",

@@ -13,8 +13,7 @@ from gsvc_conformance.elements import ELEMENTS
 from gsvc_conformance.streams import MAX_PIXELS, stream_of, write_streams
 from gsvc_ref import UsageError
 from gsvc_ref.stream import StreamReader
-from gsvc_ref.testing import split_chunks
-from gsvc_ref.testing.random_streams import Wishes, random_stream
+from gsvc_ref.testing import Wishes, random_stream, split_chunks
 
 
 @pytest.fixture(scope="module")
@@ -139,9 +138,7 @@ def test_wishes_are_granted():
 
 
 def test_a_letter_that_stands_there_more_often_is_drawn_more_often():
-    drawn = [
-        frame.type for frame in random_stream(1, wishes=Wishes(frames=200, splats=0, types="IRRRRRRRRR")).frames
-    ]
+    drawn = [frame.type for frame in random_stream(1, wishes=Wishes(frames=200, splats=0, types="IRRRRRRRRR")).frames]
     assert drawn.count("R") > 150 > drawn.count("I") > 5
 
 
