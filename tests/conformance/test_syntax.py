@@ -37,7 +37,7 @@ def test_files_are_what_the_document_gives(tmp_path, capsys):
 
 
 def test_the_command_tells_what_to_do(monkeypatch, capsys):
-    monkeypatch.setattr("gsvc_conformance.commands.syntax.stale", lambda: ["spec/gsvc.h"])
+    monkeypatch.setattr("gsvc_conformance.commands.syntax.stale", lambda folder: ["spec/gsvc.h"])
     assert main(["syntax"]) == 1
     assert "spec/gsvc.h is not what spec.md gives; write it with: gsvc-conformance syntax --write" in (
         capsys.readouterr().out
