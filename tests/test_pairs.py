@@ -13,7 +13,7 @@ from gsvc_conformance.expectations import Exact
 from gsvc_conformance.mutants import judge
 from gsvc_conformance.operation import input_size, operations
 from gsvc_conformance.pairs import PAIRS, Free, Other, Twin, twin
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vector import VECTORS, read
 from gsvc_ref import spec
 
 VECTORS_EACH = 5

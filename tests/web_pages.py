@@ -14,7 +14,7 @@ from PIL import Image
 
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 
 ROOT = VECTORS.parent
 INDEX = ROOT / "viewer" / "index.html"

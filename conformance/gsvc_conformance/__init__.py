@@ -9,7 +9,7 @@ Python programs use `vectors`, `judge`, `assert_vector` and `diagnose`; they are
 
 Whatever an implementation can be asked is an *operation* (`operation`, `operations/`): a function of named inputs. A
 *case* (`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
-(`vectors`). What an output must be is an *expectation* (`expectations`), derived from an oracle and not from
+(`vector`). What an output must be is an *expectation* (`expectations`), derived from an oracle and not from
 gsvc_ref's output where rounding is left free. `runner` and `report` judge, `mutants` judges the judge. What
 judges needs NumPy alone; `cases` and `streams`, which make vectors and streams, need gsvc_ref.
 """
@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from gsvc_conformance.interface import assert_vector, diagnose, judge, vectors
     from gsvc_conformance.results import Result
-    from gsvc_conformance.vectors import Vector
+    from gsvc_conformance.vector import Vector
 
 __version__ = "0.1.0"
 __all__ = ["Result", "Vector", "assert_vector", "diagnose", "judge", "vectors"]
 
 EXPORTS: Final = {
     "Result": "results",
-    "Vector": "vectors",
+    "Vector": "vector",
     "assert_vector": "interface",
     "diagnose": "interface",
     "judge": "interface",

@@ -79,8 +79,8 @@ class _Version(Action):
 
     def __call__(self, parser: Any, *_: object) -> None:
         from gsvc_conformance.sets import quoted
+        from gsvc_conformance.vector import SPEC_VERSION, VECTORS
         from gsvc_conformance.vector_folder import VectorFolder
-        from gsvc_conformance.vectors import SPEC_VERSION, VECTORS
 
         vectors = VectorFolder(VECTORS, "newest")
         number = str(vectors.set.number) if vectors.set else ""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gsvc_conformance import spec
 from gsvc_conformance.expectations import NO_ARRAYS, Bounded
 from gsvc_conformance.operation import Operation, Port, Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 Array = NDArray[Any]
 

@@ -12,7 +12,7 @@ from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.operation import DTYPES
 from gsvc_conformance.results import Result
 from gsvc_conformance.runner import Judged
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 from gsvc_ref.cli.text import plural
 
 NOTHING: Final = np.zeros(0)

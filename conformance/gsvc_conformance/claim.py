@@ -7,7 +7,7 @@ from typing import Final, get_args
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import OPTIONS, Group
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vectors import PROFILE
+from gsvc_conformance.vector import PROFILE
 from gsvc_ref.errors import UsageError
 
 DECLARED: Final = ("live",)

@@ -19,7 +19,7 @@ from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.operation import Operation, operations
 from gsvc_conformance.sets import changed, missing, read_sets, withdrawn
 from gsvc_conformance.spec import SPEC
-from gsvc_conformance.vectors import MANIFEST, SUMS, VECTORS, files_in, manifests_in
+from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, files_in, manifests_in
 
 Manifest = Mapping[str, Any]
 

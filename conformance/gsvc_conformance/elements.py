@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 from gsvc_conformance.element_values import Number, Values, plane_values, values
 from gsvc_conformance.sets import read_sets, withdrawn
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vectors import MANIFEST, VECTORS, files_in, vector_in
+from gsvc_conformance.vector import MANIFEST, VECTORS, files_in, vector_in
 from gsvc_ref.syntax import named
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]

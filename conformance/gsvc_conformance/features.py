@@ -12,7 +12,7 @@ from gsvc_conformance.level import LEVELS, splat_counts
 from gsvc_conformance.operation import Group, Operation, operations
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vectors import PROFILE, Vector
+from gsvc_conformance.vector import PROFILE, Vector
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_conformance.encoding import Decoding, rendered
+from gsvc_conformance.vector import VECTORS_VERSION, Vector, set_hash
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import VECTORS_VERSION, Vector, set_hash
 from gsvc_ref.errors import UsageError
 
 SUITE: Final = "GSVC"

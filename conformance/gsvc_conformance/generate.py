@@ -21,7 +21,7 @@ from gsvc_conformance.coverage import PARTS, coverage_page
 from gsvc_conformance.element_values import used
 from gsvc_conformance.mutants import MUTANTS, killed_by
 from gsvc_conformance.sets import check_made, read_sets
-from gsvc_conformance.vectors import (
+from gsvc_conformance.vector import (
     MANIFEST,
     SUMS,
     VECTORS,

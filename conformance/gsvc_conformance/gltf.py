@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
-from gsvc_conformance.vectors import Vector, npy
+from gsvc_conformance.vector import Vector, npy
 from gsvc_ref.constants import LN_255, REACH
 from gsvc_ref.rendering.bounds import EPS
 

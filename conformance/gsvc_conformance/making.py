@@ -21,8 +21,8 @@ from gsvc_conformance.fitting import fit
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.preconditions import broken
 from gsvc_conformance.spelling import question
+from gsvc_conformance.vector import SUMS, Vector, files_of, from_files, manifest_bytes
 from gsvc_conformance.vector_folder import SLUG, VectorFolder
-from gsvc_conformance.vectors import SUMS, Vector, files_of, from_files, manifest_bytes
 from gsvc_ref.errors import UsageError
 
 GENERATOR: Final = "gsvc_conformance/making.py:make_vector"

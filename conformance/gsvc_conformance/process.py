@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
 from gsvc_conformance.supervision import Log, Program
-from gsvc_conformance.vectors import native, npy
+from gsvc_conformance.vector import native, npy
 from gsvc_ref.errors import UsageError
 
 EXIT_UNSUPPORTED: Final = 77

@@ -25,8 +25,8 @@ from gsvc_conformance.report.json import result_from, result_object
 from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
 from gsvc_conformance.runner import excused, judge_vector
 from gsvc_conformance.spelling import question
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import VECTORS
 from gsvc_conformance.waivers import read_waivers
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError

@@ -12,7 +12,7 @@ from gsvc_conformance.names import dimensions, element
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
-from gsvc_conformance.vectors import PROFILE
+from gsvc_conformance.vector import PROFILE
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]

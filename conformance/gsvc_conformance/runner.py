@@ -17,7 +17,7 @@ from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
 from gsvc_conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from gsvc_conformance.side_by_side import comparison
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 T = TypeVar("T")
 U = TypeVar("U")

@@ -9,7 +9,7 @@ from gsvc_conformance.expectations import Bounded, Exact
 from gsvc_conformance.names import SPLAT, item
 from gsvc_conformance.operation import Values
 from gsvc_conformance.results import Table
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 MAX_ROWS: Final = 6
 """Maximum number of rows that are shown."""

@@ -18,7 +18,7 @@ from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vectors import MANIFEST, PACKED, SUMS, Vector, files_in, from_files
+from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, Vector, files_in, from_files
 from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")

@@ -42,7 +42,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance import implementations, reference
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread

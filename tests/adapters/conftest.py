@@ -9,8 +9,8 @@ import pytest
 from gsvc_conformance.implementations import load_module
 from gsvc_conformance.results import FAULTS
 from gsvc_conformance.runner import run_suite
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS
 
 ADAPTERS = Path(__file__).parents[2] / "conformance" / "gsvc_conformance" / "adapters"
 

@@ -20,8 +20,8 @@ import torch
 
 from gsvc_conformance.implementations import load_module
 from gsvc_conformance.runner import judge_vector
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS
 from gsvc_conformance.waivers import Waiver, Waivers, patterns, to_toml
 
 HEAD = """\

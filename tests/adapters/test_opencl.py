@@ -10,7 +10,7 @@ from gsvc_conformance import spec  # noqa: E402
 from gsvc_conformance.adapters import opencl  # noqa: E402
 from gsvc_conformance.adapters.opencl import device, reconstruction, rendering  # noqa: E402
 from gsvc_conformance.operation import operations  # noqa: E402
-from gsvc_conformance.vectors import VECTORS  # noqa: E402
+from gsvc_conformance.vector import VECTORS  # noqa: E402
 
 
 def _has_device():

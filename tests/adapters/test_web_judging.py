@@ -11,7 +11,7 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 from gsvc_conformance.adapters.web import browser
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval, Refusal
 from gsvc_conformance.runs import pack
-from gsvc_conformance.vectors import npy
+from gsvc_conformance.vector import npy
 
 
 @pytest.fixture(scope="module")

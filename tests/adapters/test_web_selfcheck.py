@@ -11,7 +11,7 @@ import web_pages
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
 from gsvc_conformance.operation import operations
-from gsvc_conformance.vectors import VECTORS, set_hash
+from gsvc_conformance.vector import VECTORS, set_hash
 
 ROOT = VECTORS.parent
 WEB = "conformance/gsvc_conformance/adapters/web"

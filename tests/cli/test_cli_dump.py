@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gsvc_conformance.spec import SPEC
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 from gsvc_ref.cli import main
 from gsvc_ref.stream.listing import list_elements, name_at, place_of
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream

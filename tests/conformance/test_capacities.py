@@ -5,7 +5,7 @@ import pytest
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.capacities import CAPACITIES, LIMITS, dimensions, rows, symbols
 from gsvc_conformance.operation import Port, operations
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vector import VECTORS, read
 
 
 def vectors_of(name):

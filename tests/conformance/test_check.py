@@ -11,7 +11,7 @@ from gsvc_conformance.commands.check import REFERENCE, SPEC, Frame, examine, lea
 from gsvc_conformance.diagnosis.streams import element_at
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.testing import Lie
 

@@ -20,7 +20,7 @@ from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.results import OutputResult, Report, Result
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vectors import sums_of
+from gsvc_conformance.vector import sums_of
 from gsvc_ref.errors import UsageError
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vector set": "1"}

@@ -16,8 +16,8 @@ from gsvc_conformance import reference
 from gsvc_conformance.__main__ import COMMANDS, main
 from gsvc_conformance.commands import list as listing
 from gsvc_conformance.report.json import from_object
+from gsvc_conformance.vector import set_hash
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import set_hash
 
 ROOT = Path(__file__).parents[2]
 QUIET = ["--quiet", "--no-diagnosis"]

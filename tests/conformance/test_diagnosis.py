@@ -7,8 +7,8 @@ from gsvc_conformance.diagnosis import catalogue, diagnose
 from gsvc_conformance.diagnosis.catalogue import _both
 from gsvc_conformance.diagnosis.places import common_condition
 from gsvc_conformance.mutants import MUTANTS, answer, called, kills
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS
 
 FOLDER = VectorFolder(VECTORS)
 MIDDLE = "core/render_sum/a_splat_in_the_middle"

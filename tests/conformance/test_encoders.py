@@ -25,7 +25,7 @@ from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.report.kept import keep_files
 from gsvc_conformance.report.pictures import pictures_of
 from gsvc_conformance.runner import judge_vector
-from gsvc_conformance.vectors import Vector, files_of, from_files
+from gsvc_conformance.vector import Vector, files_of, from_files
 from gsvc_ref import Settings, Splats
 from gsvc_ref.encoder import encoder as encoding
 from gsvc_ref.encoder import frame as frames_encoding

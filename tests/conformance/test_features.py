@@ -18,8 +18,8 @@ from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.json import from_object, to_object
 from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
+from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import VECTORS, Vector
 from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import reconstruct_stream
 

@@ -14,7 +14,7 @@ from gsvc_conformance import fluster
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.cases.faults import overview
 from gsvc_conformance.fluster import DECODER, FORMATS, raw_video
-from gsvc_conformance.vectors import VECTORS, sums_of
+from gsvc_conformance.vector import VECTORS, sums_of
 from gsvc_ref import decode_stream_deterministic
 
 CHOSEN = ("bit_depth_8", "bit_depth_10", "bit_depth_16", "overview")

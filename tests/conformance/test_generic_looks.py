@@ -16,8 +16,8 @@ from gsvc_conformance.expectations import Bounded
 from gsvc_conformance.names import element, with_names
 from gsvc_conformance.operation import operations
 from gsvc_conformance.spec import complexity, namespace
+from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS, Vector
 
 FOLDER = VectorFolder(VECTORS)
 CORNERS = "core/render_sum/corners_of_tiles"

@@ -10,8 +10,8 @@ from gsvc_conformance.__main__ import main
 from gsvc_conformance.expectations import Bounded
 from gsvc_conformance.making import add_vectors, make_vector
 from gsvc_conformance.operation import operations
+from gsvc_conformance.vector import VECTORS, load, read
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS, load, read
 from gsvc_ref import UsageError
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

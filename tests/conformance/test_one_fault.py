@@ -14,7 +14,7 @@ from gsvc_conformance import spec
 from gsvc_conformance.case import cases
 from gsvc_conformance.cases.faulty import faults
 from gsvc_conformance.runner import judge_outputs
-from gsvc_conformance.vectors import files_of, from_files
+from gsvc_conformance.vector import files_of, from_files
 
 HUGE: Final = {
     "r_5_2_splats_four_billion", "r_5_2_new_splats_four_billion", "r_5_2_splats_of_level_3", "r_5_2_splats_of_level_4",

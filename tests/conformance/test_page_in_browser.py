@@ -14,7 +14,7 @@ from gsvc_conformance.report.element_tables import element_table
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.report.pictures import view_of
 from gsvc_conformance.results import OutputResult, Report, Result
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 MANY = 1500
 MAX_BYTES, MAX_FOLDED, SCREEN = 4_000_000, 6000, 800

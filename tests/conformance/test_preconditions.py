@@ -8,7 +8,7 @@ import pytest
 from gsvc_conformance.fitting import fit
 from gsvc_conformance.operation import operations
 from gsvc_conformance.preconditions import RANGES, ROWS, broken
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vector import VECTORS, read
 
 
 @pytest.mark.parametrize("name", operations())

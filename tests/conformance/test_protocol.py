@@ -30,8 +30,8 @@ from gsvc_conformance.results import EXIT_CODES, OUTCOMES, Verdict
 from gsvc_conformance.runner import judge_vector, run_suite
 from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.streams import PARTS
+from gsvc_conformance.vector import VECTORS, Vector, files_of, from_files
 from gsvc_conformance.vector_folder import SCHEMA, matches
-from gsvc_conformance.vectors import VECTORS, Vector, files_of, from_files
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")

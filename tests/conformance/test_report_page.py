@@ -25,8 +25,8 @@ from gsvc_conformance.report.page import report_html
 from gsvc_conformance.report.pictures import SIMPLEST, WINDOW, PictureBook, view_of
 from gsvc_conformance.report.png import png
 from gsvc_conformance.runner import judge_vector
+from gsvc_conformance.vector import Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import Vector
 
 EVIL = '<script>alert("&")</script>'
 

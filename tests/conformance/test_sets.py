@@ -10,8 +10,8 @@ from toy_operations import INPUTS
 
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.sets import changed, check_made, digest, list_of, missing, next_list, read_sets, withdrawn
+from gsvc_conformance.vector import SUMS, files_in, load, manifests_in
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import SUMS, files_in, load, manifests_in
 from gsvc_ref.errors import UsageError
 
 GONE = "core/scale/by_two"

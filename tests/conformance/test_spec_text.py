@@ -13,7 +13,7 @@ import pytest
 from gsvc_conformance import spec
 from gsvc_conformance.operation import Port, operations
 from gsvc_conformance.pairs import PAIRS, Free
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

@@ -14,7 +14,7 @@ from gsvc_conformance.elements import ELEMENTS
 from gsvc_conformance.runner import judge_outputs
 from gsvc_conformance.spec import SPEC, namespace
 from gsvc_conformance.syntax_files import FILES, ROOT, stale, write
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vector import VECTORS, read
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.syntax import elements, named, number, rules_of, syntax
 

@@ -12,8 +12,8 @@ from toy_operations import INPUTS
 
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.expectations import Exact
+from gsvc_conformance.vector import SUMS, files_of, from_files
 from gsvc_conformance.vector_folder import Selection, VectorFolder, check_manifest
-from gsvc_conformance.vectors import SUMS, files_of, from_files
 from gsvc_ref.errors import UsageError
 
 

@@ -15,7 +15,7 @@ from gsvc_conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
 from gsvc_conformance.reference import namespace as reference
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import run_suite
-from gsvc_conformance.vectors import VECTORS, load
+from gsvc_conformance.vector import VECTORS, load
 
 
 @pytest.fixture(scope="module")

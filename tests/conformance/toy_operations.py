@@ -12,8 +12,8 @@ from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.operation import Operation, Values, _ports
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import run_suite
+from gsvc_conformance.vector import files_of, write
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_conformance.vectors import files_of, write
 
 
 def scale(values, factor):

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.listing import list_elements
 from gsvc_ref.syntax import named, syntax

@@ -38,7 +38,7 @@ def in_files(array: Any) -> bytes:
 def vectors(*, kills: bool = False) -> str:
     """The golden vectors, made again by their cases; what they kill is taken as it is stored, or found again."""
     from gsvc_conformance.generate import make
-    from gsvc_conformance.vectors import VECTORS, sums_of
+    from gsvc_conformance.vector import VECTORS, sums_of
 
     return hashed(iter([sums_of(make(jobs=1, kills_in=None if kills else VECTORS))]))
 
@@ -54,7 +54,7 @@ def some_names() -> list[str]:
 def some_vectors() -> str:
     """As `vectors`, but some of them, for the slowest machines."""
     from gsvc_conformance.generate import vector_files
-    from gsvc_conformance.vectors import VECTORS, sums_of
+    from gsvc_conformance.vector import VECTORS, sums_of
 
     return hashed(iter([sums_of(dict(vector_files(name, kills_in=VECTORS) for name in some_names()))]))
 
@@ -132,7 +132,7 @@ SET = ("vectors", "some-vectors", "kills")
 
 def kept() -> dict[str, str]:
     """The digest that each part must have, by name."""
-    from gsvc_conformance.vectors import SUMS, VECTORS, set_hash
+    from gsvc_conformance.vector import SUMS, VECTORS, set_hash
 
     names = {*some_names()}
     sums = (VECTORS / SUMS).read_bytes().splitlines(keepends=True)

@@ -11,7 +11,7 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 import web_pages
 
 from gsvc_conformance.adapters.web import browser
-from gsvc_conformance.vectors import VECTORS
+from gsvc_conformance.vector import VECTORS
 
 DECODER = "conformance/gsvc_conformance/adapters/web"
 

@@ -7,8 +7,8 @@ from typing import Final, get_args
 
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.spelling import question
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder, Wanted
-from gsvc_conformance.vectors import VECTORS
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.errors import UsageError
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vectors import PROFILE
+from gsvc_conformance.vector import PROFILE
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import GsvcError, UsageError

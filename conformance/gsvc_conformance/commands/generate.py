@@ -5,7 +5,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from gsvc_conformance.commands import add_vectors, count
-from gsvc_conformance.vectors import SUMS, files_in, set_hash, sums_of
+from gsvc_conformance.vector import SUMS, files_in, set_hash, sums_of
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError

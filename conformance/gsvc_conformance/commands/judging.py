@@ -26,8 +26,8 @@ from gsvc_conformance.report.console import describe, last_line, progress_text
 from gsvc_conformance.report.kept import forget, keep_files
 from gsvc_conformance.results import FAULTS, Report, Result
 from gsvc_conformance.runner import Judged, run_suite
+from gsvc_conformance.vector import SPEC_VERSION, VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
-from gsvc_conformance.vectors import SPEC_VERSION, VECTORS
 from gsvc_conformance.waivers import read_waivers, renewed, to_toml
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay

@@ -7,8 +7,8 @@ from typing import Any
 
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, selection, vectors_of
 from gsvc_conformance.operation import Operation, Port, operations
+from gsvc_conformance.vector import files_in, manifests_in
 from gsvc_conformance.vector_folder import Selection
-from gsvc_conformance.vectors import files_in, manifests_in
 from gsvc_lab.pages.markers import put_between
 from gsvc_ref.cli.text import print_json, show
 

@@ -8,8 +8,8 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from gsvc_conformance.commands import add_selection, add_vectors, selection
+from gsvc_conformance.vector import Vector
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import Vector
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from gsvc_conformance.commands import PROTOCOL, add_vectors
 from gsvc_conformance.sets import FOLDER, VectorSet, next_list, read_sets, withdrawn
+from gsvc_conformance.vector import files_in
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import files_in
 from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
 

@@ -7,8 +7,8 @@ from importlib.util import find_spec
 
 from gsvc_conformance.commands import add_vectors
 from gsvc_conformance.operation import operations
+from gsvc_conformance.vector import files_in, set_hash
 from gsvc_conformance.vector_folder import ALL_TIERS, VectorFolder
-from gsvc_conformance.vectors import files_in, set_hash
 from gsvc_ref.cli.text import plural, show, table
 
 

@@ -21,7 +21,7 @@ from gsvc_conformance.diagnosis.streams import kind_sentence, refusal_sentence
 from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
 from gsvc_conformance.expectations import Bounded, Exact, Refusal
 from gsvc_conformance.operation import input_size
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 __all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "mutants_for"]
 

@@ -11,7 +11,7 @@ from gsvc_conformance.diagnosis.failures import Array, Failure, Part, wrong_outp
 from gsvc_conformance.diagnosis.regions import Candidate
 from gsvc_conformance.mutants import time_limit
 from gsvc_conformance.operation import Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 Change = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 """From the inputs those that are altered."""

@@ -17,7 +17,7 @@ from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, count, share
 from gsvc_conformance.expectations import NO_ARRAYS, Exact, Refusal
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, called
 from gsvc_conformance.operation import Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 MIN_FIT: Final = 0.5
 """Minimum fit of a mutant that is named."""

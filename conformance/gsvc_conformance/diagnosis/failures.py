@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gsvc_conformance.expectations import NO_ARRAYS, Bounded, Decision, Exact, Expectation, Interval, Refusal
 from gsvc_conformance.operation import Operation, Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 Array = NDArray[Any]
 F8 = NDArray[np.float64]

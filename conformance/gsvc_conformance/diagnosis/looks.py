@@ -18,7 +18,7 @@ from gsvc_conformance.diagnosis.regions import Candidate, column_candidates, reg
 from gsvc_conformance.diagnosis.stale import stale_candidates
 from gsvc_conformance.diagnosis.sums import MAX_SOLVED, sum_candidates
 from gsvc_conformance.names import columns
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 MIN_SHARE: Final = 0.5
 """Fraction of the vectors that could show an account that must show it."""

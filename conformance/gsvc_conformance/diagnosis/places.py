@@ -9,7 +9,7 @@ import numpy as np
 from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, wrong_outputs
 from gsvc_conformance.diagnosis.regions import Candidate, content
 from gsvc_conformance.operation import Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 Conditions = Iterator[tuple[str, Any]]
 

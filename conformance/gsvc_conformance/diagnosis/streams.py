@@ -6,7 +6,7 @@ from typing import Final
 
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.expectations import Refusal
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 MIN_KINDS: Final = 2
 """Kinds of errors that must be reported as another one."""

@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 from gsvc_conformance.diagnosis.catalogue import CAPACITY, MAX_ALIKE, alike, crashes, gives
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.mutants import MUTANTS, Mutant
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 T = TypeVar("T")
 

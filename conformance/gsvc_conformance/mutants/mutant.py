@@ -19,7 +19,7 @@ import numpy as np
 from gsvc_conformance import spec
 from gsvc_conformance.expectations import Expectation, Judgement, Rate
 from gsvc_conformance.operation import Operation, Values
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 SECONDS: Final = 10.0
 """Maximum processor time of a mutant on one vector, in seconds: what takes longer hangs."""

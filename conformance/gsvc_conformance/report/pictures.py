@@ -15,7 +15,7 @@ from gsvc_conformance.report.element_tables import ElementTable, element_table
 from gsvc_conformance.report.measures import NOT_FINITE, U1, Expected, colors_of, error_ratios, measure_of, ramp
 from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Result
-from gsvc_conformance.vectors import Vector
+from gsvc_conformance.vector import Vector
 
 F8 = NDArray[np.float64]
 

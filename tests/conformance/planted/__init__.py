@@ -31,8 +31,8 @@ from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.report.console import cause_lines
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import Judged, judge_vector
+from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_conformance.vectors import VECTORS, Vector
 
 Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
 Part = Literal["tuned", "held back", "new, tuned", "new, held back"]
