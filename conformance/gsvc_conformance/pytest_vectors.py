@@ -324,7 +324,7 @@ class Session:
             results = [result_from(result, f"a result of {node.gateway.id}") for result in value["results"]]
             self._sent.append((results, value["notes"]))
 
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+    def pytest_terminal_summary(self, terminalreporter: "pytest.TerminalReporter") -> None:
         """Probable causes and verdicts."""
         parts = [*self._sent, self._run.found()]
         results = [result for found, _ in parts for result in found]

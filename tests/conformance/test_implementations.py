@@ -10,6 +10,7 @@ import toy_operations
 from toy_operations import judge, module
 
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Interval
+from gsvc_conformance.implementations import load_module
 from gsvc_conformance.vector_folder import Selection
 
 ROOT = Path(__file__).parents[2]
@@ -106,3 +107,12 @@ def test_what_a_module_does_to_standard_output_harms_no_report(tmp_path, text, w
     assert run.stdout.endswith(b"]\n}\n")
     assert run.stderr.endswith(b"\nFAILED\n")
     assert (b"by Python" in run.stderr) == (b"by the system" in run.stderr) == (text == STREAMS["prints"])
+
+
+def test_a_module_may_be_in_the_current_folder(tmp_path, monkeypatch):
+    """A command, unlike `python -m`, has the current folder not among those that it imports from."""
+    (tmp_path / "lies_here.py").write_text("def from_half(bits):\n    raise NotImplementedError\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder not in ("", str(tmp_path))])
+    monkeypatch.delitem(sys.modules, "lies_here", raising=False)
+    assert load_module("lies_here").functions.keys() == {"from_half"}
