@@ -5,7 +5,8 @@
     pytest --gsvc-module mypackage.gsvc                         # Python, one test a vector
     gsvc-conformance --help
 
-Python programs use `vectors`, `judge`, `assert_vector` and `diagnose`; they are imported when they are asked for.
+Python programs use `vectors`, `judge`, `assert_vector` and `diagnose`, and `make_vector` and `add_vectors` for vectors
+of their own; they are imported when they are asked for.
 
 Whatever an implementation can be asked is an *operation* (`operation`, `operations/`): a function of named inputs. A
 *case* (`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
@@ -19,18 +20,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from gsvc_conformance.interface import assert_vector, diagnose, judge, vectors
+    from gsvc_conformance.making import add_vectors, make_vector
     from gsvc_conformance.results import Result
     from gsvc_conformance.vector import Vector
 
 __version__ = "0.1.0"
-__all__ = ["Result", "Vector", "assert_vector", "diagnose", "judge", "vectors"]
+__all__ = ["Result", "Vector", "add_vectors", "assert_vector", "diagnose", "judge", "make_vector", "vectors"]
 
 EXPORTS: Final = {
     "Result": "results",
     "Vector": "vector",
+    "add_vectors": "making",
     "assert_vector": "interface",
     "diagnose": "interface",
     "judge": "interface",
+    "make_vector": "making",
     "vectors": "interface",
 }
 """The module of each exported name."""

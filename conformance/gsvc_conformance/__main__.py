@@ -31,9 +31,8 @@ COMMANDS: Final = {
     "make": "make a vector of your own from inputs of an operation",
     "mutants": "check the suite: every mutant must be found",
     "check": "say whether files are legal streams, which level they need, and where their I-frames are",
-    "export": "write the vectors in the form of other tools, such as fluster",
     "streams": "write random legal streams with what they decode to",
-    "export": "write vectors in the forms of other projects: glTF",
+    "export": "write vectors in the forms of other projects: glTF, fluster",
 }
 
 OURS: Final = ("gsvc_conformance",)

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_conformance.encoding import Decoding, rendered
-from gsvc_conformance.vector import VECTORS_VERSION, Vector, set_hash
+from gsvc_conformance.sets import quoted
+from gsvc_conformance.vector import Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref.errors import UsageError
 
@@ -59,7 +60,7 @@ def export(vectors: Path, folder: Path) -> int:
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder} is not empty; give the name of a new folder")
-    read = VectorFolder(vectors)
+    read = VectorFolder(vectors, "newest")
     tests = []
     for vector in read.read(read.select(Selection(operations=(OPERATION,)))):
         test = _test(vector)
@@ -70,7 +71,7 @@ def export(vectors: Path, folder: Path) -> int:
     suite = {
         "name": SUITE,
         "codec": CODEC,
-        "description": f"GSVC vectors {VECTORS_VERSION} (sha256 {set_hash(vectors)}), class deterministic: streams",
+        "description": f"{quoted(str(read.set.number) if read.set else '', read.sha256)}, class deterministic: streams",
         "test_method": "md5",
         "test_vectors": tests,
     }

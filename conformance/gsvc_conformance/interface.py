@@ -24,6 +24,7 @@ def vectors(
     case: str | None = None,
     group: str | None = None,
     tier: str | None = None,
+    set: int | None = None,
     folder: str | Path | None = None,
 ) -> Iterator[Vector]:
     """Golden vectors, from the core ones to streams that must be refused; each is read when it is asked for.
@@ -38,6 +39,8 @@ def vectors(
         Only those of a conformance class, such as ``rendering``.
     tier
         Only those of a tier: ``core``, ``uncommon``, ``stress`` or ``faulty``.
+    set
+        Only those of a numbered set; None: of the newest.
     folder
         A folder of vectors; None: those that the kit has.
 
@@ -51,7 +54,7 @@ def vectors(
     Raises
     ------
     UsageError
-        There is no such operation or folder, nothing is selected, or a file is damaged.
+        There is no such operation, set or folder, nothing is selected, or a file is damaged.
 
     Examples
     --------
@@ -67,7 +70,7 @@ def vectors(
     selection = Selection(
         operations=checked_operations(_some(operation)), patterns=_some(case), groups=_some(group), tiers=_some(tier)
     )
-    found = VectorFolder(VECTORS if folder is None else Path(folder))
+    found = VectorFolder(VECTORS if folder is None else Path(folder), "newest" if set is None else set)
     return found.read(found.select(selection))
 
 

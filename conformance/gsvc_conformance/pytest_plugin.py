@@ -13,16 +13,19 @@ if TYPE_CHECKING:
 OPTIONS = {
     "module": ("NAME", "judge a Python module (mine, not mine.py) by the golden vectors, a test each"),
     "impl": ("CMD", "judge a command, started as: CMD OPERATION IN_DIR OUT_DIR"),
-    "timeout": ("S", "seconds for one vector, with --gsvc-impl (60)"),
+    "serve": ("CMD", "judge a command that is started once, and answers vector after vector"),
+    "timeout": ("S", "seconds for one vector, with --gsvc-impl and --gsvc-serve (60)"),
     "operation": ("NAME", "only vectors of this operation; may be given several times"),
     "class": ("NAME", "only vectors of this conformance class; may be given several times"),
     "case": ("GLOB", "only vectors whose id, or its last part, matches; may be given several times"),
     "waivers": ("FILE", "known failures (TOML), as strict xfail"),
+    "features": ("FILE", "what it is made for (TOML): all that is inside is required, all else may be refused"),
+    "set": ("N", "the vectors of this set (default: the newest)"),
     "vectors": ("DIR", "the vectors (default: those of the kit)"),
 }
 """The options, without ``--gsvc-``, with what they take and their help."""
 SEVERAL = ("operation", "class", "case")
-JUDGED = ("module", "impl")
+JUDGED = ("module", "impl", "serve")
 """The options that say what is judged."""
 NODE = "gsvc::"
 """The beginning of the node ids of vectors."""

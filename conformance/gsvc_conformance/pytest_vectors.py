@@ -14,8 +14,9 @@ from typing import Any, Final, get_args
 import pytest
 
 from gsvc_conformance.causes import Causes
-from gsvc_conformance.commands import checked_operations
+from gsvc_conformance.commands import checked_operations, wanted_set
 from gsvc_conformance.commands.judging import environment
+from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, load_module
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.process import ProcessImplementation
@@ -24,6 +25,7 @@ from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, e
 from gsvc_conformance.report.json import result_from, result_object
 from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
 from gsvc_conformance.runner import excused, judge_vector
+from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder
@@ -37,7 +39,9 @@ SENT: Final = "gsvc"
 """The name of what a process of pytest-xdist sends when it ends."""
 NOT_CLAIMED: Final = "not claimed"
 NO_FUNCTION: Final = "has no function"
-MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl)"
+HOW: Final = ("timeout", "features", "set", "vectors")
+"""The options that say how a vector is judged, whichever it is."""
+MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl, --gsvc-serve)"
 
 
 def configure(config: pytest.Config) -> None:
@@ -82,8 +86,7 @@ class Run:
         def option(name: str) -> Any:
             return config.getoption(f"--gsvc-{name}")
 
-        self._home = Path(option("vectors") or VECTORS)
-        self._folder = VectorFolder(self._home)
+        self._folder = VectorFolder(Path(option("vectors") or VECTORS), wanted_set(option("set") or "newest"))
         self.selection = _selection(option, wanted)
         self._folder.check_patterns("--gsvc-case" if not wanted else NODE, self.selection.patterns)
         self.names = self._folder.select(self.selection)
@@ -91,24 +94,30 @@ class Run:
         self._waivers = read_waivers(Path(self._file) if self._file else None)
         if unmatched := self._waivers.unmatched(self._folder.names):
             raise UsageError(f"{self._file}: {unmatched[0]}")
+        self._features = read_features(Path(option("features"))) if option("features") else None
         self.implementation = _implementation(option, config.rootpath)
         # In one word each: pytest takes a word that is a file or folder for a path to tests.
-        self._words = [f"--gsvc-{name}={option(name)}" for name in (*JUDGED, "timeout", "vectors") if option(name)]
+        self._words = [f"--gsvc-{name}={option(name)}" for name in (*JUDGED, *HOW) if option(name)]
         self.results: dict[str, Result] = {}
         self._causes = Causes()
+
+    def end(self) -> None:
+        """End what was started for all vectors."""
+        if isinstance(self.implementation, ServerImplementation):
+            self.implementation.__exit__(None, None, None)
 
     def unanswered(self, name: str) -> str:
         """The reason why a vector needs not be read: its operation has no function; else empty."""
         functions = getattr(self.implementation, "functions", None)
         operation = name.split("/")[1]
-        if functions is None or callable(functions.get(operation)):
+        if self._features or functions is None or callable(functions.get(operation)):
             return ""
         return f"{self.implementation.name} {NO_FUNCTION} {operation}"
 
     def judged(self, name: str) -> Result:
         """Ask for a vector's outputs and judge them; with its waiver, if one counts."""
         (vector,) = self._folder.read([name])
-        judged = judge_vector(self.implementation, vector)
+        judged = judge_vector(self.implementation, vector, self._features)
         if (waiver := self._waivers.of(name)) and judged.result.outcome in FAULTS:
             judged = excused(judged, waiver.excuse)
         self._causes.add(judged)
@@ -154,8 +163,9 @@ class Run:
         by_id = {result.id: result for result in results}
         there = [by_id[name] for name in self.names if name in by_id]
         return Report(
-            environment(self.implementation.name, self._home), "", str(self.selection), notes, there,
+            environment(self.implementation.name, self._folder), "", str(self.selection), notes, there,
             self.implementation.environment, whole=self.selection.whole and len(there) == len(self.names),
+            features=self._features,
         )  # fmt: skip
 
 
@@ -178,8 +188,10 @@ def _implementation(option: Any, home: Path) -> Implementation:
         raise UsageError(f"say what golden vectors judge: {'only one of ' if given else ''}{what}")
     if option("impl"):
         return ProcessImplementation(option("impl"), _seconds(option("timeout")))
+    if option("serve"):
+        return ServerImplementation(option("serve"), _seconds(option("timeout")))
     if option("timeout"):
-        raise UsageError("--gsvc-timeout needs --gsvc-impl: a module cannot be stopped")
+        raise UsageError("--gsvc-timeout needs --gsvc-impl or --gsvc-serve: a module cannot be stopped")
     return load_module(option("module"), home)
 
 
@@ -307,7 +319,8 @@ class Session:
         return ("skipped", "", "SKIPPED") if silent else None
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Send the results, in a process of pytest-xdist."""
+        """End a server, and send the results, in a process of pytest-xdist."""
+        self._run.end()
         sent = getattr(session.config, "workeroutput", None)
         if sent is not None:
             results, notes = self._run.found()

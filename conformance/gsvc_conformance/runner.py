@@ -99,9 +99,9 @@ def excused(judged: Judged, reason: str) -> Judged:
     return replace(judged, result=replace(judged.result, outcome="waived", message=message))
 
 
-def judge_vector(implementation: Implementation, vector: Vector) -> Judged:
-    """Ask for one vector's outputs and judge them."""
-    return judge_answer(vector, ask(implementation, vector), implementation.in_full)
+def judge_vector(implementation: Implementation, vector: Vector, features: Features | None = None) -> Judged:
+    """Ask for one vector's outputs and judge them, by what the implementation is made for if that is said."""
+    return judge_answers(vector, [ask(implementation, vector)], implementation.in_full, features=features)
 
 
 def _asked(implementation: Implementation, vector: Vector, times: int) -> Iterator[Answered]:

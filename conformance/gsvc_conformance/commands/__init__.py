@@ -30,15 +30,32 @@ def add_vectors(parser: ArgumentParser) -> None:
 def add_set(parser: ArgumentParser) -> None:
     """The set of the vectors."""
     parser.add_argument(
-        "--set", type=_set, default="newest", metavar="N",
+        "--set", type=_set_argument, default="newest", metavar="N",
         help="the vectors of this set (default: the newest); all: also those that no set lists yet",
     )  # fmt: skip
 
 
-def _set(text: str) -> Wanted:
-    """A number of a set, ``newest`` or ``all``."""
-    words: dict[str, Wanted] = {"newest": "newest", "all": "all"}
-    return words.get(text) or times(text)
+def _set_argument(text: str) -> Wanted:
+    """The same for a parser of arguments."""
+    try:
+        return wanted_set(text)
+    except UsageError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def wanted_set(text: str) -> Wanted:
+    """The number of a set, ``newest`` or ``all``.
+
+    Raises
+    ------
+    UsageError
+        It is none of these.
+    """
+    if text in ("newest", "all"):
+        return text  # type: ignore[return-value]
+    if not text.isdecimal() or int(text) < 1:
+        raise UsageError(f"a set is named by its number, such as 1, newest or all, not {text!r}")
+    return int(text)
 
 
 def vectors_of(arguments: Namespace) -> VectorFolder:
