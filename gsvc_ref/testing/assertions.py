@@ -74,6 +74,7 @@ def assert_within_bound(operation: str, given: Any, /, **inputs: Any) -> None:
     UsageError
         The operation is not one of these, or an input is missing or wrong.
     """
+    __tracebackhide__ = True  # pytest shows the test instead
     if operation not in OPERATIONS:
         raise UsageError(f"there are no bounds for {operation!r}: choose one of {', '.join(OPERATIONS)}")
     legal_outputs = OPERATIONS[operation]

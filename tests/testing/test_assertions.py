@@ -124,7 +124,7 @@ def test_messages_name_the_place():
         "render_gradients: the gradient of l21 of splat 0 is 0, expected "
     )
     loss, residual = computed("loss")
-    assert message("loss", (loss + 1, residual)).startswith("loss: loss: it is 2.")
+    assert message("loss", (loss + 1, residual)).startswith("loss: loss: it is 3.49476")
     assert "loss has the outputs loss, residual" in message("loss", loss)
     assert message("loss", {"loss": loss, "residual": residual[0]}) == (
         "loss: residual: the shape is (16, 3), expected (12, 16, 3)"
