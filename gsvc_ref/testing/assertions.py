@@ -13,7 +13,6 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.bounds import exact_gradients_with_bound, frame_limits, render_exact_with_bound
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing.training_bounds import (
-    WithBound,
     adan_step_with_bound,
     loss_with_bound,
     weighted_gradients_with_bound,
@@ -187,12 +186,12 @@ def _adan_step(
     beta3: float,
     epsilon: float,
 ) -> dict[str, Legal]:
-    rows = (_narrow(part) for part in (parameters, gradients, m, v, n, previous))
+    p, g, of_m, of_v, of_n, before = (_narrow(part) for part in (parameters, gradients, m, v, n, previous))
     taken = np.asarray(steps, np.int64)
-    outputs: dict[str, WithBound] = adan_step_with_bound(
-        *rows, taken, _narrow(rates), _narrow(units), beta1, beta2, beta3, epsilon
+    outputs = adan_step_with_bound(
+        p, g, of_m, of_v, of_n, before, taken, _narrow(rates), _narrow(units), beta1, beta2, beta3, epsilon
     )
-    outputs["steps"] = (taken + 1.0, np.zeros(taken.shape))
+    outputs["steps"] = (taken.astype(np.float64) + 1, np.zeros(taken.shape, np.float64))
     return {name: _within(*output, _of_row) for name, output in outputs.items()}
 
 

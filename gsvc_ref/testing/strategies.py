@@ -204,5 +204,5 @@ def _pictures(rng: Draws, shape: tuple[int, int, int], colors: Sequence[tuple[in
     """Pictures (count, H, W, 3) whose pixels have some colours, or any if there are none."""
     dtype = np.uint8 if bit_depth == 8 else np.uint16
     if not colors:
-        return rng.integers(0, 2**bit_depth, (*shape, 3), dtype)
-    return np.array(colors, dtype)[rng.integers(0, len(colors), shape)]
+        return np.asarray(rng.integers(0, 2**bit_depth, (*shape, 3), dtype))
+    return np.asarray(np.array(colors, dtype)[rng.integers(0, len(colors), shape)])

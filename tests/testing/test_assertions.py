@@ -1,5 +1,6 @@
 """`assert_within_bound` judges as the kit does, takes what the fast code computes, and says what is wrong."""
 
+from functools import cache
 from itertools import islice
 
 import numpy as np
@@ -75,11 +76,16 @@ def test_what_gsvc_ref_computes_is_within_bounds_and_what_is_off_is_not(operatio
             assert_within_bound(operation, wrong if len(wrong) > 1 else wrong[0], **INPUTS[operation])
 
 
+@cache
+def core():
+    return tuple(vectors.load(tiers=("core",)))
+
+
 @pytest.mark.parametrize("operation", OPERATIONS)
 @pytest.mark.parametrize("most", [2, pytest.param(None, marks=pytest.mark.exhaustive)])
 def test_numbers_and_bounds_are_those_of_the_vectors(operation, most):
     """Values by binary64 alone may differ from those by 106 bits, far below the bound; bounds are the same."""
-    own = (vector for vector in vectors.load(tiers=("core",)) if vector.operation.name == operation)
+    own = (vector for vector in core() if vector.operation.name == operation)
     seen = 0
     for seen, vector in enumerate(islice(own, most), 1):  # noqa: B007
         for name, legal in OPERATIONS[operation](**vector.inputs).items():

@@ -72,6 +72,7 @@ def test_blocks_pass_on_a_cold_cache_under_the_default_settings(tmp_path):
     assert any((tmp_path / "kernels").rglob("*.nbc"))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [("- l21 * u1) / l22", "- l21 * u1) / l11"), ("np.exp(-sigma)", "np.exp(-sigma) * np.float32(1.0001)")],
