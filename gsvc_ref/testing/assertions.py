@@ -120,7 +120,8 @@ def _failure(actual: Any, legal: Legal) -> str:
         error = abs(wide - legal.value)
         allowed = np.where(wide < legal.value, legal.value - legal.lowest, legal.highest - legal.value)
         ratio = np.where(wrong, np.where(np.isfinite(wide), error / allowed, np.inf), -1.0)
-    place = tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio)), ratio.shape))
+    among = np.where(ratio == ratio.max(), np.nan_to_num(error, nan=np.inf), -1.0)  # bounds of 0 have equal ratios
+    place = tuple(int(i) for i in np.unravel_index(int(np.argmax(among)), ratio.shape))
     is_wrong = f"{legal.name(place)} is {wide[place]:.9g}, expected {legal.value[place]:.9g}"
     bound = f"{ratio[place]:.3g} times the bound {allowed[place]:.3g}" if allowed[place] else "and must be none"
     count = f" ({np.count_nonzero(wrong)} of {wrong.size} elements are wrong)" if wrong.size > 1 else ""
