@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gsvc_ref.quantization import to_half as to_half
     from gsvc_ref.reconstruction import reconstruct_inter as reconstruct_inter
     from gsvc_ref.reconstruction import reconstruct_intra as reconstruct_intra
+    from gsvc_ref.rendering import exact_gradients_with_bound as exact_gradients_with_bound
     from gsvc_ref.rendering import loss as loss
     from gsvc_ref.rendering import render as render
     from gsvc_ref.rendering import render_exact_with_bound as render_exact_with_bound
@@ -101,6 +102,7 @@ _HOMES: Final = {
     "decode_stream_deterministic": "gsvc_ref.stream",
     "encode": "gsvc_ref.encoder",
     "encode_plane": "gsvc_ref.bitstream.rans",
+    "exact_gradients_with_bound": "gsvc_ref.rendering",
     "frame_to_planes": "gsvc_ref.video.color",
     "from_half": "gsvc_ref.quantization",
     "learning_rates": "gsvc_ref.training.operations",
@@ -156,6 +158,7 @@ __all__ = [
     "decode_stream_deterministic",
     "encode",
     "encode_plane",
+    "exact_gradients_with_bound",
     "frame_to_planes",
     "from_half",
     "learning_rates",

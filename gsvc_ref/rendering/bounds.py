@@ -170,6 +170,24 @@ def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8
     return C, bound.bound()
 
 
+def frame_limits(C: F8, bound: F8, bit_depth: int) -> tuple[F8, F8]:
+    """The lowest and the highest frame that a renderer with a sum within `bound` of C may give (13-18).
+
+    The clamp is exact, the product with the peak has a relative error of at most eps and may lose ETA to underflow
+    (which no rounding to an integer sees), and rounding to an integer keeps the order. No product is rounded above the
+    peak.
+
+    Returns
+    -------
+    lowest, highest
+        Integers, (H, W, 3) f8.
+    """
+    peak = 2**bit_depth - 1
+    lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
+    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))  # (13-18)
+    return lowest, highest
+
+
 def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8, F8]:
     """The exact gradients of sum(residual * C) and how far binary32 ones may be from them (the derivation is above).
 

@@ -6,9 +6,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from gsvc_conformance.distinct import distinct
 from gsvc_conformance.elementary import exp, log, power
-from gsvc_conformance.expansions import (
+from gsvc_conformance.operation import operations
+from gsvc_ref.testing.distinct import distinct
+from gsvc_ref.testing.expansions import (
     PRECISIONS,
     Expansion,
     certain,
@@ -20,7 +21,6 @@ from gsvc_conformance.expansions import (
     two_sum,
     where,
 )
-from gsvc_conformance.operation import operations
 
 COUNT = 40
 BITS = 1500

@@ -14,7 +14,8 @@ CODEC = Path(gsvc_ref.__file__).parent
 SOURCES = sorted(
     [
         *(KIT / "operations").glob("*.py"),
-        *(KIT / name for name in ("distinct.py", "elementary.py", "expansions.py", "running_error.py")),
+        KIT / "elementary.py",
+        *(CODEC / "testing" / f"{name}.py" for name in ("distinct", "expansions", "running_error", "training_bounds")),
         *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "fast/exponential.py")),
         CODEC / "rendering" / "deterministic.py",
     ]

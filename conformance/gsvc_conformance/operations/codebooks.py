@@ -6,9 +6,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.expansions import certain, exact, joined
 from gsvc_conformance.expectations import Bounded, Expectation
-from gsvc_conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
+from gsvc_ref.testing.expansions import certain, exact, joined
+from gsvc_ref.testing.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -42,9 +42,9 @@ def rvq_update_oracle(
     """Running error analysis of (10-22) to (10-24), stage by stage: see `updated_codebooks`."""
     if len(x) == 0:
         return {
-            "counts": expected(rounded_once(counts), "<f8"),
-            "sums": expected(rounded_once(sums), "<f8"),
-            "codebooks": expected(given(codebooks)),
+            "counts": Bounded(*with_bound(rounded_once(counts)), "<f8"),
+            "sums": Bounded(*with_bound(rounded_once(sums)), "<f8"),
+            "codebooks": Bounded(*with_bound(given(codebooks))),
         }
     splits = [books_of(codebook_sizes, rows) for rows in (codebooks.astype(np.float64), counts, sums)]
     chosen: list[F8] = []

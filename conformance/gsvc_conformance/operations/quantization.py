@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.distinct import distinct
-from gsvc_conformance.expectations import Decision, Expectation
+from gsvc_conformance.expectations import Bounded, Decision, Expectation
 from gsvc_conformance.operation import paired
 from gsvc_conformance.operations.codebooks import books_of, residual, rvq_update_oracle
-from gsvc_conformance.running_error import Computed, expected, given, rounded_once, stack
+from gsvc_ref.testing.distinct import distinct
+from gsvc_ref.testing.running_error import Computed, given, rounded_once, stack, with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -90,9 +90,9 @@ def lsq_gradients_oracle(x: F4, scale: F4, offset: F4, bits: int, grad_output: F
     grad = given(grad_output)
     by_scale = (given(q) - t).where(inside, given(np.where(above, largest, 0.0)))
     return {
-        "grad_x": expected(grad.where(inside, zero)[inverse]),
-        "grad_scale": expected((grad * by_scale).where(~below, zero).total(0, times=times)),
-        "grad_offset": expected(grad.where(~inside, zero).total(0, times=times)),
+        "grad_x": Bounded(*with_bound(grad.where(inside, zero)[inverse])),
+        "grad_scale": Bounded(*with_bound((grad * by_scale).where(~below, zero).total(0, times=times))),
+        "grad_offset": Bounded(*with_bound(grad.where(~inside, zero).total(0, times=times))),
     }
 
 
@@ -181,8 +181,8 @@ def commitment_oracle(x: F4, indices: U2, codebook_sizes: I8, codebooks: F4) -> 
     of_all = np.broadcast_to(times[:, None], left.error.shape).reshape(-1)
     squares = (left * left / components).flat()
     return {
-        "loss": expected(squares.total(times=of_all), "<f8"),
-        "grad_x": expected((rounded_once(2.0) * left / components).total(0)[inverse]),
+        "loss": Bounded(*with_bound(squares.total(times=of_all)), "<f8"),
+        "grad_x": Bounded(*with_bound((rounded_once(2.0) * left / components).total(0)[inverse])),
     }
 
 

@@ -5,16 +5,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.distinct import distinct
-from gsvc_conformance.expansions import exact
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from gsvc_conformance.operation import numbered, paired
 from gsvc_conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
 from gsvc_ref.arrays import frame_type
 from gsvc_ref.constants import LN_255
-from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints
+from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints, frame_limits
 from gsvc_ref.rendering.definition import added
 from gsvc_ref.splats import Splats
+from gsvc_ref.testing.distinct import distinct
+from gsvc_ref.testing.expansions import exact
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -116,19 +116,11 @@ paired(
 
 
 def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: int) -> dict[str, Expectation]:
-    """R-9.1-1 of the exact sum C, and of all that the bound b of section 9.2 allows.
-
-    A renderer may have any sum within C - b .. C + b. The clamp is exact, the product with the peak has a relative
-    error of at most eps and may lose ETA to underflow (which no rounding to an integer sees), and rounding to an
-    integer keeps the order: so the frame lies between the roundings of clamp(C - b) peak (1 - eps) and
-    clamp(C + b) peak (1 + eps), which is never rounded above the peak.
-    """
+    """R-9.1-1 of the exact sum C, and of all that the bound of section 9.2 allows (`frame_limits`)."""
     C, bound = sum_with_bound(parameters, width, height)
-    peak = 2**bit_depth - 1
     kind = frame_type(bit_depth)
-    value = (exact(np.clip(C, 0, 1)) * exact(float(peak))).rint()
-    lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
-    highest = np.rint(np.clip(C + bound, 0, 1) * peak * (1 + EPS))  # (13-18)
+    value = (exact(np.clip(C, 0, 1)) * exact(float(2**bit_depth - 1))).rint()
+    lowest, highest = frame_limits(C, bound, bit_depth)
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 

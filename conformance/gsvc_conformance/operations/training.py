@@ -1,16 +1,17 @@
 """The operations of a training step: the loss, the weights, learning rates and Adan."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_conformance.distinct import distinct
-from gsvc_conformance.expansions import Expansion, certain, exact
 from gsvc_conformance.expectations import Bounded, Exact, Expectation
 from gsvc_conformance.operation import paired
-from gsvc_conformance.running_error import COMPONENTS, Computed, expected, given, rounded_once, stack
 from gsvc_ref.rendering.bounds import EPS, ETA
+from gsvc_ref.testing.expansions import Expansion, certain, exact
+from gsvc_ref.testing.running_error import COMPONENTS
+from gsvc_ref.testing.training_bounds import adan_step_with_bound, loss_with_bound, weighted_gradients_with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -19,17 +20,9 @@ Expected = Mapping[str, Expectation]
 
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
-    """Running error analysis: the difference has one rounding, its square one, the sum of 3 H W any sane order (13-4).
-
-    Multiplying by a rounded 2 / (H W) has two roundings, fewer than the quotient that is allowed for.
-    """
-    height, width = picture.shape[:2]
-    pixels = given(height * width)
-    first, inverse, times = distinct(picture.reshape(-1), target.reshape(-1))
-    difference = given(np.clip(picture.reshape(-1)[first], 0, 1)) - given(target.reshape(-1)[first])
-    loss = (difference * difference).total(0, times=times, rows=height, columns=width) / pixels
-    residual = given(2.0) * difference / pixels
-    return {"loss": expected(loss, "<f8"), "residual": expected(residual[inverse.reshape(picture.shape)])}
+    """The running error analysis of `loss_with_bound`."""
+    outputs = loss_with_bound(picture, target)
+    return {"loss": Bounded(*outputs["loss"], "<f8"), "residual": Bounded(*outputs["residual"])}
 
 
 paired(
@@ -64,14 +57,8 @@ paired(
 
 
 def weighted_gradients_oracle(values: F4, gradients: F4) -> Expected:
-    """Running error analysis: copies are exact, w G has one rounding, G . c' three products in any order."""
-    first, inverse, _ = distinct(values, gradients)
-    values, gradients = values[first], gradients[first]
-    by_product, color, w = given(gradients[:, 5:]), given(values[:, 5:8]), given(values[:, 8:])
-    of_color, of_weight = expected(by_product * w), expected((by_product * color).total(1))
-    value = np.concatenate([gradients[:, :5], of_color.value, of_weight.value[:, None]], axis=1)
-    bound = np.concatenate([np.zeros((len(values), 5)), of_color.bound, of_weight.bound[:, None]], axis=1)
-    return {"gradients": Bounded(value[inverse], bound[inverse])}
+    """The running error analysis of `weighted_gradients_with_bound`."""
+    return {"gradients": Bounded(*weighted_gradients_with_bound(values, gradients)["gradients"])}
 
 
 paired(
@@ -118,68 +105,10 @@ paired(
 )
 
 
-def adan_oracle(
-    parameters: F4,
-    gradients: F4,
-    m: F4,
-    v: F4,
-    n: F4,
-    previous: F4,
-    steps: I8,
-    rates: F4,
-    units: F4,
-    beta1: float,
-    beta2: float,
-    beta3: float,
-    epsilon: float,
-) -> Expected:
-    """Running error analysis of (10-13) and (10-14).
-
-    Averages may be b old + (1 - b) new or old + (1 - b) (new - old). Decay rates, 1 minus them and the corrections are
-    known in binary64 and rounded once each; dividing by a correction allows for multiplying by its rounded reciprocal.
-    Both averages are corrected and divided by themselves, and three terms summed in any order, so that two
-    subtractions are covered as well as one. Near n = 0 the root's error is the difference of roots, against which
-    stands epsilon.
-    """
-    first, inverse, _ = distinct(parameters, gradients, m, v, n, previous, steps)
-    parameters, gradients, m, v, n, previous = (rows[first] for rows in (parameters, gradients, m, v, n, previous))
-    k = steps[first, None] + 1
-    b1, b2, b3 = rounded_once(beta1), rounded_once(beta2), rounded_once(beta3)
-    c1, c2, c3 = (rounded_once(_correction(beta, np.ones((1, 1), np.int64))) for beta in (beta1, beta2, beta3))
-    g = given(gradients) * given(units)
-    d = g - given(previous)
-    # A fused g - fl(g) is the rounding error of g.
-    d = Computed(exact(np.zeros(g.error.shape)), g.error).where(k == 1, d)
-    new_m = _average(b1, c1, given(m), g)
-    new_v = _average(b2, c2, given(v), d)
-    ahead = g + b2 * d
-    new_n = _average(b3, c3, given(n), ahead * ahead)
-    denominator = new_n.sqrt() / rounded_once(_correction(beta3, k).sqrt()) + rounded_once(epsilon)
-    rate = given(rates) * given(units)
-    by_m = rate * (new_m / rounded_once(_correction(beta1, k)) / denominator)
-    by_v = rate * (b2 * (new_v / rounded_once(_correction(beta2, k))) / denominator)
-    moved = stack(given(parameters), -by_m, -by_v).total(0)
-    return {
-        "parameters": expected(moved[inverse]),
-        "m": expected(new_m[inverse]),
-        "v": expected(new_v[inverse]),
-        "n": expected(new_n[inverse]),
-        "previous": expected(g[inverse]),
-        "steps": Exact(steps + 1),
-    }
-
-
-def _correction(beta: float, k: I8) -> Expansion:
-    """1 - beta^k for k (n, 1)."""
-    distinct_k, inverse = np.unique(k, return_inverse=True)
-    powers = exact(np.full(len(distinct_k), beta), COMPONENTS).raised(distinct_k)
-    return (exact(1.0) - powers)[inverse.reshape(k.shape)]
-
-
-def _average(b: Computed, c: Computed, old: Computed, new: Computed) -> Computed:
-    """The moving average b old + c new with c = 1 - b, in either arrangement."""
-    average, interpolated = b * old + c * new, old + c * (new - old)
-    return Computed(average.number, np.maximum(average.error, interpolated.error))
+def adan_oracle(steps: I8, **inputs: Any) -> Expected:
+    """The running error analysis of `adan_step_with_bound`; steps are counted."""
+    outputs = adan_step_with_bound(steps=steps, **inputs)
+    return {name: Bounded(*output) for name, output in outputs.items()} | {"steps": Exact(steps + 1)}
 
 
 paired(

@@ -17,9 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_conformance.expansions import Expansion, certain, exact, joined, where
-from gsvc_conformance.expectations import Bounded
 from gsvc_ref.rendering.bounds import EPS, ETA, additions, gamma
+from gsvc_ref.testing.expansions import Expansion, certain, exact, joined, where
 
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
@@ -137,9 +136,9 @@ def stack(*parts: Computed) -> Computed:
     return Computed(joined(*wide), np.stack([np.broadcast_to(part.error, shape) for part in parts]))
 
 
-def expected(number: Computed, dtype: str = "<f4") -> Bounded:
-    """The expectation of an implementation's numbers of `dtype`: the true ones, rounded once to binary64."""
-    return Bounded(certain(number.number), np.asarray(number.error), dtype)
+def with_bound(number: Computed) -> tuple[F8, F8]:
+    """The true numbers, rounded once to binary64, and how far an implementation's may be from them."""
+    return certain(number.number), np.asarray(number.error)
 
 
 def _rounded(number: Expansion, error: F8, unit: float, exact_operands: NDArray[np.bool_]) -> Computed:
