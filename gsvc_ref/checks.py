@@ -1,4 +1,4 @@
-"""One check for the fields of every settings dataclass: each holds what its annotation says."""
+"""Checks at the doors: the fields of settings dataclasses hold what their annotations say, arrays hold numbers."""
 
 import math
 import operator
@@ -9,6 +9,7 @@ from types import NoneType, UnionType
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
 
@@ -21,6 +22,44 @@ _NAMES: Final[Mapping[Any, str]] = {
     str: "a string",
     NoneType: "None",
 }
+
+
+def numbers(value: Any, name: str, remedy: str) -> NDArray[np.float32]:
+    """An array of real numbers, or what NumPy makes one of, as f4; numbers beyond binary32 become infinite.
+
+    Parameters
+    ----------
+    value
+        Anything.
+    name, remedy
+        The subject of the message and what to do, such as "the splats" and "give Splats or an array (N, 8)".
+
+    Raises
+    ------
+    UsageError
+        It is no array of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of several lengths, a tensor of a GPU
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        held = type(value).__name__ + (f" of {array.dtype}" if isinstance(value, np.ndarray) else "")
+        raise UsageError(f"{name} cannot be a {held}; {remedy}")
+    with np.errstate(over="ignore", under="ignore"):
+        return array.astype(np.float32, copy=False)
+
+
+def check_whole(name: str, value: Any) -> None:
+    """Refuse what is no whole number; True is none, and nothing is parsed.
+
+    Raises
+    ------
+    UsageError
+        Names the argument.
+    """
+    if _whole(value) is _REFUSED:
+        raise UsageError(f"{name} is {value!r}; it must be a whole number")
 
 
 def check_types(settings: Any) -> None:

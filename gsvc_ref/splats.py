@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gsvc_ref.arrays import F4 as F4
+from gsvc_ref.checks import numbers
 from gsvc_ref.errors import UsageError
 
 PARAMETERS_PER_SPLAT = 8
@@ -77,10 +78,22 @@ class Splats:
     @classmethod
     def from_array(cls, array: ArrayLike) -> Self:
         """Split an (N, 8) array with columns x, y, l11, l21, l22, R, G, B."""
-        packed = np.asarray(array, dtype=np.float32)
+        packed = cls.parameters_of(array)
+        return cls(packed[:, 0:2], packed[:, 2:5], packed[:, 5:8])
+
+    @classmethod
+    def parameters_of(cls, splats: "Splats | ArrayLike") -> F4:
+        """The parameters of splats, or an (N, 8) array of numbers as f4; what a number says is not looked at.
+
+        Raises
+        ------
+        UsageError
+            It is neither.
+        """
+        packed = numbers(splats, "the splats", f"give Splats or an array (N, {PARAMETERS_PER_SPLAT})")
         if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
             raise UsageError(f"the array has shape {packed.shape}; it must be (N, {PARAMETERS_PER_SPLAT})")
-        return cls(packed[:, 0:2], packed[:, 2:5], packed[:, 5:8])
+        return packed
 
     def to_array(self) -> F4:
         """All parameters as (N, 8) f4 with columns x, y, l11, l21, l22, R, G, B."""
