@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gsvc_ref.arrays import F4 as F4
-from gsvc_ref.checks import numbers
+from gsvc_ref.checks import door, numbers
 from gsvc_ref.errors import UsageError
 
 PARAMETERS_PER_SPLAT = 8
@@ -44,7 +44,8 @@ class Splats:
 
     def __post_init__(self) -> None:
         for name, columns in (("positions", 2), ("cholesky", 3), ("colors", 3)):
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            given = numbers(getattr(self, name), f"Splats.{name}", f"give an array (N, {columns})")
+            array = np.ascontiguousarray(given)
             if array.ndim != 2 or array.shape[1] != columns:
                 raise UsageError(f"Splats.{name} has shape {array.shape}; it must be (N, {columns})")
             wrong = ~np.isfinite(array) if name == "colors" else np.isnan(array)
@@ -124,6 +125,7 @@ class Splats:
         )
 
 
+@door
 def scale_parameters(
     parameters: Splats | ArrayLike, width: int, height: int, new_width: int, new_height: int
 ) -> Splats:

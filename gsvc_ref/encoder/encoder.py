@@ -14,7 +14,7 @@ from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
@@ -77,6 +77,8 @@ def encode(
         Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
+    if not isinstance(chosen, Settings):
+        raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...) or Settings.paper(...)")
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
     with opened_source(source, frame_rate) as reader:
@@ -137,6 +139,9 @@ class _Encode(Encoding[Frame]):
             rate = self.format.frame_rate
             typed = with_i_frames(typed, I_FRAME_SECONDS * -(-rate.numerator // rate.denominator))
         return typed
+
+    def _no_frames(self) -> GsvcError:
+        return GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
 
     def _notes(self) -> list[str]:
         return [*self.reader.notes, *self._missed_quality()]

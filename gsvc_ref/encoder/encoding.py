@@ -132,8 +132,6 @@ class Encoding(ABC, Generic[FrameT]):
 
     name = "gsvc_ref.encode"
     """The function that is at work."""
-    nothing = "the source has no frames to encode; check the file and --frames"
-    """What is said of a source without frames."""
 
     def __init__(
         self,
@@ -165,6 +163,10 @@ class Encoding(ABC, Generic[FrameT]):
     @abstractmethod
     def _typed(self, frames: Iterator[FrameT]) -> Iterator[TypedFrame[FrameT]]:
         """The frames with their numbers and types."""
+
+    @abstractmethod
+    def _no_frames(self) -> Exception:
+        """What is raised for a source without frames."""
 
     @abstractmethod
     def _notes(self) -> list[str]:
@@ -200,7 +202,7 @@ class Encoding(ABC, Generic[FrameT]):
                 self.fault = error
         self.interrupts.held = True
         if self.writer is None:
-            raise self.fault or GsvcError("malformed", self.nothing)
+            raise self.fault or self._no_frames()
         settings = self.encoder.settings
         log = (DECISIONS, write_log([frame.decisions for frame in self.reports])) if settings.decisions else None
         file_bytes = sum(self.writer.finish(log).values()) // 8

@@ -24,7 +24,7 @@ LARGEST_FACTOR: Final = 2.0**40
 """Largest magnitude of l11, l21 and l22 in pixels: far beyond every frame, and its square is far from overflow."""
 
 REMEDIES: Final = {
-    "refuse": "degenerate='turn' turns the sign of a column of L, which leaves L L^T as it is and is right for trainers "
+    "refuse": "degenerate='turn' turns the sign of a column of L, which leaves L L^T as it is, right for trainers "
     "that do not hold l11 and l22 above 0; degenerate='remove' leaves such splats out, as renderers do",
     "turn": "a zero has no sign to turn; degenerate='remove' leaves such splats out, as renderers do",
 }

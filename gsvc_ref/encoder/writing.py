@@ -26,7 +26,7 @@ CHOLESKY_BITS: Final = 12
 
 COLOR_STAGES: Final = 6
 COLOR_CODEWORDS: Final = 32
-"""Stages and codewords of `write`: on two fitted pictures colours then erred less than positions, which are binary16."""
+"""Stages and codewords of `write`: on two fitted pictures colours then erred less than binary16 positions."""
 
 POSITION_STEP: Final = 1 / 64
 """Step of positions in pixels: bits beyond it cost as much as any other and nobody sees them."""
@@ -147,7 +147,6 @@ class _Write(Encoding[GivenSplats]):
     """One encode of given splats."""
 
     name = "gsvc_ref.write"
-    nothing = "there are no frames; give the splats of at least one"
 
     def __init__(
         self,
@@ -179,6 +178,9 @@ class _Write(Encoding[GivenSplats]):
                 yield TypedFrame(number, frame, "I", "listed")
             else:
                 yield TypedFrame(number, frame, "P", "predicted")
+
+    def _no_frames(self) -> UsageError:
+        return UsageError("there are no frames; give the splats of at least one")
 
     def _notes(self) -> list[str]:
         notes = []
