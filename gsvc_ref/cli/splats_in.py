@@ -143,6 +143,8 @@ def _import(arguments: Namespace) -> int:
             )
         except IncompleteEncodeError as error:
             fault, report = error, error.report
+        finally:
+            given.frames.close()
     lost += [*report.notes, _quantised(report)]
     if arguments.json:
         print_json(report_object(arguments, report, lost))

@@ -79,9 +79,10 @@ def _array_source(source: Any, frame_rate: FrameRate) -> FrameSource:
     if isinstance(source, np.ndarray) and source.ndim != 4:
         raise UsageError(f"the array has shape {source.shape}; a video is (T, H, W, 3){_remedy(source, 4)}")
     frames = iter(source)
-    first = next(frames, None)
-    if first is None:
-        raise UsageError("there are no frames; give at least one")
+    try:
+        first = next(frames)
+    except StopIteration:
+        raise UsageError("there are no frames; give at least one") from None
     try:
         picture = np.asarray(first)
     except (TypeError, ValueError):

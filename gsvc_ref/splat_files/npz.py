@@ -17,7 +17,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 from pathlib import Path
 from shutil import copyfileobj
@@ -117,11 +117,11 @@ class NpzSplats:
         return len(self.counts)
 
     def __iter__(self) -> Iterator[F4 | tuple[F4, I8]]:
-        with self._reading(), self._member("parameters") as parameters:
+        with self._reading(), self._member("parameters") as parameters, ExitStack() as stack:
             numbers = self._header(parameters, "parameters")
             ids, integers = None, numbers
             if self._ids:
-                ids = self._member("ids")
+                ids = stack.enter_context(self._member("ids"))
                 integers = self._header(ids, "ids")
             for frame, count in enumerate(self.counts.tolist()):
                 values = self._rows(parameters, numbers, (count, PARAMETERS_PER_SPLAT), frame)
