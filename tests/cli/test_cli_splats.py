@@ -39,7 +39,8 @@ def test_npz_to_a_stream_and_back(npz, tmp_path, capsys):
     assert "3 frames: 1 I, 2 P" in said.out
     assert said.err.count("lost: ") == 1
     assert "what quantisers round: frame" in said.err
-    assert gsvc_ref.open(out).header.frame_rate_numerator == 30000
+    with gsvc_ref.open(out) as stream:
+        assert stream.header.frame_rate_numerator == 30000
     assert main(["export", out, back, "--quiet"]) == 0
     assert capsys.readouterr().err == ""
     with np.load(back, allow_pickle=False) as arrays:
