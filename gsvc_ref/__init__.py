@@ -2,7 +2,7 @@
 
     import gsvc_ref
 
-    report = gsvc_ref.encode("clip.y4m", "clip.gsvc")           # or a VideoReader, or frames and their VideoFormat
+    report = gsvc_ref.encode("clip.y4m", "clip.gsvc")           # or an array (T, H, W, 3), u1 or u2
     for frame in gsvc_ref.decode("clip.gsvc"):                  # (H, W, 3) u1, one at a time
         ...
     with gsvc_ref.open("clip.gsvc") as stream:
@@ -11,6 +11,7 @@
     for frame in gsvc_ref.decode("damaged.gsvc", on_gap=print): # all that is left, and what is missing
         ...
     gsvc_ref.concat(["morning.gsvc", "noon.gsvc"], "day.gsvc")  # one stream, without decoding a splat
+    gsvc_ref.write("mine.gsvc", [parameters], 320, 240)         # splats of any trainer, an (N, 8) array for each frame
 
 spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `reconstruction`, `rendering` and
 `quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder import IncompleteEncodeError as IncompleteEncodeError
     from gsvc_ref.encoder import Settings as Settings
     from gsvc_ref.encoder import encode as encode
+    from gsvc_ref.encoder import write as write
     from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
@@ -136,6 +138,7 @@ _HOMES: Final = {
     "to_half": "gsvc_ref.quantization",
     "weighted_gradients": "gsvc_ref.training.weighting",
     "weighted_parameters": "gsvc_ref.training.weighting",
+    "write": "gsvc_ref.encoder",
 }
 """The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
@@ -192,6 +195,7 @@ __all__ = [
     "to_half",
     "weighted_gradients",
     "weighted_parameters",
+    "write",
 ]
 
 

@@ -1,16 +1,23 @@
-"""One check for the fields of every settings dataclass: each holds what its annotation says."""
+"""Checks at the doors: the fields of settings dataclasses hold what their annotations say, arrays hold numbers."""
 
 import math
 import operator
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import wraps
+from inspect import signature
 from numbers import Real
 from types import NoneType, UnionType
-from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref.errors import UsageError
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _REFUSED: Final = object()
 
@@ -21,6 +28,44 @@ _NAMES: Final[Mapping[Any, str]] = {
     str: "a string",
     NoneType: "None",
 }
+
+
+def numbers(value: Any, name: str, remedy: str) -> NDArray[np.float32]:
+    """An array of real numbers, or what NumPy makes one of, as f4; numbers beyond binary32 become infinite.
+
+    Parameters
+    ----------
+    value
+        Anything.
+    name, remedy
+        The subject of the message and what to do, such as "the splats" and "give Splats or an array (N, 8)".
+
+    Raises
+    ------
+    UsageError
+        It is no array of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of several lengths, a tensor of a GPU
+        array = np.asarray(None)
+    if array.dtype.kind not in "biuf":
+        held = type(value).__name__ + (f" of {array.dtype}" if isinstance(value, np.ndarray) else "")
+        raise UsageError(f"{name} cannot be of type {held}; {remedy}")
+    with np.errstate(over="ignore", under="ignore"):
+        return array.astype(np.float32, copy=False)
+
+
+def check_whole(name: str, value: Any) -> None:
+    """Refuse what is no whole number; True is none, and nothing is parsed.
+
+    Raises
+    ------
+    UsageError
+        Names the argument.
+    """
+    if _whole(value) is _REFUSED:
+        raise UsageError(f"{name} is {value!r}; it must be a whole number")
 
 
 def check_types(settings: Any) -> None:
@@ -104,3 +149,54 @@ def _described(hint: Any) -> str:
     if origin is tuple:
         return f"a tuple ({', '.join(_described(item) for item in arguments)})"
     return _NAMES.get(hint, f"a {getattr(hint, '__name__', hint)}")
+
+
+def door(function: Callable[P, R]) -> Callable[P, R]:
+    """A public function of numbers and arrays whose arguments of another type are refused by their names.
+
+    Nothing is looked at before something goes wrong: where the function raises an error of types or shapes, the first
+    argument that is no number, or no array of numbers, is named. If there is none, the error passes through.
+
+    Raises
+    ------
+    UsageError
+        Names the argument and what it may be.
+    """
+
+    @wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except UsageError:
+            raise
+        except _errors_of_types() as error:
+            try:
+                given = signature(function).bind(*args, **kwargs).arguments
+            except TypeError:  # a name too many or missing: Python says it well
+                raise error from None
+            for name, value in given.items():
+                _check_argument(function, name, value, error)
+            raise
+
+    return guarded
+
+
+def _errors_of_types() -> tuple[type[Exception], ...]:
+    """What Python, NumPy and, if it is loaded, Numba raise where a type does not fit."""
+    numba = sys.modules.get("numba.core.errors")
+    return (TypeError, ValueError, AttributeError, IndexError, *(() if numba is None else (numba.NumbaError,)))
+
+
+def _check_argument(function: Callable[..., Any], name: str, value: Any, error: Exception) -> None:
+    """Refuse an argument that is no whole number, number or array of numbers, whichever its annotation asks for."""
+    parameter = signature(function).parameters[name]
+    if value is parameter.default or isinstance(value, bytes):
+        return
+    if parameter.annotation in (int, float):
+        if (_whole if parameter.annotation is int else _finite)(value) is _REFUSED:
+            raise UsageError(f"{name} is {value!r}; it must be {_NAMES[parameter.annotation]}") from error
+        return
+    try:
+        numbers(value, name, "give numbers, or an array of them")
+    except UsageError as refusal:
+        raise refusal from error

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gsvc_ref.arrays import F4 as F4
+from gsvc_ref.checks import door, numbers
 from gsvc_ref.errors import UsageError
 
 PARAMETERS_PER_SPLAT = 8
@@ -43,7 +44,8 @@ class Splats:
 
     def __post_init__(self) -> None:
         for name, columns in (("positions", 2), ("cholesky", 3), ("colors", 3)):
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float32)
+            given = numbers(getattr(self, name), f"Splats.{name}", f"give an array (N, {columns})")
+            array = np.ascontiguousarray(given)
             if array.ndim != 2 or array.shape[1] != columns:
                 raise UsageError(f"Splats.{name} has shape {array.shape}; it must be (N, {columns})")
             wrong = ~np.isfinite(array) if name == "colors" else np.isnan(array)
@@ -77,10 +79,22 @@ class Splats:
     @classmethod
     def from_array(cls, array: ArrayLike) -> Self:
         """Split an (N, 8) array with columns x, y, l11, l21, l22, R, G, B."""
-        packed = np.asarray(array, dtype=np.float32)
+        packed = cls.parameters_of(array)
+        return cls(packed[:, 0:2], packed[:, 2:5], packed[:, 5:8])
+
+    @classmethod
+    def parameters_of(cls, splats: "Splats | ArrayLike") -> F4:
+        """The parameters of splats, or an (N, 8) array of numbers as f4; what a number says is not looked at.
+
+        Raises
+        ------
+        UsageError
+            It is neither.
+        """
+        packed = numbers(splats, "the splats", f"give Splats or an array (N, {PARAMETERS_PER_SPLAT})")
         if packed.ndim != 2 or packed.shape[1] != PARAMETERS_PER_SPLAT:
             raise UsageError(f"the array has shape {packed.shape}; it must be (N, {PARAMETERS_PER_SPLAT})")
-        return cls(packed[:, 0:2], packed[:, 2:5], packed[:, 5:8])
+        return packed
 
     def to_array(self) -> F4:
         """All parameters as (N, 8) f4 with columns x, y, l11, l21, l22, R, G, B."""
@@ -111,6 +125,7 @@ class Splats:
         )
 
 
+@door
 def scale_parameters(
     parameters: Splats | ArrayLike, width: int, height: int, new_width: int, new_height: int
 ) -> Splats:

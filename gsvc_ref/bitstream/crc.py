@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import door
 from gsvc_ref.splats import Splats
 
 REFLECTED_POLYNOMIAL: Final = 0x82F63B78
@@ -153,6 +154,7 @@ def crc32c_of_part(
     return after ^ _after_zeros(before, end - first, zero_tables) ^ 0xFFFFFFFF
 
 
+@door
 def parameter_checksum(parameters: Splats | ArrayLike) -> int:
     """`parameter_checksum` of a frame (R-6.4-3).
 

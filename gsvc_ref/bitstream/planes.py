@@ -11,6 +11,7 @@ from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.plane_coding import CODED, CONSTANT, RAW, PlaneCode, choose_plane_code
 from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel
+from gsvc_ref.checks import door
 
 NO_CODE: Final = PlaneCode()
 """The elements that a Reader, which ignores values, is given."""
@@ -50,6 +51,7 @@ def plane(
     return read
 
 
+@door
 def decode_plane(data: ArrayLike, count: int, alphabet: int, entropy_precision: int, lane_count: int) -> U2:
     """The symbols of one plane, by (7-1).
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8, U2, U4
+from gsvc_ref.checks import door
 
 LOWEST_STATE: Final = 1 << 16
 """The state in which each lane of an encoder starts, and in which that of a decoder ends."""
@@ -72,6 +73,7 @@ class EncodedPlane(NamedTuple):
     """(word_count,)"""
 
 
+@door
 def encode_plane(
     symbols: ArrayLike, frequencies: ArrayLike, entropy_precision: int, lane_count: int, first_symbol: int = 0
 ) -> EncodedPlane:

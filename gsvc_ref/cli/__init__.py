@@ -20,6 +20,8 @@ from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.info import add_command as add_info
 from gsvc_ref.cli.parser import Parser
+from gsvc_ref.cli.splats_in import add_command as add_import
+from gsvc_ref.cli.splats_out import add_command as add_export
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 COLLECT_AFTER: Final = 100_000
@@ -32,7 +34,8 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for add_command in (
-        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, *plugins.commands(),
+        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, add_import, add_export,
+        *plugins.commands(),
     ):  # fmt: skip
         add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"

@@ -3,6 +3,7 @@
 import math
 import re
 from argparse import ArgumentParser, ArgumentTypeError
+from fractions import Fraction
 
 
 def add_max_level(parser: ArgumentParser) -> None:
@@ -33,6 +34,14 @@ def key_frames(text: str) -> str | int | tuple[int, ...]:
     if re.fullmatch(r"\d{1,9}(,\d{1,9})*,?", text, re.ASCII):
         return tuple(int(number) for number in text.split(",") if number)
     raise ArgumentTypeError(f"{text!r} is none of: auto, K (every K frames), or frame numbers such as 0,12,40")
+
+
+def frame_rate(text: str) -> Fraction:
+    """A number above 0 as a ratio: ``25``, ``29.97`` or ``30000/1001``."""
+    match = re.fullmatch(r"\d{1,9}(\.\d{1,9}|/\d{1,9})?", text, re.ASCII)
+    if match is None or re.search(r"/0+$", text) or Fraction(text) == 0:
+        raise ArgumentTypeError(f"{text!r} is no frame rate, such as 25, 29.97 or 30000/1001")
+    return Fraction(text)
 
 
 def finite(text: str) -> float:

@@ -3,14 +3,16 @@
 In reading order: `encoder` leads; `frame_types` gives each frame its type, by the rule of `key_frames` (DKS) after
 `pretraining`; `frame` encodes one frame, an I-frame from nothing, a P-frame from its `prediction`, which rests on the
 errors of its `blocks`, on `static` splats and on `motion`; `rate` and `quantizer_choice` choose numbers of splats and
-quantisers. `settings` and `effects` say what is asked for, `log` and `report` what was done. `source_and_target` opens
-both ends.
+quantisers. `writing` takes splats that somebody else has found: `given_splats` checks them, and `splat_coder` codes
+them without any fit. What `encoder` and `writing` share is in `encoding`. `settings` and `effects` say what is asked
+for, `log` and `report` what was done. `source_and_target` opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.encoder import encode
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.writing import write
 
 __all__ = [
     "Effects",
@@ -20,4 +22,5 @@ __all__ = [
     "Progress",
     "Settings",
     "encode",
+    "write",
 ]

@@ -73,6 +73,8 @@ class EncodedFrame:
         Time by stage: start, fit, choose, rate, quantize, check.
     decisions
         The decisions made on the way.
+    reason
+        Why the frame is of its type, where that was decided on the way.
     """
 
     codes: FrameCodes
@@ -81,6 +83,7 @@ class EncodedFrame:
     iterations: int
     seconds: dict[str, float] = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()
+    reason: str | None = None
 
 
 class FrameEncoder:

@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import F4
 
 Frame = NDArray[np.unsignedinteger[Any]]
+FrameT = TypeVar("FrameT")
 OnPretraining = Callable[[int], None]
 """Called with the number of each frame before it is looked at."""
 
@@ -39,14 +40,16 @@ MIN_VARIANCE: Final = 1e-4
 
 
 @dataclass(frozen=True)
-class TypedFrame:
-    """A source frame (H, W, 3) u1 or u2 with its number, its type, the reason for it, and what was decided on the way.
+class TypedFrame(Generic[FrameT]):
+    """A source frame with its number, its type, the reason for it, and what was decided on the way.
+
+    The frame is (H, W, 3) u1 or u2, or the splats that are given.
 
     The decisions are those about ``frames`` and ``dks``.
     """
 
     number: int
-    frame: Frame
+    frame: FrameT
     type: FrameType
     reason: str
     decisions: tuple[Decision, ...] = ()
@@ -64,7 +67,7 @@ class _Judged(NamedTuple):
 
 def typed_frames(
     frames: Iterable[Frame], settings: Settings, peak: int, on_pretraining: OnPretraining | None = None
-) -> Iterator[TypedFrame]:
+) -> Iterator[TypedFrame[Frame]]:
     """Give each frame its type, in order, holding back no more frames than the window of DKS needs."""
     before: Frame | None = None
     for number, frame, is_key, reason, dks in _with_key_frames(frames, settings, peak, on_pretraining):
@@ -87,7 +90,7 @@ def typed_frames(
         before = frame
 
 
-def with_i_frames(frames: Iterable[TypedFrame], distance: int) -> Iterator[TypedFrame]:
+def with_i_frames(frames: Iterable[TypedFrame[Frame]], distance: int) -> Iterator[TypedFrame[Frame]]:
     """The frames, where an I-frame follows the one before after `distance` frames at most (R-5-8)."""
     last = 0
     for item in frames:

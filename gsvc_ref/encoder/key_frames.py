@@ -26,6 +26,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Final, Literal, NamedTuple
 
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 
 Rule = Literal["paper", "robust"]
@@ -131,6 +132,7 @@ class KeyFrameSelector:
         return is_key
 
 
+@door
 def select_key_frames(
     losses_i: Sequence[float],
     losses_p: Sequence[float],

@@ -1,10 +1,12 @@
 """The source of an encode, from which frames come, and its target, the file that the stream goes to."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from io import FileIO
+from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +14,14 @@ from numpy.typing import NDArray
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import NamingWriter, check_parent, opened_output, still_named, try_lock
 from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
-from gsvc_ref.video.format import check_frame
+from gsvc_ref.video.format import FrameRate, array_format, check_frame
 
 Frame = NDArray[np.unsignedinteger[Any]]
-Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat]
+Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat] | Iterable[Frame]
 Target = str | Path | BinaryIO
+
+DEFAULT_FRAME_RATE: Final = 25
+"""Frames per second of arrays for which none is given."""
 
 
 class FrameSource(VideoReader):
@@ -41,20 +46,72 @@ class FrameSource(VideoReader):
 
 
 @contextmanager
-def opened_source(source: Source) -> Iterator[VideoReader]:
-    """The source as a reader, closed at the end if it was opened here."""
+def opened_source(source: Source, frame_rate: FrameRate | None = None) -> Iterator[VideoReader]:
+    """The source as a reader, closed at the end if it was opened here; a frame rate is for arrays alone."""
+    if _is_arrays(source):
+        yield _array_source(source, DEFAULT_FRAME_RATE if frame_rate is None else frame_rate)
+        return
+    if frame_rate is not None:
+        raise UsageError(f"frame_rate is {frame_rate}, but the source states its own; it is for arrays alone")
     if isinstance(source, VideoReader):
         yield source
     elif isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat):
         yield FrameSource(*source)
-    elif not isinstance(source, str | Path) and not hasattr(source, "read") and not hasattr(source, "open_video"):
-        raise UsageError(
-            f"a {type(source).__name__} is no source; give a path, a VideoReader, a Scene, or frames with their "
-            f"format: (frames, VideoFormat(...))"
-        )
-    else:
-        with open_video(source) as reader:
+    elif isinstance(source, str | Path) or hasattr(source, "read") or hasattr(source, "open_video"):
+        with open_video(cast("str | Path | BinaryIO | VideoSource", source)) as reader:
             yield reader
+    else:
+        raise UsageError(
+            f"a {type(source).__name__} is no source; give a path, an array (T, H, W, 3) of uint8 or uint16, an "
+            f"iterable of frames (H, W, 3), a VideoReader, a Scene, or (frames, VideoFormat(...))"
+        )
+
+
+def _is_arrays(source: Any) -> bool:
+    """Whether a source is an array, or an iterable of what should be arrays: nothing else that may be one."""
+    with_format = isinstance(source, tuple) and len(source) == 2 and isinstance(source[1], VideoFormat)
+    other = isinstance(source, str | bytes | bytearray | Path | VideoReader | Mapping) or with_format
+    return hasattr(source, "__iter__") and not (other or hasattr(source, "read") or hasattr(source, "open_video"))
+
+
+def _array_source(source: Any, frame_rate: FrameRate) -> FrameSource:
+    """Frames without a format as a source; the first frame tells it, and each must be like the first."""
+    if isinstance(source, np.ndarray) and source.ndim != 4:
+        raise UsageError(f"the array has shape {source.shape}; a video is (T, H, W, 3){_remedy(source, 4)}")
+    frames = iter(source)
+    try:
+        first = next(frames)
+    except StopIteration:
+        raise UsageError("there are no frames; give at least one") from None
+    try:
+        picture = np.asarray(first)
+    except (TypeError, ValueError):
+        picture = np.asarray(None)
+    if picture.dtype.kind not in "biuf":
+        raise UsageError(f"frame 0 is a {type(first).__name__}; a frame is an array (H, W, 3) of uint8 or uint16")
+    if picture.ndim != 3 or picture.shape[2] != 3:
+        raise UsageError(f"frame 0 has shape {picture.shape}; a frame is (H, W, 3){_remedy(picture, 3)}")
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise UsageError(f"frame 0 is {picture.dtype}; frames are uint8, or uint16 for 16 bits{_remedy(picture, 3)}")
+    height, width = picture.shape[:2]
+    count = len(source) if hasattr(source, "__len__") else None
+    video = array_format(width, height, frame_rate, 8 * picture.dtype.itemsize)
+    return FrameSource(chain([first], frames), replace(video, frame_count=count))
+
+
+def _remedy(array: NDArray[Any], dimensions: int) -> str:
+    """How an array that is nearly one of frames becomes one; a part of a sentence."""
+    if array.ndim == dimensions and array.dtype.kind == "f":
+        return ": if 1 is full scale, give np.rint(np.clip(frame, 0, 1) * 255).astype(np.uint8)"
+    if dimensions == 4 and array.ndim == 3 and array.shape[2] == 3:
+        return ": this is one frame, so give array[None]"
+    if array.ndim == dimensions - 1:
+        return ": of grey frames, give np.repeat(array[..., None], 3, axis=-1)"
+    if array.ndim == dimensions and array.shape[-1] == 4:
+        return ": leave alpha out, array[..., :3]"
+    if array.ndim == dimensions and array.shape[-3] == 3:
+        return ": channels come last, np.moveaxis(array, -3, -1)"
+    return ""
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.half import from_half, to_half
 from gsvc_ref.quantization.rvq import Indices, residuals
@@ -35,6 +36,7 @@ class RvqUpdate(NamedTuple):
     """(K, 3), values of binary16."""
 
 
+@door
 def rvq_update(
     x: ArrayLike,
     indices: Indices,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 
 LARGEST_HALF: Final = 65504.0
@@ -24,6 +25,7 @@ EXPONENT_MASK: Final = 0x7C00
 """All exponent bits of a binary16: set in infinities and NaNs."""
 
 
+@door
 def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     """Patterns of the binary16 nearest to each value, ties to even (8-6), R-8-3.
 
@@ -49,6 +51,7 @@ def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     return halves.view(np.uint16)
 
 
+@door
 def from_half(bits: ArrayLike) -> NDArray[np.float32]:
     """Values of 16-bit patterns, exactly (8-5), R-8-3.
 

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4 as F4
 from gsvc_ref.arrays import F8 as F8
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 
 Codes = NDArray[np.uint16]
@@ -48,6 +49,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
+@door
 def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
 
@@ -81,6 +83,7 @@ def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -
     return codes
 
 
+@door
 def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
 
@@ -113,6 +116,7 @@ def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     return values
 
 
+@door
 def lsq_gradients(
     x: ArrayLike,
     scale: ArrayLike,

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, I8
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 
 Indices = NDArray[np.uint16]
@@ -33,6 +34,7 @@ class Commitment(NamedTuple):
     """(N, 3) f4."""
 
 
+@door
 def rvq_assign(x: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Indices:
     """The nearest codeword of each vector in each stage, the lowest index on a tie (R-10.6-1).
 
@@ -126,6 +128,7 @@ def residuals(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codeb
     return r
 
 
+@door
 def commitment(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Commitment:
     """Mean squared r^k - stopgrad(C^k[i^k]), summed over the stages (R-10.6-2).
 

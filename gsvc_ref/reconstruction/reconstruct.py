@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, I8, U2
+from gsvc_ref.checks import door
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.quantization import from_half, lsq, rvq
 from gsvc_ref.reconstruction.codes import BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
@@ -123,6 +124,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
     return replace(before, splats=_finite(parts), inter=kept_inter, intra=kept_intra)
 
 
+@door
 def reconstruct_intra(
     width: int,
     height: int,
@@ -169,6 +171,7 @@ def reconstruct_intra(
     return _finite(_intra(width, height, codes))
 
 
+@door
 def reconstruct_inter(
     width: int,
     height: int,

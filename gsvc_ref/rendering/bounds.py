@@ -45,6 +45,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.checks import door
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.rendering.definition import Footprint, added, check_residual, exp_minus, footprint
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
@@ -152,8 +153,11 @@ class SumBound:
         return self._smooth + roundings + self._band + 2 * self._terms * ETA
 
 
-def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8, F8]:
+@door
+def render_exact_with_bound(splats: Splats | ArrayLike, width: int, height: int) -> tuple[F8, F8]:
     """The exact sum and how far a binary32 renderer may be from it in each element (the derivation is above).
+
+    The splats are `Splats`, or an array (N, 8) f4 of their parameters.
 
     Returns
     -------
@@ -164,7 +168,7 @@ def render_exact_with_bound(splats: Splats, width: int, height: int) -> tuple[F8
     """
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
     bound = SumBound(width, height)
-    for _, splat, pixels, errors in error_footprints(splats.to_array(), width, height):
+    for _, splat, pixels, errors in error_footprints(Splats.of(splats).to_array(), width, height):
         C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]
         bound.add(splat, pixels, errors)
     return C, bound.bound()

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.tile_pictures import subtract_target, to_tiles, write_picture
 from gsvc_ref.rendering.fast.tiles import F4, F8, TILE_WIDTH
@@ -19,6 +20,7 @@ class Loss(NamedTuple):
     """(H, W, 3), e of (10-2)."""
 
 
+@door
 def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     """The loss of a picture against its target (10-1), and dL/dC (10-2); R-10.2-1.
 

@@ -7,10 +7,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import frame_type
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.tile_pictures import rounded
 
 
+@door
 def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     """The frame of a sum: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even (R-9.1-1).
 
@@ -44,6 +46,7 @@ def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     return frame
 
 
+@door
 def to_frame_deterministic(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     """The frame of a sum by (9-7), operation by operation, as decoders make it: what is not a number is black.
 

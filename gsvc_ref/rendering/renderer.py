@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gsvc_ref.arrays import frame_type
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import definition
 from gsvc_ref.rendering.fast.jobs import FRAME, GRADIENTS, PICTURE, Job
@@ -107,15 +108,16 @@ class Renderer:
         self._rasterizer.run(job, regions)
 
 
+@door
 def render(
-    splats: Splats, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
+    splats: Splats | ArrayLike, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.float32]:
     """The picture of a set of splats: the sum of c' exp(-sigma) where they cover, clamped to [0, 1] (spec.md 9.1).
 
     Parameters
     ----------
     splats
-        Positions and Cholesky factors in pixels of this frame.
+        The splats, or their parameters (N, 8) f4; positions and Cholesky factors in pixels of this frame.
     width, height
         Size of the frame in pixels.
     precision
@@ -131,11 +133,12 @@ def render(
     Raises
     ------
     UsageError
-        The size or an option is outside its limits.
+        The splats are none, or the size or an option is outside its limits.
     """
-    return Renderer(width, height, precision=precision, threads=threads).picture(splats)
+    return Renderer(width, height, precision=precision, threads=threads).picture(Splats.of(splats))
 
 
+@door
 def render_sum(
     parameters: Splats | ArrayLike,
     width: int,
@@ -154,6 +157,7 @@ def render_sum(
     return renderer.picture(splats, clamp=False)
 
 
+@door
 def render_sum_deterministic(
     parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
 ) -> NDArray[np.float32]:
@@ -163,6 +167,7 @@ def render_sum_deterministic(
     )
 
 
+@door
 def render_frame(
     parameters: Splats | ArrayLike,
     width: int,
@@ -179,6 +184,7 @@ def render_frame(
     return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 
 
+@door
 def render_gradients(
     parameters: Splats | ArrayLike, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
 ) -> NDArray[np.float32] | NDArray[np.float64]:

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4
+from gsvc_ref.checks import door
 from gsvc_ref.constants import REACH, SMALLEST_NORMAL
 from gsvc_ref.splats import Splats
 
@@ -26,6 +27,7 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
     return work
 
 
+@door
 def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> int:
     """The number of (splat, pixel) pairs in the splats' boxes on a frame, (5-1): the work that a level limits (R-5-4).
 

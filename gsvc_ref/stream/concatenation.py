@@ -117,7 +117,7 @@ def concat(sources: Sequence[Part], target: str | Path | BinaryIO, *, progress: 
     OSError
         A part cannot be read, or the target not written; what stood under its name still does.
     """
-    if isinstance(sources, str | bytes | Path) or len(sources) == 0:
+    if isinstance(sources, str | bytes | Path) or not hasattr(sources, "__len__") or len(sources) == 0:
         raise UsageError("give a list of one stream or more to concatenate")
     parts = [_Part(source, number) for number, source in enumerate(sources)]
     opening = _joined_opening(parts)

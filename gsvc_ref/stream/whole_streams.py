@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream.header import HEADER_ELEMENTS
+from gsvc_ref.checks import door
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.reconstruction import SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
@@ -125,6 +126,7 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
     return _splats_of(_frames_between(stream, 0, None))
 
 
+@door
 def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     """The splats of frames `first` to `last`, decoded from the last I-frame at or before them (spec.md section 12.6).
 

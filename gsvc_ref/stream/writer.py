@@ -11,7 +11,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import CATEGORIES, Bytes
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import Frame, frame
-from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, sequence_header
+from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
 from gsvc_ref.errors import UsageError
 from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import rendering_work
@@ -78,6 +78,8 @@ class StreamWriter:
         Whether to write an index, so that readers find I-frames at once.
     live
         Never go back: at every moment the file is the beginning of the stream that it will be.
+    least_level
+        Let `finish` lower the level in the header to the least that allows all frames, if the target can go back.
     make_writer
         Makes the Writer of each payload and chunk, given the bit at which it begins; for tests of decoders
         (gsvc_ref.testing).
@@ -105,6 +107,7 @@ class StreamWriter:
         *,
         index: bool = True,
         live: bool = False,
+        least_level: bool = False,
         make_writer: Callable[[int], Writer] = Writer,
     ) -> None:
         self._target = target
@@ -115,7 +118,9 @@ class StreamWriter:
         self.frame_count = 0
         self._finished = False
         check_descriptive(header)
-        self.header = header if self.goes_back else replace(header, frame_count=0)
+        self.header = self._written = header if self.goes_back else replace(header, frame_count=0)
+        self._least_level = least_level and self.goes_back
+        self._most_splats = self._most_work = self._longest_frame = 0
         self.state = State.initial(header.width, header.height)
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
@@ -171,6 +176,9 @@ class StreamWriter:
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offset))
         self.frame_count += 1
+        self._most_splats = max(self._most_splats, len(state.splats))
+        self._most_work = max(self._most_work, work)
+        self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
         self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
         spent = {category: bits[category] for category in CATEGORIES if bits[category]}
         return DecodedFrame(given.frame_number, codes.type, codes, state.splats, spent, offset, self.offset - offset)
@@ -206,6 +214,8 @@ class StreamWriter:
             if self.goes_back:  # an interrupted write may have left part of a chunk
                 self._target.seek(self._start + self.offset)
                 self._target.truncate()
+            if self._least_level:
+                self._lower_level()
             if ancillary is not None and len(ancillary[1]) <= self.header.limits.payload:
                 self.write_ancillary(*ancillary)
             index_length = self._write_index()
@@ -224,10 +234,20 @@ class StreamWriter:
         self._write_chunk(chunks.INDEX_TYPE, lambda p: chunks.index(p, offset, chunks.index_steps(entries)))
         return self.offset - offset
 
+    def _lower_level(self) -> None:
+        """Take the least level that allows the frames that were written."""
+        level = level_for(
+            self.header.width, self.header.height,
+            splats=self._most_splats, work=self._most_work, payload=self._longest_frame,
+        )  # fmt: skip
+        self.header = replace(self.header, level=level)
+
     def _correct_header(self) -> None:
-        if not self.goes_back or self.header.frame_count == self.frame_count:
+        if not self.goes_back:
             return
         self.header = replace(self.header, frame_count=self.frame_count)
+        if self.header == self._written:
+            return
         p, s = self._make_writer(0), self._make_writer(8 * self._header_offset)
         sequence_header(p, self.header)
         chunks.chunk(s, self._longest_payload, chunks.HEADER_TYPE, p.getvalue())

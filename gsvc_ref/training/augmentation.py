@@ -11,6 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 
@@ -35,6 +36,7 @@ COLOR_SHARE: Final = 0.5
 """Fraction of the residual that a splat of `residual_splats` takes as its colour."""
 
 
+@door
 def augment(values: F4, uniforms: F4, width: int, height: int) -> F4:
     """New splats of small weight after the old ones, uniformly over the frame (R-10.8-1).
 

@@ -45,6 +45,8 @@ class FrameQuantizer:
         The decoder's state before the frame (that of `State.forget` for an I-frame).
     rng
         Draws the starts of codebooks.
+    accepted
+        A loss that is accepted anyway: with less, differences are coded no finer than for this one.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class FrameQuantizer:
         inter: BlockSettings,
         before: State,
         rng: np.random.Generator,
+        accepted: float = 0.0,
     ) -> None:
         values = population.parameters()
         origins = population.origins[population.origins != NEW]
@@ -66,7 +69,7 @@ class FrameQuantizer:
         self.intra: BlockQuantizer | None = None
         if self.survivors:
             old, reference = values[: self.survivors], before.splats.to_array()[origins]
-            loss = objective.loss(values)
+            loss = max(objective.loss(values), accepted)
             share = loss * before.width * before.height / len(values)
             active = changed(old, reference, share * inter.static_threshold)
             block = with_steps_for(loss, inter)
@@ -130,16 +133,17 @@ def changed(values: F4, reference: F4, least: float) -> Active:
     """
     difference = values - reference
     l11, l21, l22 = values[:, 2], values[:, 3], values[:, 4]
-    area = math.pi * l11 * l22
-    seen = np.square(values[:, 5:8]).sum(axis=1) * area
-    du = difference[:, 0] / l11
-    dv = (difference[:, 1] - l21 * du) / l22
-    p, q = difference[:, 2] / l11, difference[:, 4] / l22
-    s = (difference[:, 3] - l21 * p) / l22
-    shape = (3 * p * p + 3 * q * q + 2 * p * q + s * s) / 4
-    color = np.square(difference[:, 5:8]).sum(axis=1) * area
-    effects = np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)  # (n, 3) f4
-    return np.asarray(effects >= least, np.bool_)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):  # of needles, which count as changed
+        area = math.pi * l11 * l22
+        seen = np.square(values[:, 5:8]).sum(axis=1) * area
+        du = difference[:, 0] / l11
+        dv = (difference[:, 1] - l21 * du) / l22
+        p, q = difference[:, 2] / l11, difference[:, 4] / l22
+        s = (difference[:, 3] - l21 * p) / l22
+        shape = (3 * p * p + 3 * q * q + 2 * p * q + s * s) / 4
+        color = np.square(difference[:, 5:8]).sum(axis=1) * area
+        effects = np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)  # (n, 3) f4
+    return np.asarray(~(effects < least), np.bool_)
 
 
 def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_ref.arrays import F4, F8, I8
+from gsvc_ref.checks import door
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.schedule import StepDecay
@@ -24,6 +25,7 @@ class AdanStep(NamedTuple):
     """(N,)"""
 
 
+@door
 def learning_rates(iterations: ArrayLike, rate: float, factor: float, interval: int) -> F8:
     """The learning rates of iterations, which are counted from 0, by `StepDecay` (10-12); R-10.4-1.
 
@@ -50,6 +52,7 @@ def learning_rates(iterations: ArrayLike, rate: float, factor: float, interval: 
     return np.array([rate * schedule(int(iteration)) for iteration in np.asarray(iterations)], np.float64)
 
 
+@door
 def adan_step(
     parameters: ArrayLike,
     gradients: ArrayLike,
@@ -99,6 +102,7 @@ def adan_step(
     return AdanStep(moved, *adan.state)
 
 
+@door
 def converged(losses: ArrayLike, patience: int, tolerance: float) -> int:
     """The iteration, from 1, after which training stops by `Convergence` (10-31), or 0; R-10.10-1.
 

@@ -6,12 +6,14 @@ A splat in training is a row of nine values: the columns of `Splats.to_array`, t
 import numpy as np
 
 from gsvc_ref._jit import kernel
+from gsvc_ref.checks import door
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
 
 WEIGHT = PARAMETERS_PER_SPLAT
 """The column of w."""
 
 
+@door
 def weighted_parameters(values: F4) -> F4:
     """The parameters that are rendered of splats with weights: colours are w c' (10-10); R-10.3-2.
 
@@ -30,6 +32,7 @@ def weighted_parameters(values: F4) -> F4:
     return parameters
 
 
+@door
 def weighted_gradients(values: F4, gradients: F4) -> F4:
     """The gradients of colours and weights from those of their products (10-11); R-10.3-2.
 

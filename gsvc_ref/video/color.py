@@ -19,6 +19,7 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F8, I8, Frame
 from gsvc_ref.arrays import Plane as Plane
+from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video.chroma import down_taps, phases, up_taps
 from gsvc_ref.video.format import (
@@ -282,6 +283,7 @@ class FramePlanes(NamedTuple):
     cr: Plane
 
 
+@door
 def planes_to_frame(
     y: Plane,
     cb: Plane,
@@ -314,6 +316,7 @@ def planes_to_frame(
     return to_rgb((y, cb, cr), _described(y.shape, chroma_format, *color, bit_depth))
 
 
+@door
 def frame_to_planes(
     frame: Frame,
     chroma_format: int,

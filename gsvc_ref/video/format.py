@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from gsvc_ref.arrays import Frame as Frame
+from gsvc_ref.checks import check_whole
 from gsvc_ref.errors import GsvcError, UsageError
 
 ChromaFormat = Literal["rgb", "420", "422", "444"]
@@ -137,6 +138,41 @@ class VideoFormat:
         rows = (self.height + 1) // 2 if self.chroma_format == "420" else self.height
         columns = (self.width + 1) // 2 if self.chroma_format in ("420", "422") else self.width
         return (self.height, self.width), (rows, columns), (rows, columns)
+
+
+FrameRate = Fraction | int | float | str
+"""Frames per second; a decimal number is taken as it is written, a text as ``30000/1001`` or ``29.97``."""
+
+
+def exact_frame_rate(value: FrameRate) -> Fraction:
+    """A frame rate as the ratio that it is written as.
+
+    Raises
+    ------
+    UsageError
+        It is no number above 0.
+    """
+    try:
+        rate = value if isinstance(value, Fraction) else Fraction(str(value))
+    except (ValueError, ZeroDivisionError):
+        rate = Fraction(0)
+    if rate <= 0 or isinstance(value, bool):
+        raise UsageError(f"frame_rate is {value!r}; it must be a number above 0, such as 25 or Fraction(30000, 1001)")
+    return rate
+
+
+def array_format(width: int, height: int, frame_rate: FrameRate, bit_depth: int) -> VideoFormat:
+    """The format of what nothing is known of but its numbers: R'G'B' at full range, of unspecified colours.
+
+    Raises
+    ------
+    UsageError
+        A number is out of its range.
+    """
+    for name, value in (("width", width), ("height", height), ("bit_depth", bit_depth)):
+        check_whole(name, value)
+    color = ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, full_range=True, chroma_location=0)
+    return VideoFormat(int(width), int(height), exact_frame_rate(frame_rate), int(bit_depth), "rgb", color)
 
 
 def check_frame(frame: Frame, video: VideoFormat) -> None:

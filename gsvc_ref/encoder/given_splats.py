@@ -1,0 +1,169 @@
+"""Splats that somebody else has found, frame by frame: what may be coded of them, and which continue which."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsvc_ref.arrays import F4, I8
+from gsvc_ref.constants import SMALLEST_NORMAL
+from gsvc_ref.errors import UsageError
+from gsvc_ref.quantization.half import LARGEST_HALF
+from gsvc_ref.quantization.lsq_parameters import SCALE_FLOOR
+from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+
+Degenerate = Literal["refuse", "turn", "remove"]
+FrameOfSplats = Splats | ArrayLike | tuple[Splats | ArrayLike, ArrayLike]
+"""The splats of a frame, or these and their ids."""
+
+COLUMNS: Final = ("x", "y", "l11", "l21", "l22", "R", "G", "B")
+L11, L21, L22 = 2, 3, 4
+
+LARGEST_FACTOR: Final = 2.0**40
+"""Largest magnitude of l11, l21 and l22 in pixels: far beyond every frame, and its square is far from overflow."""
+
+REMEDIES: Final = {
+    "refuse": "degenerate='turn' turns the sign of a column of L, which leaves L L^T as it is, right for trainers "
+    "that do not hold l11 and l22 above 0; degenerate='remove' leaves such splats out, as renderers do",
+    "turn": "a zero has no sign to turn; degenerate='remove' leaves such splats out, as renderers do",
+}
+"""What can be done about degenerate splats, by what was chosen."""
+
+
+class GivenSplats(NamedTuple):
+    """The splats of one frame, all of which may be coded."""
+
+    parameters: F4
+    """(N, 8) f4 in the columns of `Splats.to_array`; l11 and l22 are at least 2^-24 pixels."""
+    ids: I8
+    """(N,) i8: equal numbers in successive frames are the same splat."""
+
+
+class GivenFrames:
+    """The frames that a caller gives, checked one by one.
+
+    Parameters
+    ----------
+    frames
+        Splats, their parameters (N, 8), or either with ids: ``(parameters, ids)``.
+    width, height
+        Size of the frames in pixels.
+    degenerate
+        What becomes of splats whose l11 or l22 is below 2^-126.
+
+    Attributes
+    ----------
+    turned, removed
+        The number of splats so far whose signs were turned, and that were left out.
+    """
+
+    def __init__(self, frames: Iterable[FrameOfSplats], width: int, height: int, degenerate: Degenerate) -> None:
+        if degenerate not in get_args(Degenerate):
+            raise UsageError(f"degenerate is {degenerate!r}; it must be one of {', '.join(get_args(Degenerate))}")
+        self._frames, self._degenerate = _iterator(frames), degenerate
+        half = np.array([width / 2, height / 2])
+        # A position is coded as h of fl(fl(h + 1) * half), a colour as a sum of codewords, all of which are binary16.
+        self._low = np.concatenate([(1 - LARGEST_HALF) * half, [-LARGEST_FACTOR] * 3, [-LARGEST_HALF] * 3])
+        self._high = np.concatenate([(1 + LARGEST_HALF) * half, [LARGEST_FACTOR] * 3, [LARGEST_HALF] * 3])
+        self._with_ids: bool | None = None
+        self._last_ids, self._next_id = np.empty(0, np.int64), 0
+        self.turned = self.removed = 0
+
+    def __iter__(self) -> Iterator[GivenSplats]:
+        for number, item in enumerate(self._frames):
+            given, ids = item if isinstance(item, tuple) and len(item) == 2 else (item, None)
+            parameters = _parameters(given, number)
+            self._check(parameters, number)
+            yield self._cleaned(parameters, self._ids(ids, len(parameters), number), number)
+
+    def _check(self, parameters: F4, number: int) -> None:
+        """Refuse what is not finite or cannot be coded."""
+        with np.errstate(invalid="ignore"):
+            wrong = ~((parameters >= self._low) & (parameters <= self._high))
+        if wrong.any():
+            splat, column = (int(place) for place in np.argwhere(wrong)[0])
+            low, high = self._low[column], self._high[column]
+            raise UsageError(
+                f"frame {number}, splat {splat}: {COLUMNS[column]} is {parameters[splat, column]}; it must be a number "
+                f"from {low:.9g} to {high:.9g}"
+            )
+
+    def _ids(self, ids: ArrayLike | None, count: int, number: int) -> I8:
+        """The ids of a frame; without any, rows continue those of the frame before where it has as many."""
+        if self._with_ids not in (None, ids is not None):
+            raise UsageError(f"frame {number} comes {'with' if ids is not None else 'without'} ids; give all or none")
+        self._with_ids = ids is not None
+        if ids is not None:
+            return _checked_ids(ids, count, number)
+        if count != len(self._last_ids):
+            self._last_ids = np.arange(self._next_id, self._next_id + count)
+            self._next_id += count
+        return self._last_ids
+
+    def _cleaned(self, parameters: F4, ids: I8, number: int) -> GivenSplats:
+        """The splats after degenerate ones were turned or removed."""
+        bad = _degenerate(parameters)
+        if bad.any() and self._degenerate == "turn":
+            columns = parameters[:, [L11, L22]] < 0
+            parameters = turned(parameters)
+            self.turned += int(columns.any(axis=1).sum())
+            bad = _degenerate(parameters)
+        if bad.any() and self._degenerate != "remove":
+            splat = int(np.flatnonzero(bad)[0])
+            column = L11 if parameters[splat, L11] < SMALLEST_NORMAL else L22
+            raise UsageError(
+                f"frame {number}, splat {splat}: {COLUMNS[column]} is {parameters[splat, column]}; it must be at least "
+                f"2^-126, or the splat covers nothing: {REMEDIES[self._degenerate]}"
+            )
+        if bad.any():
+            self.removed += int(bad.sum())
+            parameters, ids = parameters[~bad], ids[~bad]
+        parameters = parameters.copy()  # the caller may fill the same array again
+        for column in (L11, L22):
+            np.maximum(parameters[:, column], SCALE_FLOOR, out=parameters[:, column])
+        return GivenSplats(parameters, ids)
+
+
+def turned(parameters: F4) -> F4:
+    """The parameters (N, 8) f4 with the columns of L turned so that l11 and l22 are not negative; L L^T stays."""
+    result = parameters.copy()
+    first, second = parameters[:, L11] < 0, parameters[:, L22] < 0
+    result[first, L11] *= -1
+    result[first, L21] *= -1
+    result[second, L22] *= -1
+    return result
+
+
+def _degenerate(parameters: F4) -> Any:
+    """Whether each splat covers nothing, (N,) bool (R-9.1-2)."""
+    return (parameters[:, [L11, L22]] < SMALLEST_NORMAL).any(axis=1)
+
+
+def _iterator(frames: Iterable[FrameOfSplats]) -> Iterator[FrameOfSplats]:
+    one_frame = isinstance(frames, Splats) or (isinstance(frames, np.ndarray) and frames.ndim < 3)
+    if one_frame or isinstance(frames, str | bytes) or not hasattr(frames, "__iter__"):
+        raise UsageError(
+            f"the frames are one {type(frames).__name__}; give an iterable with the splats of each frame, such as a "
+            f"list of arrays (N, {PARAMETERS_PER_SPLAT})"
+        )
+    return iter(frames)
+
+
+def _parameters(given: Splats | ArrayLike, number: int) -> F4:
+    try:
+        return Splats.parameters_of(given)
+    except UsageError as error:
+        raise UsageError(f"frame {number}: {error}") from None
+
+
+def _checked_ids(ids: ArrayLike, count: int, number: int) -> I8:
+    array = np.asarray(ids)
+    if array.shape != (count,) or array.dtype.kind not in "iu":
+        raise UsageError(
+            f"frame {number}: the ids are {array.dtype} of shape {array.shape}; they must be integers, ({count},)"
+        )
+    numbers = array.astype(np.int64)
+    if len(np.unique(numbers)) != count:
+        raise UsageError(f"frame {number}: two splats have the same id; each must have one of its own")
+    return numbers

@@ -1,0 +1,201 @@
+"""The coding of splats as they are given: nothing is fitted, and the quantisers are learned from the splats alone.
+
+An I-frame quantises the splats. A P-frame quantises the differences of those that the frame before has, from the
+*decoded* frame before, and the splats that it has not. Steps of differences follow the error that the last I-frame was
+left with, and what changes the picture less than that error is left as it is.
+"""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+from gsvc_ref.arrays import F4, I8
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.frames import Frame
+from gsvc_ref.bitstream.frames import frame as write_frame
+from gsvc_ref.encoder.frame import EncodedFrame, OnStage
+from gsvc_ref.encoder.given_splats import GivenSplats
+from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
+from gsvc_ref.encoder.rate import DB_PER_DOUBLING
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import UsageError
+from gsvc_ref.metrics import psnr
+from gsvc_ref.portable import log2
+from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
+from gsvc_ref.rendering import Objective, Renderer, rendering_work
+from gsvc_ref.splats import Splats
+from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss
+
+
+class _Coded(NamedTuple):
+    """A frame in codes."""
+
+    codes: FrameCodes
+    state: State
+    """The decoder's state after it."""
+    ids: I8
+    """The id of each decoded splat, (N,) i8."""
+
+
+class SplatCoder:
+    """Codes frames of splats in order, each against the reconstruction of the one before (closed loop).
+
+    Parameters
+    ----------
+    settings
+        The quantisers, `key_frames` and how to render.
+    width, height, bit_depth
+        Size of the frames in pixels, and the bits of a sample.
+    level
+        The highest level that frames may need.
+
+    Attributes
+    ----------
+    settings
+        The settings.
+    state
+        The decoder's state after the frames so far.
+    """
+
+    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int, level: int) -> None:
+        self.settings, self.level, self.bit_depth = settings, level, bit_depth
+        self.width, self.height = width, height
+        self.state = State.initial(width, height)
+        self._ids = np.empty(0, np.int64)  # of the decoded splats
+        self._given: GivenSplats | None = None  # the splats of the frame before as they were given
+        self._accepted = 0.0  # the loss of the last I-frame against the splats given
+        self._renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+
+    def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it.
+
+        Raises
+        ------
+        UsageError
+            The frame has more splats or rendering work than the level allows.
+        """
+        self._check_level(frame, number)
+        progress("quantize", 0, 0, np.inf)
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "start"):
+            given = Splats.from_array(frame.parameters)
+            objective = Objective(
+                self._renderer.picture(given), self.settings.threads, precision=self.settings.precision
+            )
+        with _timed(seconds, "quantize"):
+            coded, reason = self._coded(frame, frame_type, number, objective)
+        with _timed(seconds, "check"):
+            wanted, shown = (self._renderer.frame(splats, self.bit_depth) for splats in (given, coded.state.splats))
+            quality = psnr(wanted, shown, (1 << self.bit_depth) - 1)
+        if coded.codes.type == "I":
+            self._accepted = objective.loss(coded.state.splats.to_array())
+        self.state, self._ids, self._given = coded.state, coded.ids, frame
+        return EncodedFrame(coded.codes, coded.state, quality, 0, seconds, reason=reason)
+
+    def _check_level(self, frame: GivenSplats, number: int) -> None:
+        """Refuse what no level up to this one allows, before anything is rendered."""
+        limits = LEVELS[self.level]
+        count, work = len(frame.parameters), rendering_work(frame.parameters, self.width, self.height)
+        for what, has, most, rule in (
+            ("splats", count, limits.splats, "R-5-2"),
+            ("pairs of rendering work", work, limits.work, "R-5-4"),
+        ):
+            if has > most:
+                higher = "" if self.level == max(LEVELS) else ", or a higher level"
+                raise UsageError(
+                    f"frame {number} has {has} {what}; level {self.level} allows {most} ({rule}): give fewer{higher}"
+                )
+
+    def _coded(
+        self, frame: GivenSplats, frame_type: FrameType, number: int, objective: Objective
+    ) -> tuple[_Coded, str | None]:
+        """The frame in codes, and the reason for its type where it was chosen here."""
+        if frame_type == "I":
+            return self._intra(frame, number, objective), None
+        if self._equals_last(frame):
+            return self._repeated(), "equal to the frame before"
+        if not np.isin(self._ids, frame.ids).any():
+            return self._intra(frame, number, objective), "no splat of the frame before stays"
+        inter = self._inter(frame, number, objective)
+        if not _changes(inter.codes):
+            return self._repeated(), "nothing to see of what changed"
+        if self.settings.key_frames != "auto":
+            return inter, None
+        intra = self._intra(frame, number, objective)
+        if self._score(inter, number, objective) >= self._score(intra, number, objective):
+            return inter, "better than an I-frame"
+        return intra, "better than a P-frame"
+
+    def _equals_last(self, frame: GivenSplats) -> bool:
+        """Whether a frame has the same splats as the frame before, with the same ids."""
+        last = self._given
+        return (
+            last is not None
+            and np.array_equal(frame.parameters, last.parameters)
+            and np.array_equal(frame.ids, last.ids)
+        )
+
+    def _repeated(self) -> _Coded:
+        return _Coded(FrameCodes.repeated_frame(), self.state, self._ids)
+
+    def _intra(self, frame: GivenSplats, number: int, objective: Objective) -> _Coded:
+        """The codes of an I-frame."""
+        origins = np.full(len(frame.ids), NEW, np.int64)
+        return self._quantized(frame.parameters, origins, frame.ids, self.state.forget(), number, objective)
+
+    def _inter(self, frame: GivenSplats, number: int, objective: Objective) -> _Coded:
+        """The codes of a P-frame: the splats that the frame before has, in its order, then the others."""
+        order = np.argsort(frame.ids)
+        place = np.searchsorted(frame.ids, self._ids, sorter=order)
+        rows = order[np.minimum(place, len(order) - 1)]  # the row that may continue each decoded splat
+        origins = np.flatnonzero(frame.ids[rows] == self._ids)
+        is_new = np.ones(len(frame.ids), np.bool_)
+        is_new[rows[origins]] = False
+        rows = np.concatenate([rows[origins], np.flatnonzero(is_new)])
+        origins = np.concatenate([origins, np.full(int(is_new.sum()), NEW)])
+        return self._quantized(frame.parameters[rows], origins, frame.ids[rows], self.state, number, objective)
+
+    def _quantized(
+        self, parameters: F4, origins: I8, ids: I8, before: State, number: int, objective: Objective
+    ) -> _Coded:
+        """Codes of splats, survivors first, and what a decoder makes of them."""
+        intra, inter = self.settings.intra, self.settings.inter
+        population = Population(Splats.from_array(parameters), KEPT_WEIGHT, origins, intra.fit)
+        quantizer = FrameQuantizer(
+            population, objective, intra.quantizer, inter.quantizer, before,
+            np.random.default_rng([self.settings.seed, number]), self._accepted,
+        )  # fmt: skip
+        codes = quantizer.codes(parameters)
+        return _Coded(codes, reconstruct(codes, before), ids)
+
+    def _score(self, coded: _Coded, number: int, objective: Objective) -> float:
+        """PSNR less what as many bits could have bought otherwise, as in `with_best_quantizer`."""
+        quality = min(psnr_of_loss(objective.loss(coded.state.splats.to_array())), MAX_PSNR)
+        return quality - DB_PER_DOUBLING * float(log2(self._bytes(coded, number)))
+
+    def _bytes(self, coded: _Coded, number: int) -> int:
+        """The size in bytes of a frame's payload."""
+        header = SequenceHeader(
+            level=self.level, width=self.width, height=self.height, **quantizer_fields(self.settings)
+        )
+        s = Writer()
+        write_frame(s, header, self.state, coded.codes.type, number, Frame(number, None, coded.codes))
+        return len(s.getvalue())
+
+
+def _changes(codes: FrameCodes) -> bool:
+    """Whether a P-frame changes anything of the frame before."""
+    inter = codes.inter
+    stays = codes.survivors is not None and codes.survivors.all() and codes.intra_count == 0
+    return not stays or (inter is not None and inter.count is not None)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    begin = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - begin

@@ -1,0 +1,194 @@
+"""Writing splats that somebody else has found: frames of splats in, a `.gsvc` stream out."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, BinaryIO, Final
+
+from gsvc_ref.bitstream import LEVELS, level_for
+from gsvc_ref.encoder.encoding import Encoding, completed
+from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.encoder.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
+from gsvc_ref.encoder.log import Decision
+from gsvc_ref.encoder.report import EncodeReport, OnProgress
+from gsvc_ref.encoder.settings import FrameSettings, KeyFrames, Settings
+from gsvc_ref.encoder.source_and_target import Target
+from gsvc_ref.encoder.splat_coder import SplatCoder
+from gsvc_ref.errors import UsageError
+from gsvc_ref.interrupts import Interrupts
+from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.rendering import Precision
+from gsvc_ref.training import BlockSettings, FitSettings
+from gsvc_ref.video import VideoFormat
+from gsvc_ref.video.format import FrameRate, array_format
+
+CHOLESKY_BITS: Final = 12
+"""b of a stream that `write` makes, the most that there is: nothing makes up for an error by fitting."""
+
+COLOR_STAGES: Final = 6
+COLOR_CODEWORDS: Final = 32
+"""Stages and codewords of `write`: on two fitted pictures colours then erred less than binary16 positions."""
+
+POSITION_STEP: Final = 1 / 64
+"""Step of positions in pixels: bits beyond it cost as much as any other and nobody sees them."""
+
+DIFFERENCE_STEP: Final = 0.1
+"""Steps of differences in pixels at 35 dB; up to 4 times finer after a better I-frame (`with_steps_for`)."""
+
+
+def write(
+    target: Target,
+    frames_of_splats: Iterable[FrameOfSplats],
+    width: int,
+    height: int,
+    frame_rate: FrameRate = 25,
+    *,
+    bit_depth: int = 8,
+    level: int | None = None,
+    key_frames: KeyFrames = "auto",
+    degenerate: Degenerate = "refuse",
+    cholesky_bits: int = CHOLESKY_BITS,
+    color_stages: int = COLOR_STAGES,
+    color_codewords: int = COLOR_CODEWORDS,
+    lane_count: int = 1,
+    index: bool = True,
+    checksums: bool = False,
+    seed: int = 0,
+    threads: int | None = None,
+    precision: Precision = "fast",
+    progress: OnProgress | None = None,
+) -> EncodeReport:
+    """Write splats of any trainer as a stream; nothing is fitted, they are only quantised.
+
+    Frames are taken one by one, so that an iterator may have any number of them. Whatever ends it early after at least
+    one complete frame, the frames so far become a valid stream in the target's place, as with `encode`.
+
+    Parameters
+    ----------
+    target
+        A path, ``-`` for standard output, or a binary file, as for `encode`.
+    frames_of_splats
+        For each frame its splats: `Splats`, or an array (N, 8) with columns x, y, l11, l21, l22, R, G, B as in spec.md
+        sections 8 and 9.1: pixels with the centre of the first one at (0.5, 0.5), and colours with 1 as full scale. N
+        may vary. Or a pair (splats, ids), ids being (N,) integers: splats of the same id in successive frames are one
+        splat. Without ids, rows are taken as the same splats wherever a frame has as many as the one before.
+    width, height
+        Size of the frames in pixels.
+    frame_rate
+        Frames per second: a whole number, a Fraction, or a decimal number, which is taken as it is written.
+    bit_depth
+        Bits of a sample of the decoded frames, 8 to 16.
+    level
+        The level of the stream; None: the least that allows all frames. What cannot be corrected, such as a pipe, is
+        then written when all frames are there; with a level, frame by frame.
+    key_frames
+        ``auto``: an I-frame where one is better than a P-frame by rate and quality; every k frames; or the numbers
+        listed (0 always is one). Where no splat of the frame before stays, there is one as well.
+    degenerate
+        What becomes of splats whose l11 or l22 is below 2^-126, which cover nothing (R-9.1-2). ``refuse``: an error.
+        ``turn``: a column of L whose l11 or l22 is negative gets the other sign, which leaves the covariance L L^T as
+        it is: right for trainers that do not hold l11 and l22 above 0. ``remove``: they are left out.
+    cholesky_bits, color_stages, color_codewords
+        b, 1..12; M, 1..8; and B, 1..1024: how finely the Cholesky factors and the colours are quantised.
+    lane_count, index, checksums
+        As in `Settings`.
+    seed, threads, precision
+        As in `Settings`: seed of the codebooks; threads and precision of the renderer that measures.
+    progress
+        Called before each frame.
+
+    Returns
+    -------
+    The report that `encode` returns; `FrameReport.psnr` compares the decoded frame with the frame of the splats given.
+
+    Raises
+    ------
+    UsageError
+        An option is out of its range; or, in the first frame, a splat that cannot be coded: the message names frame,
+        splat, value, and what is allowed.
+    IncompleteEncodeError
+        A later frame cannot be coded; its `report` is about the frames that were saved.
+    OSError
+        The target cannot be written.
+    Exception
+        Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
+    """
+    if level is not None and level not in LEVELS:
+        raise UsageError(f"level is {level!r}; it must be None or one of {', '.join(map(str, LEVELS))}")
+    video = array_format(width, height, frame_rate, bit_depth)
+    level_for(video.width, video.height)  # which refuses frames that no level allows
+    settings = write_settings(
+        cholesky_bits=cholesky_bits, color_stages=color_stages, color_codewords=color_codewords, key_frames=key_frames,
+        lane_count=lane_count, index=index, checksums=checksums, seed=seed, threads=threads, precision=precision,
+    )  # fmt: skip
+    given = GivenFrames(frames_of_splats, video.width, video.height, degenerate)
+
+    def encoding(file: BinaryIO, interrupts: Interrupts) -> _Write:
+        return _Write(given, file, video, settings, level, progress, interrupts)
+
+    return completed(target, encoding, corrected=level is None)
+
+
+def write_settings(**options: Any) -> Settings:
+    """The settings of `write`: quantisers of values and of differences, and no iteration."""
+    none = FitSettings(iterations=0, pruning=None, convergence=None)
+    colors = RvqSettings((COLOR_CODEWORDS,) * COLOR_STAGES)
+    values = BlockSettings(
+        position_step=POSITION_STEP, cholesky_bits=CHOLESKY_BITS, colors=colors, weigh_by_area=True, quantizer_rate=0.0
+    )
+    differences = values.with_(
+        position_step=DIFFERENCE_STEP, cholesky_step=DIFFERENCE_STEP, static_threshold=0.5,
+        colors=RvqSettings(colors.codewords, zero_codeword=True),
+    )  # fmt: skip
+    settings = Settings("write", FrameSettings(none, none, values), FrameSettings(none, none, differences))
+    return settings.with_(decisions=False, **options)
+
+
+class _Write(Encoding[GivenSplats]):
+    """One encode of given splats."""
+
+    name = "gsvc_ref.write"
+
+    def __init__(
+        self,
+        given: GivenFrames,
+        file: BinaryIO,
+        video: VideoFormat,
+        settings: Settings,
+        level: int | None,
+        progress: OnProgress | None,
+        interrupts: Interrupts,
+    ) -> None:
+        self.given = given
+        self.key_frames = settings.key_frames
+        highest = level or max(LEVELS)
+        coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
+        super().__init__(file, video, coder, highest, progress, interrupts, least_level=level is None)
+
+    def _frames(self) -> Iterator[GivenSplats]:
+        return iter(self.given)
+
+    def _typed(self, frames: Iterator[GivenSplats]) -> Iterator[TypedFrame[GivenSplats]]:
+        key = self.key_frames
+        for number, frame in enumerate(frames):
+            if number == 0:
+                yield TypedFrame(number, frame, "I", "first frame")
+            elif isinstance(key, int) and number % key == 0:
+                yield TypedFrame(number, frame, "I", f"every {key} frames")
+            elif isinstance(key, tuple) and number in key:
+                yield TypedFrame(number, frame, "I", "listed")
+            else:
+                yield TypedFrame(number, frame, "P", "predicted")
+
+    def _no_frames(self) -> UsageError:
+        return UsageError("there are no frames; give the splats of at least one")
+
+    def _notes(self) -> list[str]:
+        notes = []
+        if self.given.turned:
+            notes.append(f"the signs of {self.given.turned} splats were turned so that l11 and l22 are above 0")
+        if self.given.removed:
+            notes.append(f"{self.given.removed} splats that cover nothing were left out")
+        return notes
+
+    def _decisions(self, item: TypedFrame[GivenSplats], encoded: EncodedFrame) -> tuple[Decision, ...]:
+        return ()

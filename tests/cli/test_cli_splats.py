@@ -1,0 +1,122 @@
+"""`gsvc import` and `gsvc export`: from files of splats to a stream and back, with what gets lost."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gsvc_ref
+from gsvc_ref.cli import main
+from gsvc_ref.splat_files import from_gaussians, read_ply
+
+W, H = 40, 30
+
+
+def splats_of_frames():
+    rng = np.random.default_rng(0)
+    first = np.concatenate(
+        [rng.uniform(0, 30, (20, 2)), rng.uniform(1, 5, (20, 3)), rng.uniform(0, 0.5, (20, 3))], axis=1
+    )
+    return [(first + np.array([t, 0, 0, 0, 0, 0, 0, 0])).astype(np.float32) for t in range(3)]
+
+
+@pytest.fixture
+def npz(tmp_path):
+    frames = splats_of_frames()
+    np.savez(tmp_path / "in.npz", parameters=np.stack(frames), width=W, height=H, frame_rate=[30000, 1001])
+    return tmp_path / "in.npz"
+
+
+def decoded(path):
+    with gsvc_ref.open(path) as stream:
+        return [frame.splats.to_array() for frame in stream]
+
+
+def test_npz_to_a_stream_and_back(npz, tmp_path, capsys):
+    out, back, again = (str(tmp_path / name) for name in ("a.gsvc", "b.npz", "c.gsvc"))
+    assert main(["import", str(npz), out]) == 0
+    said = capsys.readouterr()
+    assert "3 frames: 1 I, 2 P" in said.out
+    assert said.err.count("lost: ") == 1
+    assert "what quantisers round: frame" in said.err
+    with gsvc_ref.open(out) as stream:
+        assert stream.header.frame_rate_numerator == 30000
+    assert main(["export", out, back, "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
+    with np.load(back, allow_pickle=False) as arrays:
+        kept = dict(arrays)
+    assert np.array_equal(kept["parameters"], np.concatenate(decoded(out)))
+    assert kept["ids"].tolist() == [*range(20)] * 3
+    assert main(["import", back, again, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert [frame["type"] for frame in report["frames"]] == ["I", "P", "P"]
+    assert report["mean_psnr"] is None or report["mean_psnr"] > 50
+    for a, b in zip(decoded(out), decoded(again), strict=True):
+        assert np.abs(a - b).max() < 0.03
+
+
+def test_ply_files_to_a_stream_and_back(npz, tmp_path, capsys):
+    out, folder, again = tmp_path / "a.gsvc", tmp_path / "plys", tmp_path / "c.gsvc"
+    assert main(["import", str(npz), str(out), "--quiet"]) == 0
+    units = ["--pixels-per-unit", "10", "--origin=-0.5,2"]
+    capsys.readouterr()
+    assert main(["export", str(out), str(folder), *units, "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["lost"]) == 2
+    assert sorted(path.name for path in folder.iterdir()) == [f"frame_{t:06}.ply" for t in range(3)]
+    assert main(["export", str(out), str(folder), "--quiet"]) == 2
+    assert "holds PLY files already" in capsys.readouterr().err
+    assert main(["import", str(folder), str(again)]) == 2
+    assert "give --width and --height" in capsys.readouterr().err
+    assert main(["import", str(folder), str(again), *units, "--width", str(W), "--height", str(H), "--quiet"]) == 0
+    assert "lost: what hides what" in capsys.readouterr().err
+    for a, b in zip(decoded(out), decoded(again), strict=True):
+        assert np.abs(a - b).max() < 0.03
+
+
+def test_one_frame_as_ply(npz, tmp_path, capsys):
+    out, ply = tmp_path / "a.gsvc", tmp_path / "one.ply"
+    assert main(["import", str(npz), str(out), "--quiet"]) == 0
+    assert main(["export", str(out), str(ply), "--quiet"]) == 2
+    assert "more than one frame" in capsys.readouterr().err
+    assert not ply.exists()
+    assert main(["export", str(out), str(ply), "--frames", "1:2", "--quiet"]) == 0
+    assert np.allclose(from_gaussians(read_ply(ply)).parameters, decoded(out)[1], atol=1e-4)
+    assert main(["export", str(out), str(ply), "--frames", "7:8"]) == 2
+    assert "no such frame" in capsys.readouterr().err
+
+
+def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, capsys):
+    out, cut = tmp_path / "a.gsvc", tmp_path / "cut.gsvc"
+    assert main(["import", str(npz), str(out), "--quiet", "--key-frames", "1"]) == 0
+    with gsvc_ref.open(out) as stream:
+        second = list(stream)[1]
+    cut.write_bytes(out.read_bytes()[: second.offset + second.size + 5])
+    assert main(["export", str(cut), str(tmp_path / "b.npz"), "--quiet"]) == 1
+    assert "R-6.2-4" in capsys.readouterr().err
+    with np.load(tmp_path / "b.npz", allow_pickle=False) as arrays:
+        assert arrays["counts"].tolist() == [20, 20]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["import", "no.npz", "x.gsvc"], 2, "there is no file 'no.npz'"),
+        (["import", "bad.npz", "x.gsvc"], 1, "bad.npz is no sound NPZ file"),
+        (["import", "bad.ply", "x.gsvc", "--width", "9", "--height", "9"], 1, "does not begin with 'ply'"),
+        (["import", "bad.txt", "x.gsvc"], 2, "neither one NPZ file nor PLY"),
+        (["import", "-", "x.gsvc"], 2, "cannot come from standard input"),
+        (["import", "empty", "x.gsvc"], 2, "holds no .ply files"),
+        (["import", "bad.npz", "x.gsvc", "--frame-rate", "0"], 2, "'0' is no frame rate"),
+        (["import", "bad.npz", "x.gsvc", "--origin", "3"], 2, "'3' is not X,Y"),
+        (["export", "bad.npz", "x.npz"], 1, "R-6.1-1"),
+        (["export", "bad.npz", "x.txt"], 2, "cannot tell what to write as x.txt"),
+    ],
+)
+def test_wrong_use_is_said_in_a_sentence(tmp_path, monkeypatch, capsys, arguments, status, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    for name in ("bad.npz", "bad.ply", "bad.txt"):
+        (tmp_path / name).write_bytes(b"no splats at all")
+    assert main(arguments) == status
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "x.gsvc").exists()
