@@ -5,7 +5,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_conformance.pairs import PAIRS, Twin
-from gsvc_conformance.vectors import VECTORS, read
+from gsvc_conformance.vector import VECTORS, read
 from gsvc_ref.checks import door
 
 WRONG = (None, "text", object(), {}, np.array(["a"]), np.array([None, None]))
