@@ -7,9 +7,10 @@ import shlex
 import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gsvc_conformance.causes import Causes
 from gsvc_conformance.claim import FORM, Claim, read_claim
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import add_files, check_outputs, check_writable, write_files
-from gsvc_conformance.features import read_features
+from gsvc_conformance.features import Features, read_features
 from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import operations
 from gsvc_conformance.report.console import describe, last_line, progress_text
@@ -28,12 +29,15 @@ from gsvc_conformance.results import FAULTS, Report, Result
 from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector import SPEC_VERSION, VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
-from gsvc_conformance.waivers import read_waivers, renewed, to_toml
+from gsvc_conformance.waivers import Waivers, read_waivers, renewed, to_toml
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
+
+if TYPE_CHECKING:
+    from gsvc_conformance.report.pictures import View
 
 SHOWN: Final = 10
 MAX_NEEDS: Final = 6
@@ -98,73 +102,127 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     command
         The words that judge it again, without a selection.
     """
-    from gsvc_conformance.report.pictures import PictureBook
-
     aside = check_outputs(arguments)
     check_writable(arguments.write_waivers)
+    plan = _plan(arguments)
+    runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
+    if arguments.keep:
+        forget(arguments.keep, plan.names)
+    found = _asked(arguments, plan, implementation)
+    stale = plan.waivers.stale(found.results, plan.folder.names)
+    place = {name: number for number, name in enumerate(plan.names)}
+    report = Report(
+        environment=environment(implementation.name, plan.folder),
+        command=shlex.join([*command, *_vectors_words(arguments), *_features_words(arguments)]),
+        selection="" if plan.claim else str(plan.selection),
+        notes=_notes(arguments, found, stale),
+        results=sorted(found.results, key=lambda result: place[result.id]),
+        runs_on=runs_on,
+        ended=found.notes[0] if len(found.results) < len(plan.names) else "",
+        claim=plan.claim,
+        whole=plan.selection.whole and not any(map(_of_no_claim, plan.names)),
+        features=plan.features,
+        stale=tuple(stale) if arguments.strict_waivers else (),
+        options=shlex.join(_options(arguments)),
+    )
+    written, refused = write_files(arguments, report, found.pictures)
+    if arguments.write_waivers:
+        write_text(to_toml(renewed(plan.waivers, found.results, plan.folder.names)), arguments.write_waivers)
+        written.append(f"waivers: {arguments.write_waivers}")
+    show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
+    for fault in (found.fault, *refused):
+        if fault is not None:
+            raise fault
+    return report.exit_code
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is judged by what, and what is excused."""
+
+    claim: Claim | None
+    features: Features | None
+    folder: VectorFolder
+    selection: Selection
+    waivers: Waivers
+    names: list[str]
+    skips: dict[str, str]
+
+
+def _plan(arguments: Namespace) -> _Plan:
+    """The plan that the options make.
+
+    Raises
+    ------
+    UsageError
+        They contradict each other, or a file that they name is wrong.
+    """
     if arguments.strict_waivers and not arguments.waivers:
         raise UsageError("--strict-waivers needs --waivers FILE")
-    runs_on = {**implementation.environment, **read_environment(getattr(arguments, "environment", []))}
     claim = read_claim(arguments.claim) if arguments.claim else None
     features = read_features(arguments.features) if arguments.features else None
     if claim and features:
         features.check_claim(claim)
     folder = vectors_of(arguments)
-    chosen, waivers, book = _selection(arguments, claim), read_waivers(arguments.waivers), PictureBook()
+    chosen, waivers = _selection(arguments, claim), read_waivers(arguments.waivers)
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
     if claim:
         _check_claim(claim, names)
-    if arguments.keep:
-        forget(arguments.keep, names)
+    return _Plan(claim, features, folder, chosen, waivers, names, skips)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a run came to: its results and what is to be said of them; `fault` is what ended it early."""
+
+    results: list[Result]
+    notes: list[str]
+    pictures: "Mapping[str, View]"
+    fault: BaseException | None = None
+
+
+def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) -> _Found:
+    """Ask for the vectors of a plan and judge the answers; what was judged before a fault is not lost."""
+    from gsvc_conformance.report.pictures import PictureBook
+
     done: list[Result] = []
-    causes = Causes()
-    ended: BaseException | None = None
+    causes, book = Causes(), PictureBook()
     try:
         with ProgressDisplay(quiet=arguments.quiet) as display:
 
             def on_result(judged: Judged) -> None:
                 done.append(judged.result)
                 causes.add(judged)
-                display.update(progress_text(judged.result.operation, done), len(done), len(names))
+                display.update(progress_text(judged.result.operation, done), len(done), len(plan.names))
                 if judged.result.outcome in FAULTS and arguments.keep:
                     keep_files(arguments.keep, judged)
                 if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
                     book.add(judged.vector, judged.outputs, judged.result)
 
-            vectors = folder.read(names if arguments.order is None else shuffled(names, arguments.order))
+            order = plan.names if arguments.order is None else shuffled(plan.names, arguments.order)
             run_suite(
-                implementation, vectors, waivers=waivers.reasons(names), skips=skips, on_result=on_result,
-                jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat, level=claim.level if claim else 1,
-                features=features,
+                implementation, plan.folder.read(order), waivers=plan.waivers.reasons(plan.names), skips=plan.skips,
+                on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
+                level=plan.claim.level if plan.claim else 1, features=plan.features,
             )  # fmt: skip
-            display.update("looking for causes", len(names), len(names))
+            display.update("looking for causes", len(plan.names), len(plan.names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
-    except (Exception, KeyboardInterrupt) as error:  # what was judged must not be lost
+    except (Exception, KeyboardInterrupt) as error:
         if not done:
             raise
-        results, notes, ended = done, [_end(error, len(done), len(names))], error
-    notes += [*_difference_notes(results), *_beyond_notes(results)]
-    stale = waivers.stale(results, folder.names)
-    notes += [] if arguments.strict_waivers else stale
-    notes += [_order_note(arguments.order)] if arguments.order is not None else []
-    again = shlex.join([*command, *_vectors_words(arguments), *_features_words(arguments)])
-    around = environment(implementation.name, folder)
-    place = {name: number for number, name in enumerate(names)}
-    results = sorted(results, key=lambda result: place[result.id])
-    report = Report(
-        around, again, "" if claim else str(chosen), notes, results, runs_on,
-        notes[0] if len(done) < len(names) else "", claim, chosen.whole and not any(map(_of_no_claim, names)),
-        features, tuple(stale) if arguments.strict_waivers else (), shlex.join(_options(arguments)),
-    )  # fmt: skip
-    written, refused = write_files(arguments, report, book.pictures())
-    if arguments.write_waivers:
-        write_text(to_toml(renewed(waivers, results, folder.names)), arguments.write_waivers)
-        written.append(f"waivers: {arguments.write_waivers}")
-    show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
-    for fault in (ended, *refused):
-        if fault is not None:
-            raise fault
-    return report.exit_code
+        return _Found(done, [_end(error, len(done), len(plan.names))], book.pictures(), error)
+    return _Found(results, notes, book.pictures())
+
+
+def _notes(arguments: Namespace, found: _Found, stale: Iterable[str]) -> list[str]:
+    """All that is to be said of a run besides its results."""
+    return [
+        *found.notes,
+        *_difference_notes(found.results),
+        *_beyond_notes(found.results),
+        *([] if arguments.strict_waivers else stale),
+        *([_order_note(arguments.order)] if arguments.order is not None else []),
+    ]
 
 
 def _selection(arguments: Namespace, claim: Claim | None) -> Selection:
