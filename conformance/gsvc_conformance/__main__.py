@@ -13,6 +13,7 @@ from typing import Any, Final
 from gsvc_conformance import __version__
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
 from gsvc_ref.cli.parser import Parser
+from gsvc_ref.cli.text import show
 from gsvc_ref.errors import UsageError
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
@@ -83,7 +84,7 @@ class _Version(Action):
 
         vectors = VectorFolder(VECTORS, "newest")
         number = str(vectors.set.number) if vectors.set else ""
-        print(f"{PROGRAM} {__version__}\n{quoted(number, vectors.sha256)}\nspec.md {SPEC_VERSION}")
+        show(f"{PROGRAM} {__version__}", quoted(number, vectors.sha256), f"spec.md {SPEC_VERSION}")
         parser.exit()
 
 
