@@ -11,7 +11,7 @@ from gsvc_conformance.operation import operations  # noqa: E402
 
 MODULE = "gsvc_conformance.adapters.pytorch"
 
-MISSING = {"read_stream", "decode_plane", "encode_plane", "seek"}
+MISSING = {"read_stream", "decode_plane", "encode_plane", "seek", "encode_video"}
 
 WIDTH, HEIGHT = 100, 75
 

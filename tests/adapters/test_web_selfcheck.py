@@ -63,7 +63,7 @@ def local_page(open_page):
 
 @pytest.fixture(scope="module")
 def checked(served_page):
-    return served_page.evaluate(CHECK, ["../../../vectors/", SOME])
+    return served_page.evaluate(CHECK, ["../../../../vectors/", SOME])
 
 
 def test_a_right_decoder_passes(checked, vector_folder):
@@ -119,7 +119,7 @@ def test_a_wrong_decoder_fails_and_is_told_where(served_page):
       GSVC.operations.to_frame = async () => { throw new Error("out of ink"); };
       const told = [];
       const options = { only: ["from_half", "to_frame"], onProgress: (progress) => told.push(progress) };
-      const result = await GSVC.selfCheck(await GSVC.vectorsAt("../../../vectors/"), options);
+      const result = await GSVC.selfCheck(await GSVC.vectorsAt("../../../../vectors/"), options);
       Object.assign(GSVC.operations, { from_half, to_frame });
       return { ...result, told };
     }
@@ -139,7 +139,7 @@ def test_it_can_be_ended(served_page):
     async () => {
       const ending = new AbortController();
       const options = { signal: ending.signal, onProgress: ({ done }) => done === 3 && ending.abort() };
-      return GSVC.selfCheck(await GSVC.vectorsAt("../../../vectors/"), options);
+      return GSVC.selfCheck(await GSVC.vectorsAt("../../../../vectors/"), options);
     }
     """
     result = served_page.evaluate(script)

@@ -6,7 +6,7 @@ import pytest
 
 from gsvc_conformance.case import TIERS, cases
 from gsvc_conformance.cases import FLAGS
-from gsvc_conformance.expectations import Refusal
+from gsvc_conformance.expectations import Rate, Refusal
 
 CASES = [case for case in cases().values() if case.tier in TIERS]
 
@@ -23,5 +23,6 @@ def test_case(case):
     assert list(outputs) == list(expected)
     for name, expectation in expected.items():
         strict = replace(expectation, in_full=True) if isinstance(expectation, Refusal) else expectation
+        strict = strict.beside(outputs) if isinstance(strict, Rate) else strict
         verdict = strict.judge(outputs[name])
         assert verdict.passed, f"{name} {verdict.message}"

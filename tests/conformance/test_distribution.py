@@ -215,7 +215,7 @@ def test_the_kit_elsewhere(elsewhere):
     assert "Probable cause: pixel centres at integer positions" in said
     assert 'src="data:image/png' in (work / "half.html").read_text()
     assert elsewhere.kit("report", "half.json", "--html", "again.html", "--keep", "kept")[0] == 1
-    assert "| render_sum" in elsewhere.kit("compare", "mine.json", "half.json")[1].replace("`", "")
+    assert "| render_sum" in elsewhere.kit("compare", "--tables", "mine.json", "half.json")[1].replace("`", "")
 
     status, said = elsewhere.kit("run", "--spec", "--class", "metrics", "--class", "colour", "--set", "1")
     assert status == 0

@@ -23,7 +23,7 @@ from gsvc_conformance.operation import Values, operations
 from gsvc_conformance.pairs import PAIRS, Free
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.report.kept import keep_files
-from gsvc_conformance.report.pictures import pictures_of
+from gsvc_conformance.report.pictures import view_of
 from gsvc_conformance.runner import judge_vector
 from gsvc_conformance.vector import Vector, files_of, from_files
 from gsvc_ref import Settings, Splats
@@ -309,7 +309,7 @@ def test_pictures_show_the_worst_frame():
     given = vector("flat_colour")
     with settings(precision="fast", iterations=5):
         wrong = judge_vector(ModuleImplementation("mine", {"encode_video": changed(in_limited_range)}), given)
-    pictures = pictures_of(given, wrong.outputs, wrong.result)
+    pictures = view_of(given, wrong.outputs, wrong.result)
     captions = [picture.caption for picture in pictures]
     assert captions == [
         "source (frame 0)",

@@ -78,7 +78,7 @@ def test_what_the_protocol_says_of_servers():
 
 
 def test_the_features_of_the_protocol_can_be_read(tmp_path):
-    (text,) = re.findall(r"```toml\n(.*?)```", PROTOCOL, re.DOTALL)
+    (text,) = re.findall(r"```toml\n(# features.toml.*?)```", PROTOCOL, re.DOTALL)
     (tmp_path / "features.toml").write_text(text)
     given = read_features(tmp_path / "features.toml").to_object()
     assert list(given) == [field.name for field in fields(Features)]

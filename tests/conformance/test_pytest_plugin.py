@@ -60,9 +60,9 @@ def test_vectors_are_added_to_the_tests_that_are_there(run, toy_module):
     assert result.ret == 0
     result.stdout.fnmatch_lines(
         [
-            "*GSVC vectors * (sha256 *): toy_implementation*",
+            "*vectors of no set (sha256 *): toy_implementation*",
             "class training passed: 3 vectors*",
-            "passes GSVC vectors *, class training, profile paper, level 5, 0 waivers",
+            "passes vectors of no set (sha256 *), class training, profile paper, level 5, 0 waivers",
         ]
     )
 
@@ -172,8 +172,11 @@ def test_a_command(run, tmp_path):
 
 def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     name = toy_module()
-    assert sentence(run("--gsvc-operation", "halve")) == "say what golden vectors judge: --gsvc-module or --gsvc-impl"
-    assert sentence(run(ID)) == "say what golden vectors judge: --gsvc-module or --gsvc-impl"
+    assert (
+        sentence(run("--gsvc-operation", "halve"))
+        == "say what golden vectors judge: --gsvc-module or --gsvc-impl or --gsvc-serve"
+    )
+    assert sentence(run(ID)) == "say what golden vectors judge: --gsvc-module or --gsvc-impl or --gsvc-serve"
     assert "only one of" in sentence(run("--gsvc-module", name, "--gsvc-impl", "x"))
     assert "the module no_such_module cannot be imported" in sentence(run("--gsvc-module", "no_such_module"))
     assert "did you mean halve?" in sentence(run("--gsvc-module", name, "--gsvc-operation", "halv"))

@@ -12,6 +12,7 @@ from gsvc_conformance.expectations import Bounded, Refusal
 from gsvc_conformance.generate import differences, make
 from gsvc_conformance.implementations import Unsupported, from_namespace
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
+from gsvc_conformance.pairs import PAIRS, Free
 from gsvc_conformance.reference import namespace as reference
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import run_suite
@@ -69,7 +70,8 @@ def test_gsvc_ref_passes(vectors):
 
 @pytest.mark.exhaustive
 def test_the_code_of_the_spec_passes(vectors):
-    assert failures(from_namespace("spec.md", spec.namespace()), vectors) == []
+    coded = [vector for vector in vectors if not isinstance(PAIRS[vector.operation.name], Free)]
+    assert failures(from_namespace("spec.md", spec.namespace()), coded) == []
 
 
 class Careless:

@@ -11,8 +11,7 @@ import pytest
 from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.encoder import Settings, encode
-from gsvc_ref.encoder import encoder as encoder_module
+from gsvc_ref.encoder import Settings, encode, encoder, encoding
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import reconstruct
@@ -41,7 +40,7 @@ def states(monkeypatch) -> list:
             kept.append(result.state)
             return result
 
-    monkeypatch.setattr(encoder_module, "FrameEncoder", Recording)
+    monkeypatch.setattr(encoder, "FrameEncoder", Recording)
     return kept
 
 
@@ -87,7 +86,7 @@ def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, setti
             assert self.state is state
             return decoded
 
-    monkeypatch.setattr(encoder_module, "StreamWriter", Checking)
+    monkeypatch.setattr(encoding, "StreamWriter", Checking)
     clip = waves(frames=4)
     clip.insert(2, clip[1].copy())
     _, data = encoded(clip, settings)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 import gsvc_ref
-from gsvc_conformance import vectors
+from gsvc_conformance.vector import load
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing import assert_within_bound, splat_sets
@@ -78,7 +78,7 @@ def test_what_gsvc_ref_computes_is_within_bounds_and_what_is_off_is_not(operatio
 
 @cache
 def core():
-    return tuple(vectors.load(tiers=("core",)))
+    return tuple(load(tiers=("core",)))
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
