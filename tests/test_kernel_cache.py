@@ -164,7 +164,7 @@ def package(compiler, tmp_path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", pytest.param("NUMBA_CACHE_DIR", marks=pytest.mark.exhaustive)])
 def test_a_second_start_compiles_nothing_and_a_changed_source_anew(package, variable):
     """Numba alone looks only at the file of the function that it loads."""
     variables = {variable: str(package / "new" / "cache")}
@@ -291,6 +291,7 @@ def test_without_a_place_a_warning_says_so_and_the_program_works(folder, options
     assert found.stderr.count("compiled kernels cannot be kept, so each start takes half a minute: set NUM") == 1
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("options", [(), ("-W", "error")])
 def test_a_folder_that_cannot_be_used_is_replaced_with_a_warning(folder, options):
     """It cost half a minute at each start, without a word."""

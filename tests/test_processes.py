@@ -42,6 +42,7 @@ def forks_allowed() -> Iterator[None]:
         yield
 
 
+@pytest.mark.exhaustive
 def test_with_workqueue_threads_take_turns():
     """It would end the process at a second call at the same time."""
     environment = {**os.environ, "NUMBA_THREADING_LAYER": "workqueue", "NUMBA_NUM_THREADS": "2"}
@@ -54,6 +55,7 @@ def test_with_workqueue_threads_take_turns():
     assert digests.split() == [digest((name, seed)) for name in NAMES for seed in range(2)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="only POSIX can fork")
 def test_a_fork_goes_on_with_one_thread():
     """GNU OpenMP would end the child at its first parallel kernel."""

@@ -31,6 +31,7 @@ def test_nothing_is_said_after_the_command(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.exhaustive
 def test_a_first_start_tells_and_a_second_does_not(stream, tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
 

@@ -181,6 +181,7 @@ gsvc_ref.concat(sys.argv[2:4], sys.argv[4])
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("step", [0, 7, 25, 10_000])
 def test_killed_at_any_moment_it_leaves_the_old_file_or_the_whole_new_one(parts, tmp_path, step):
     out = tmp_path / "out.gsvc"

@@ -31,7 +31,7 @@ def sources():
         else:
             assert first.startswith(COMMAND)
             command = first.removeprefix(COMMAND)
-            marks = [pytest.mark.exhaustive] if "gradients" in command else []
+            marks = [pytest.mark.exhaustive] if "gradients" in command or "claim" in command else []
             yield pytest.param(code, command, rest.splitlines(), id=command, marks=marks)
 
 

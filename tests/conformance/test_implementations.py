@@ -79,7 +79,14 @@ STREAMS = {
 }
 
 
-@pytest.mark.parametrize("when", ["import", "environment", "call"])
+@pytest.mark.parametrize(
+    "when",
+    [
+        pytest.param("import", marks=pytest.mark.exhaustive),
+        pytest.param("environment", marks=pytest.mark.exhaustive),
+        "call",
+    ],
+)
 @pytest.mark.parametrize("text", STREAMS.values(), ids=STREAMS)
 def test_what_a_module_does_to_standard_output_harms_no_report(tmp_path, text, when):
     function = "def {}({}):\n    {}\n    return {}\n"

@@ -250,6 +250,7 @@ def test_without_atheris_it_says_what_to_install(
     assert "pip install 'gsvc_ref[fuzz]'" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(find_spec("atheris") is None, reason=guided.NEEDS_ATHERIS)
 def test_guided_by_coverage(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tests.hostile.fuzz", "videos", "--atheris", "--runs", "90"]

@@ -21,6 +21,7 @@ from tests.hostile.memory import SUPPORTED, measure_level
 LEVEL = 2
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not SUPPORTED, reason="the system does not tell the peak memory of a part of a run")
 def test_peak_memory(tmp_path: Path) -> None:
     entries = ("StreamReader of a pipe", "decode", "frames(1)", "gsvc decode", "gsvc dump")
