@@ -3,10 +3,11 @@
     python compare_pictures.py FOLDER          # FOLDER/ID.npy for each picture, such as core/render_sum/one_splat.npy
     python compare_pictures.py FOLDER --plain  # only pictures that need nothing beyond KHR_gaussian_splatting
 
-A picture is an .npy file (H, W, 3): floating point, where 1 is white and nothing is clamped, or 8 bits (u1). Row 0 is
-the top one. Of a sum of floating point each number must lie between lowest.npy and highest.npy of its ID; one of 8
-bits must lie between these two, clamped to 0..1 and rounded. Exit code 0: all are right; 1: one is wrong; 2: none is
-there.
+A picture is an .npy file (H, W, 3); row 0 is the top one. It has floating point, where 1 is white and nothing is
+clamped, or samples: u2 where index.json has a bit_depth above 8, else u1. Each number must lie between lowest.npy and
+highest.npy of its ID. Where index.json has a bit_depth these are samples: a picture of floating point is clamped to
+0..1, multiplied by 2**bit_depth - 1 and rounded first. Elsewhere they are a sum, and for a picture of samples these
+two are clamped, multiplied by 255 and rounded. Exit code 0: all are right; 1: one is wrong; 2: none is there.
 """
 
 import json
@@ -21,24 +22,34 @@ HERE = Path(__file__).parent
 EPSILON = 2.0**-23
 
 
-def allowed(home: Path, of_8_bits: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+def read(path: Path) -> tuple[NDArray[Any] | None, str]:
+    """A picture, or what is wrong with its file, a sentence."""
+    try:
+        with path.open("rb") as file:
+            return np.lib.format.read_array(file, allow_pickle=False), ""
+    except Exception as error:  # any file may be there, and the other pictures must be judged
+        return None, f"is no .npy file of numbers ({type(error).__name__}: {error})"
+
+
+def allowed(home: Path, of_samples: bool) -> tuple[NDArray[Any], NDArray[Any]]:
     """The least and the largest number that each sample may be."""
     low, high = np.load(home / "lowest.npy"), np.load(home / "highest.npy")
-    if of_8_bits and low.dtype.kind == "f":  # a sum, which becomes samples
+    if of_samples and low.dtype.kind == "f":  # a sum, which becomes samples
         low = np.rint(np.clip(low, 0, 1) * 255 * (1 - EPSILON)).astype(np.uint8)
         high = np.rint(np.clip(high, 0, 1) * 255 * (1 + EPSILON)).astype(np.uint8)
     return low, high
 
 
-def judge(home: Path, picture: NDArray[Any]) -> str:
-    """What is wrong with a picture, a sentence; empty if nothing is."""
-    low, high = allowed(home, picture.dtype == np.uint8)
+def judge(home: Path, picture: NDArray[Any], bit_depth: int | None) -> str:
+    """What is wrong with a picture, a sentence; empty if nothing is. A sum has no `bit_depth`."""
+    floating = picture.dtype.kind == "f"
+    low, high = allowed(home, not floating)
     if picture.shape != low.shape:
         return f"has the shape {picture.shape}; it must be {low.shape}"
-    if (picture.dtype.kind == "f") != (low.dtype.kind == "f"):
-        return f"has numbers of type {picture.dtype}; they must be {low.dtype}"
-    if picture.dtype.kind != "f" and picture.dtype != low.dtype:
-        return f"has samples of type {picture.dtype}; they must be {low.dtype}"
+    if not floating and picture.dtype != low.dtype:
+        return f"has numbers of type {picture.dtype}; they must be {low.dtype} or floating point"
+    if floating and bit_depth:  # becomes samples, by R-9.1-1 of spec.md (the operation to_frame)
+        picture = np.rint(np.clip(picture.astype(np.float64), 0, 1) * (2**bit_depth - 1))
     wide = picture.astype(np.float64)
     beyond = np.maximum(low - wide, wide - high)
     wrong = ~(beyond <= 0)
@@ -67,7 +78,10 @@ def main(words: list[str]) -> int:
         if not path.is_file() or (plain and entry["needs"]):
             continue
         there += 1
-        if sentence := judge(HERE / entry["id"], np.load(path, allow_pickle=False)):
+        picture, sentence = read(path)
+        if picture is not None:
+            sentence = judge(HERE / entry["id"], picture, entry.get("bit_depth"))
+        if sentence:
             wrong += 1
             needs = f" (needs {', '.join(entry['needs'])})" if entry["needs"] else ""
             print(f"WRONG {entry['id']}{needs}: {sentence}")

@@ -6,7 +6,7 @@ about z and two scales; the colour the coefficient of degree 0, with opacity 1.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
 from gsvc_conformance.vector import Vector, npy
-from gsvc_ref.constants import LN_255, REACH
-from gsvc_ref.rendering.bounds import EPS
+from gsvc_ref.constants import LN_255
+from gsvc_ref.rendering.bounds import EPS, error_footprints
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
-Floats = NDArray[np.floating[Any]]
 
 EXTENSION: Final = "KHR_gaussian_splatting"
 OPERATIONS: Final = ("render_sum", "render_frame")
@@ -99,7 +98,7 @@ class Pictures:
     ----------
     change
         (H, W, 3) f8: how far storing the splats, and reading their colours in binary32, may move each pixel, splat by
-        splat.
+        splat; also pixels that are drawn by one of two legal coverage decisions only.
     covered
         (H, W) i8: the number of splats that cover each pixel.
     """
@@ -109,51 +108,38 @@ class Pictures:
 
 
 def pictures(parameters: F4, splats: Stored, width: int, height: int) -> Pictures:
-    """Compare splats with what is stored of them, in binary64."""
+    """Compare splats with what is stored of them, in binary64.
+
+    Where either coverage decision is legal (13-9), the bound of a vector allows the splat to be left out, and to be
+    drawn as it is: what is added here is the change of the splat when it is drawn.
+    """
     change, covered = np.zeros((height, width, 3)), np.zeros((height, width), np.int64)
     colors = parameters[:, 5:].astype(np.float64)
     stored_colors = splats.coefficient.astype(np.float64) * SH_0 + 0.5
     read = EPS * (abs(stored_colors - 0.5) + abs(stored_colors))  # three roundings of half an EPS each, in binary32
-    for n, (rows, columns) in enumerate(_boxes(parameters, width, height)):
-        x, y = columns[None, :] + 0.5, rows[:, None] + 0.5
-        before = _weight(*_by_factor(parameters[n].astype(np.float64), x, y))
-        after = _weight(*_by_rotation(splats, n, x, y))
-        box = np.ix_(rows, columns)
+    for n, _, pixels, errors in error_footprints(parameters, width, height):
+        box = pixels.rows, pixels.columns
+        x = np.arange(pixels.columns.start, pixels.columns.stop)[None, :] + 0.5
+        y = np.arange(pixels.rows.start, pixels.rows.stop)[:, None] + 0.5
+        sigma = _sigma_by_rotation(splats, n, x, y)
+        before = np.where(errors.band, errors.g_plain, pixels.g)
+        after = np.where(errors.band | (sigma <= LN_255), np.exp(-sigma), 0.0)
         change[box] += abs(after[..., None] * stored_colors[n] - before[..., None] * colors[n])
         change[box] += after[..., None] * read[n]
-        covered[box] += before > 0
+        covered[box] += pixels.covered
     return Pictures(change, covered)
 
 
-def _boxes(parameters: F4, width: int, height: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """The rows and columns that each splat may cover, and one more on each side."""
-    for x, y, l11, l21, l22, *_ in parameters.astype(np.float64):
-        ends = []
-        for middle, extent, size in ((y, np.hypot(l21, l22), height), (x, l11, width)):
-            first, last = middle - REACH * extent - 1, middle + REACH * extent + 1
-            ends.append(np.arange(int(np.clip(first, 0, size)), int(np.clip(np.ceil(last), 0, size))))
-        yield ends[0], ends[1]
-
-
-def _by_factor(splat: F8, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """The two coordinates u of pixels by the Cholesky factor."""
-    u1 = (x - splat[0]) / splat[2]
-    return u1, (y - splat[1] - splat[3] * u1) / splat[4]
-
-
-def _by_rotation(splats: Stored, n: int, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """The two coordinates of pixels along the axes of a stored splat, in its scales."""
+def _sigma_by_rotation(splats: Stored, n: int, x: F8, y: F8) -> F8:
+    """Sigma at pixels, by the two coordinates along the axes of a stored splat, in its scales."""
     px, py, _ = splats.position[n].astype(np.float64)
     _, _, qz, qw = splats.rotation[n].astype(np.float64)
     angle = 2 * np.arctan2(qz, qw)
     dx, dy = x - px, -y - py
     first, second, _ = splats.scale[n].astype(np.float64)
-    return (np.cos(angle) * dx + np.sin(angle) * dy) / first, (np.cos(angle) * dy - np.sin(angle) * dx) / second
-
-
-def _weight(u1: Floats, u2: Floats) -> F8:
-    sigma = (u1 * u1 + u2 * u2) / 2
-    return np.asarray(np.where(sigma <= LN_255, np.exp(-sigma), 0.0), np.float64)
+    u1 = (np.cos(angle) * dx + np.sin(angle) * dy) / first
+    u2 = (np.cos(angle) * dy - np.sin(angle) * dx) / second
+    return np.asarray((u1 * u1 + u2 * u2) / 2, np.float64)
 
 
 def left_out(vector: Vector) -> str:

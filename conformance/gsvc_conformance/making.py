@@ -1,7 +1,7 @@
 """Vectors from somebody's own inputs: what the outputs must be, and a folder of such vectors that `run` judges.
 
     vector = make_vector("render_sum", {"parameters": splats, "width": 64, "height": 48}, id="my_five_splats")
-    add_vectors(Path("own"), [vector])              # then: gsvc-conformance run --vectors own --module mine
+    add_vectors("own", [vector])                    # then: gsvc-conformance run --vectors own --module mine
 
 The oracles are those of the golden vectors. They need gsvc_ref (``gsvc-conformance[reference]``).
 """
@@ -172,7 +172,21 @@ def _expected(operation: Operation, values: Values) -> Mapping[str, Expectation]
     return expected
 
 
-def add_vectors(folder: Path, vectors: Iterable[OwnVector], *, replace: bool = False) -> None:
+class TakenError(UsageError):
+    """A folder has vectors of these ids already.
+
+    Attributes
+    ----------
+    taken
+        The folder and an id, the beginning of a sentence.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.taken = f"{folder} has a vector {name} already"
+        super().__init__(f"{self.taken}: make it with another id=, or add it with replace=True")
+
+
+def add_vectors(folder: str | Path, vectors: Iterable[OwnVector], *, replace: bool = False) -> None:
     """Write vectors into a folder of own ones, which is made if it is not there, and keep its SHA256SUMS true.
 
     Parameters
@@ -180,22 +194,28 @@ def add_vectors(folder: Path, vectors: Iterable[OwnVector], *, replace: bool = F
     folder
         With vectors of the tier ``own`` only, or none.
     vectors
-        What to add.
+        What to add, each of `make_vector`.
     replace
         Whether one with the id of another takes its place.
 
     Raises
     ------
     UsageError
-        The folder holds something else, is damaged, or has a vector of that id and `replace` is not given.
+        An argument is of a wrong type; the folder holds something else or is damaged.
+    TakenError
+        The folder has a vector of that id, or two vectors have one id, and `replace` is not given. Nothing was written.
     """
-    vectors = list(vectors)
+    if not isinstance(folder, str | Path):
+        raise UsageError(f"folder is of the type {type(folder).__name__}; it must be a str or a Path")
+    folder, vectors = Path(folder), _vectors(vectors)
     sums = _sums(folder)
+    taken = {name.rpartition("/")[0] for name in sums}
     for vector in vectors:
-        inside = [name for name in sums if name.startswith(f"{vector.id}/")]
-        if inside and not replace:
-            raise UsageError(f"{folder} has a vector {vector.id} already: give another --id, or --replace")
-        for name in inside:
+        if vector.id in taken and not replace:
+            raise TakenError(folder, vector.id)
+        taken.add(vector.id)
+    for vector in vectors:
+        for name in [name for name in sums if name.startswith(f"{vector.id}/")]:
             (folder / name).unlink(missing_ok=True)
             del sums[name]
         home = folder / vector.id
@@ -204,6 +224,23 @@ def add_vectors(folder: Path, vectors: Iterable[OwnVector], *, replace: bool = F
             (home / part).write_bytes(data)
             sums[f"{vector.id}/{part}"] = hashlib.sha256(data).hexdigest()
     (folder / SUMS).write_bytes("".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode())
+
+
+def _vectors(given: Iterable[OwnVector]) -> list[OwnVector]:
+    """A list of vectors.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    if isinstance(given, Vector) or not isinstance(given, Iterable):
+        raise UsageError(f"vectors is of the type {type(given).__name__}; it must be a list: [vector]")
+    vectors = list(given)
+    for vector in vectors:
+        if not isinstance(vector, OwnVector):
+            raise UsageError(f"vectors has a {type(vector).__name__}; each must be a vector of make_vector")
+    return vectors
 
 
 def _sums(folder: Path) -> dict[str, str]:

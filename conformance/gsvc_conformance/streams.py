@@ -14,6 +14,7 @@ import numpy as np
 from gsvc_conformance.element_values import used
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector import npy
+from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import decode_stream_deterministic, reconstruct_stream
 from gsvc_ref.testing.random_streams import ANYTHING, Stream, Wishes, random_stream
 
@@ -48,8 +49,10 @@ def write_streams(
 
     Parameters
     ----------
-    seed, count, folder
-        The streams and the folder that they are written to.
+    seed, count
+        The streams.
+    folder
+        Where they are written to; made if it is not there.
     on_stream
         Is called before each stream with its number.
     wishes
@@ -60,9 +63,13 @@ def write_streams(
     Raises
     ------
     UsageError
-        No legal stream has what is wished.
+        No legal stream has what is wished, or the folder is not empty.
     """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; give a folder to write streams to")
     folder.mkdir(parents=True, exist_ok=True)
+    if any(folder.iterdir()):  # index.json would not list what an earlier call wrote
+        raise UsageError(f"{folder} is not empty: give a new folder, or remove this one first")
     entries: list[dict[str, Any]] = []
     for number in range(count):
         on_stream(number)
@@ -71,10 +78,8 @@ def write_streams(
         expected = {**reconstruct_stream(stream.data)._asdict(), **(_pictures(stream.data) if pictures else {})}
         (folder / f"{name}.gsvc").write_bytes(stream.data)
         for part in PARTS:
-            path = folder / f"{name}.{part}.npy"
-            path.unlink(missing_ok=True)  # of an earlier stream of that name
             if part in expected:
-                path.write_bytes(npy(np.asarray(expected[part])))
+                (folder / f"{name}.{part}.npy").write_bytes(npy(np.asarray(expected[part])))
         entries.append(
             {
                 "name": name,

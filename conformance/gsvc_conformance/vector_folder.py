@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, Vector, files_in, from_files
+from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files
 from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
@@ -27,8 +28,11 @@ SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
 MAX_NAMED: Final = 4
 """Maximum number of selected names that are listed; more are counted."""
-GENERATE: Final = "write them with: gsvc-conformance generate"
-INSTALL: Final = "install gsvc-conformance again"
+ADVICE: Final = {
+    VECTORS: "write them with: gsvc-conformance generate",
+    PACKED: "install gsvc-conformance again",
+}
+"""What to do about missing or damaged vectors of the kit: in a checkout, and installed, where both are one place."""
 
 Wanted = int | Literal["newest", "all"]
 """The set that is wanted: a number, the newest one, or all vectors of a folder, also those that no set lists yet."""
@@ -118,9 +122,8 @@ class VectorFolder:
     def __init__(self, folder: Path, wanted: Wanted = "all") -> None:
         self.folder = folder
         self._files = files_in(folder)
-        self._advice = INSTALL if folder == PACKED else GENERATE
         if SUMS not in self._files:
-            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {self._advice}")
+            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {self._advice()}")
         sums = self._files[SUMS]
         self._hash = hashlib.sha256(sums).hexdigest()
         try:
@@ -128,7 +131,7 @@ class VectorFolder:
             self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
         except ValueError:
             raise UsageError(
-                f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {self._advice}"
+                f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {self._advice()}"
             ) from None
         self._parts: dict[str, list[str]] = {}
         for name in self._sums:
@@ -164,8 +167,21 @@ class VectorFolder:
             raise UsageError(f"{self.folder} has no set {wanted}; {known}")
         chosen = newest(sets) if wanted == "newest" else sets[wanted]
         if chosen and (gone := sorted(chosen.digests.keys() - self._parts.keys())):
-            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {self._advice}")
+            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {self._advice()}")
         return chosen
+
+    def _advice(self, name: str = "") -> str:
+        """What to do about missing or damaged vectors, or about the one to which a file or an id belongs."""
+        if self.folder in ADVICE:
+            return ADVICE[self.folder]
+        there = shlex.quote(str(self.folder))
+        if name.startswith(f"{OWN}/"):
+            _, operation, slug, *_ = name.split("/")
+            return f"make it again with: gsvc-conformance make {operation} INPUTS {there} --id {slug} --replace"
+        return (
+            f"write those of the kit with: gsvc-conformance generate --vectors {there}; or make your own in a new "
+            "folder with: gsvc-conformance make OPERATION INPUTS DIR"
+        )
 
     @property
     def sha256(self) -> str:
@@ -234,7 +250,7 @@ class VectorFolder:
         """
         for name in names:
             manifest = self.manifest(name)
-            with _damaged(self.folder / name, self._advice):
+            with _damaged(self.folder / name, self._advice(name)):
                 check_manifest(name, manifest)
                 if self.set:
                     self.set.check(name, manifest)
@@ -256,9 +272,9 @@ class VectorFolder:
             It is missing, was changed or is damaged.
         """
         if MANIFEST not in self._parts[name]:
-            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {self._advice}")
+            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {self._advice(name)}")
         data = self._file(f"{name}/{MANIFEST}")
-        with _damaged(self.folder / name, self._advice):
+        with _damaged(self.folder / name, self._advice(name)):
             manifest = json.loads(data)
             if not isinstance(manifest, dict):
                 raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
@@ -268,9 +284,9 @@ class VectorFolder:
         try:
             data = self._files[name]
         except KeyError:
-            raise UsageError(f"{self.folder / name} is missing; {self._advice}") from None
+            raise UsageError(f"{self.folder / name} is missing; {self._advice(name)}") from None
         if hashlib.sha256(data).hexdigest() != self._sums[name]:
-            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {self._advice}")
+            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {self._advice(name)}")
         return data
 
 

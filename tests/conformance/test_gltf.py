@@ -10,6 +10,9 @@ import pytest
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.gltf import EXTENSION, MAX_CHANGE, export, left_out, pictures, stored
 from gsvc_conformance.making import make_vector
+from gsvc_conformance.vector import VECTORS
+from gsvc_conformance.vector import read as read_vector
+from gsvc_ref.constants import LN_255
 
 SELECTION = ("core/render_sum/*", "core/render_frame/*", "uncommon/render_sum/*")
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -58,8 +61,11 @@ def matrices(quaternions):
     ).transpose(2, 0, 1)
 
 
-def render(home, width, height):
-    """The sum of a file's splats in binary64: covariance in space, seen along z, opacity times weight times colour."""
+def render(home, width, height, cut=LN_255):
+    """The sum of a file's splats in binary64: covariance in space, seen along z, opacity times weight times colour.
+
+    A splat covers a pixel where minus the logarithm of its weight is at most `cut`.
+    """
     attributes, (left, top, _), camera = read(home)
     wide = {name.removeprefix(f"{EXTENSION}:"): array.astype(np.float64) for name, array in attributes.items()}
     x = left - camera["xmag"] + (np.arange(width) + 0.5) * 2 * camera["xmag"] / width
@@ -71,33 +77,102 @@ def render(home, width, height):
         a, b, c = covariance[0, 0], covariance[0, 1], covariance[1, 1]
         determinant = np.prod(wide["SCALE"][n, :2]) ** 2
         dx, dy = x[None, :] - wide["POSITION"][n, 0], y[:, None] - wide["POSITION"][n, 1]
-        weight = np.exp(-(c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant / 2)
+        sigma = (c * dx * dx - 2 * b * dx * dy + a * dy * dy) / determinant / 2
         color = wide["SH_DEGREE_0_COEF_0"][n] * 0.28209479177387814 + 0.5
-        picture += np.where(weight >= 1 / 255, wide["OPACITY"][n] * weight, 0)[..., None] * color
+        picture += np.where(sigma <= cut, wide["OPACITY"][n] * np.exp(-sigma), 0)[..., None] * color
     return picture
 
 
+def entries_of(folder):
+    return json.loads((folder / "index.json").read_text())["pictures"]
+
+
+def save(folder, name, picture):
+    path = folder / f"{name}.npy"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.save(path, picture)
+    return path
+
+
+def compare(exported, folder, *more):
+    """The exit code of compare_pictures.py, and its lines."""
+    words = [sys.executable, str(exported / "compare_pictures.py"), str(folder), *more]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert not done.stderr
+    return done.returncode, done.stdout.splitlines()
+
+
 def test_a_renderer_of_the_extension_finds_the_expected_pictures(exported, tmp_path):
-    entries = json.loads((exported / "index.json").read_text())["pictures"]
+    entries = entries_of(exported)
     assert len(entries) > 40
     for entry in entries:
         picture = render(exported / entry["id"], entry["width"], entry["height"])
         if "bit_depth" in entry:
             kind = np.uint8 if entry["bit_depth"] == 8 else np.uint16
             picture = np.rint(np.clip(picture, 0, 1) * (2 ** entry["bit_depth"] - 1)).astype(kind)
-        path = tmp_path / f"{entry['id']}.npy"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.save(path, picture)
-    words = [sys.executable, str(exported / "compare_pictures.py"), str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, f"{len(entries)} of {len(entries)} pictures are right\n")
+        save(tmp_path, entry["id"], picture)
+    assert compare(exported, tmp_path) == (0, [f"{len(entries)} of {len(entries)} pictures are right"])
 
     one = next(entry["id"] for entry in entries if not entry["needs"])
     picture = np.load(tmp_path / f"{one}.npy")
     np.save(tmp_path / f"{one}.npy", np.roll(picture, 1, axis=1))
-    done = subprocess.run([*words, "--plain"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stdout.startswith(f"WRONG {one}: is ")
+    code, lines = compare(exported, tmp_path, "--plain")
+    assert code == 1
+    assert lines[0].startswith(f"WRONG {one}: is ")
+
+
+def test_a_picture_of_either_type_is_judged(exported, tmp_path):
+    """Floating point for frames of every bit depth, and 8 bits for sums and frames of 8 bits."""
+    entries = entries_of(exported)
+    frames = [entry for entry in entries if "bit_depth" in entry]
+    assert {entry["bit_depth"] for entry in frames} == {8, 9, 10, 12, 16}
+    for entry in frames:
+        save(tmp_path / "float", entry["id"], render(exported / entry["id"], entry["width"], entry["height"]))
+    assert compare(exported, tmp_path / "float") == (0, [f"{len(frames)} of {len(frames)} pictures are right"])
+    for entry in frames:
+        path = tmp_path / "float" / f"{entry['id']}.npy"
+        picture = np.load(path)
+        save(tmp_path / "float", entry["id"], picture + 3 / (2 ** entry["bit_depth"] - 1))
+    code, lines = compare(exported, tmp_path / "float")
+    assert (code, lines[-1]) == (1, f"0 of {len(frames)} pictures are right")
+
+    kept = [entry for entry in entries if entry.get("bit_depth", 8) == 8]
+    for entry in entries:
+        picture = np.clip(render(exported / entry["id"], entry["width"], entry["height"]), 0, 1)
+        save(tmp_path / "bytes", entry["id"], np.rint(picture * 255).astype(np.uint8))
+    code, lines = compare(exported, tmp_path / "bytes")
+    assert (code, lines[-1]) == (1, f"{len(kept)} of {len(entries)} pictures are right")
+    assert all(line.endswith("numbers of type uint8; they must be uint16 or floating point") for line in lines[:-1])
+
+
+def test_a_file_that_is_no_picture_is_wrong_and_the_others_are_judged(exported, tmp_path):
+    names = [entry["id"] for entry in entries_of(exported)]
+    for name in names[:6]:
+        save(tmp_path, name, np.load(exported / name / "expected.npy"))
+    bad = [tmp_path / f"{name}.npy" for name in names[:5]]
+    np.save(bad[0], np.array([{}], object), allow_pickle=True)
+    bad[1].write_bytes(b"no array")
+    bad[2].write_bytes(b"")
+    np.savez(tmp_path / "archive.npz", picture=np.zeros(3))
+    (tmp_path / "archive.npz").rename(bad[3])
+    np.save(bad[4], np.array("a text"))
+    code, lines = compare(exported, tmp_path)
+    assert (code, lines[-1]) == (1, "1 of 6 pictures are right")
+    for name, line in zip(names, lines[:-1], strict=False):
+        assert line.startswith(f"WRONG {name}")
+
+
+def test_either_decision_at_the_edge_of_a_splat_is_right(tmp_path):
+    """Colours that are 0 are not quite 0 as coefficients: a splat that is drawn at its edge shows that."""
+    vector = read_vector(VECTORS / "stress/render_sum/hard_coverage_on")
+    export([vector], tmp_path / "out")
+    (entry,) = entries_of(tmp_path / "out")
+    home, size = tmp_path / "out" / vector.id, (entry["width"], entry["height"])
+    pictures_of = [render(home, *size, cut=LN_255 * factor) for factor in (1 - 1e-7, 1, 1 + 1e-7)]
+    assert len({picture.tobytes() for picture in pictures_of}) > 1
+    for picture in pictures_of:
+        save(tmp_path / "mine", vector.id, picture)
+        assert compare(tmp_path / "out", tmp_path / "mine") == (0, ["1 of 1 pictures are right"])
 
 
 SPLATS = np.array([[9.5, 4, 3, 0.5, 2, 0.9, 0.5, 0.1], [30, 11, 2, -1, 1.5, 0.2, 0.4, 1.0]], np.float32)

@@ -86,6 +86,7 @@ def test_the_command_makes_what_run_judges(here, capsys, monkeypatch):
     assert "own/render_sum/two: Own inputs: N = 2" in out
     assert "sum: bounded, (16, 32, 3), bounds 0 to " in out
     assert "gsvc_ref's own answer: at most 0." in out
+    assert "added to the folder own; judge an implementation with:\n" in out
     assert "gsvc-conformance run --vectors own --module mine" in out
 
     (here / "my.gsvc").write_bytes(stream())
@@ -93,8 +94,10 @@ def test_the_command_makes_what_run_judges(here, capsys, monkeypatch):
     assert run(capsys, "make", "decode_stream", "my.gsvc", "own", "--title", "A stream of mine.")[0] == 0
     assert "malformed R-6.2-4" in run(capsys, "make", "reconstruct_stream", "cut.gsvc", "own")[1]
 
-    code, out, _ = run(capsys, "run", "--vectors", "own", "--reference")
+    code, out, _ = run(capsys, "run", "--vectors", "own", "--reference", "--json", "r.json")
     assert (code, "PASSED" in out, "sha256" in out) == (0, True, False)
+    digest = hashlib.sha256((here / "own/SHA256SUMS").read_bytes()).hexdigest()
+    assert json.loads((here / "r.json").read_text())["environment"]["vectors"] == digest
     words = ["run", "--vectors", "own", "--tier", "own", "--module", "mine_that_shifts", "--keep", "kept"]
     code, out, err = run(capsys, *words)
     assert code == 1, err
@@ -121,7 +124,7 @@ def test_vectors_are_added_and_replaced(here, capsys):
     np.savez("two.npz", **INPUTS)
     assert run(capsys, "make", "render_sum", "two.npz", "own")[0] == 0
     code, _, err = run(capsys, "make", "render_sum", "two.npz", "own")
-    assert (code, "own has a vector own/render_sum/two already" in err) == (2, True)
+    assert (code, "own has a vector own/render_sum/two already: give another --id, or --replace" in err) == (2, True)
     np.savez("two.npz", **{**INPUTS, "width": 31})
     assert run(capsys, "make", "render_sum", "two.npz", "own", "--replace")[0] == 0
     assert run(capsys, "make", "render_sum", "two.npz", "own", "--id", "own/render_sum/more")[0] == 0
@@ -132,6 +135,48 @@ def test_vectors_are_added_and_replaced(here, capsys):
     for line in (here / "own/SHA256SUMS").read_text().splitlines():
         digest, name = line.split("  ")
         assert hashlib.sha256((here / "own" / name).read_bytes()).hexdigest() == digest
+
+
+def test_python_adds_vectors_and_is_answered_in_its_words(here):
+    one, two = (make_vector("render_sum", INPUTS, id=name) for name in ("one", "two"))
+    add_vectors("own", [one])
+    with pytest.raises(UsageError, match=r"own has a vector own/render_sum/one already: make it with another id=, or"):
+        add_vectors("own", [two, one])
+    assert VectorFolder(here / "own").names == [one.id]
+    assert not (here / "own" / two.id).exists()
+    with pytest.raises(UsageError, match="has a vector own/render_sum/two already"):
+        add_vectors("own", [two, two])
+    add_vectors("own", (vector for vector in [one, two]), replace=True)
+    assert VectorFolder(here / "own").names == [one.id, two.id]
+    golden = read(next(VECTORS.glob("core/prune/*")))
+    for folder, given, words in (
+        ("own", two, r"vectors is of the type OwnVector; it must be a list: \[vector\]"),
+        ("own", None, "vectors is of the type NoneType; it must be a list"),
+        ("own", ["two"], "vectors has a str; each must be a vector of make_vector"),
+        ("own", [golden], "vectors has a Vector; each must be a vector of make_vector"),
+        (3, [two], "folder is of the type int; it must be a str or a Path"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            add_vectors(folder, given)
+
+
+def test_the_advice_about_a_folder_is_that_of_its_owner(here, capsys):
+    add_vectors("mine/own ones", [make_vector("render_sum", INPUTS, id="two")])
+    folder = here / "mine/own ones"
+    (folder / "own/render_sum/two/parameters.npy").write_bytes(b"")
+    code, _, err = run(capsys, "run", "--vectors", "mine/own ones", "--reference")
+    words = "make it again with: gsvc-conformance make render_sum INPUTS 'mine/own ones' --id two --replace"
+    assert (code, words in err) == (2, True), err
+    np.savez("two.npz", **INPUTS)
+    assert run(capsys, "make", "render_sum", "two.npz", "mine/own ones", "--id", "two", "--replace")[0] == 0
+    assert run(capsys, "run", "--vectors", "mine/own ones", "--reference")[0] == 0
+
+    (folder / "SHA256SUMS").write_text("nothing")
+    for name in ("mine/own ones", "nowhere"):
+        code, _, err = run(capsys, "run", "--vectors", name, "--reference")
+        assert code == 2
+        assert "make your own in a new folder with: gsvc-conformance make OPERATION INPUTS DIR" in err
+        assert "those of the kit with: gsvc-conformance generate --vectors" in err
 
 
 def test_folders_of_others_are_left_alone(here):

@@ -169,15 +169,28 @@ def test_what_no_stream_has_is_refused(wishes, words):
         random_stream(0, max_pixels=64, wishes=Wishes(**wishes))
 
 
+def test_a_folder_with_something_in_it_is_left_alone(tmp_path, capsys):
+    """index.json would list the streams of the last call only."""
+    write_streams(1, 1, tmp_path / "out", pictures=False)
+    before = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert main(["streams", str(tmp_path / "out"), "--seed", "5", "--count", "1", "--quiet"]) == 2
+    assert "out is not empty: give a new folder, or remove this one first" in capsys.readouterr().err
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == before
+    with pytest.raises(UsageError, match="is a file; give a folder"):
+        write_streams(1, 1, tmp_path / "out/index.json")
+
+
 def test_the_command_passes_wishes_on(tmp_path, capsys):
     words = ["--count", "2", "--size", "16x8", "--frames", "3", "--splats", "5", "--bit-depth", "8", "--paced", "no"]
-    assert main(["streams", str(tmp_path), *words, "--quiet"]) == 0
-    assert np.load(tmp_path / "stream-0-0001.frames.npy").shape == (3, 8, 16, 3)
-    assert np.load(tmp_path / "stream-0-0001.counts.npy").tolist() == [5, 5, 5]
-    assert main(["streams", str(tmp_path), *words, "--lanes", "2", "--without-frames", "--quiet"]) == 0
-    left = {path.name.split(".", 1)[1] for path in tmp_path.glob("stream-0-0001.*")}
-    assert left == {"gsvc", "counts.npy", "parameters.npy"}
-    assert {entry["header"]["lane_count"] for entry in json.loads((tmp_path / "index.json").read_text())} == {2}
+    whole, without = tmp_path / "whole", tmp_path / "without"
+    without.mkdir()
+    assert main(["streams", str(whole), *words, "--quiet"]) == 0
+    assert np.load(whole / "stream-0-0001.frames.npy").shape == (3, 8, 16, 3)
+    assert np.load(whole / "stream-0-0001.counts.npy").tolist() == [5, 5, 5]
+    assert main(["streams", str(without), *words, "--lanes", "2", "--without-frames", "--quiet"]) == 0
+    parts = {path.name.split(".", 1)[1] for path in without.glob("stream-0-0001.*")}
+    assert parts == {"gsvc", "counts.npy", "parameters.npy"}
+    assert {entry["header"]["lane_count"] for entry in json.loads((without / "index.json").read_text())} == {2}
     capsys.readouterr()
     assert main(["streams", str(tmp_path), "--lanes", "65"]) == 2
     assert "--lanes: 65 is not in 1 to 64" in capsys.readouterr().err

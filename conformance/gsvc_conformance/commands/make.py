@@ -52,7 +52,7 @@ def run(arguments: Namespace) -> int:
         raise UsageError(f"there is no {arguments.inputs}: give an .npz file, a folder of .npy files, or a stream")
     import gsvc_ref  # noqa: F401 - if it is missing, this is said before any work
     from gsvc_conformance.fitting import read_inputs
-    from gsvc_conformance.making import add_vectors, make_vector
+    from gsvc_conformance.making import TakenError, add_vectors, make_vector
 
     given = read_inputs(operations()[arguments.operation], arguments.inputs)
     vector = make_vector(
@@ -63,8 +63,11 @@ def run(arguments: Namespace) -> int:
     if fault:
         show(f"gsvc_ref itself fails this vector ({fault}): please report it with the inputs. Nothing was written")
         return 1
-    add_vectors(arguments.folder, [vector], replace=arguments.replace)
-    show(*description(vector, ratio), f"written to {arguments.folder / vector.id}; judge an implementation with:",
+    try:
+        add_vectors(arguments.folder, [vector], replace=arguments.replace)
+    except TakenError as error:
+        raise UsageError(f"{error.taken}: give another --id, or --replace") from None
+    show(*description(vector, ratio), f"added to the folder {arguments.folder}; judge an implementation with:",
          f"    gsvc-conformance run --vectors {shlex.quote(str(arguments.folder))} --module mine")  # fmt: skip
     return 0
 

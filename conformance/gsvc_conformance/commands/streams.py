@@ -35,7 +35,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "rendered deterministically; and NAME.lowest.npy and NAME.highest.npy, between which bounded rendering must "
         "stay. OUT/index.json lists them. What is not asked for is drawn: any value that a stream may have."
     )
-    parser.add_argument("folder", type=Path, metavar="OUT", help="where to write")
+    parser.add_argument("folder", type=Path, metavar="OUT", help="where to write: a new or empty folder")
     parser.add_argument("--seed", type=count, default=0, metavar="S", help="a number from 0 (default: 0)")
     parser.add_argument("--count", type=times, default=10, metavar="K", help="how many streams (default: 10)")
     parser.add_argument("--without-frames", action="store_true", help="write no frames, which take most of the time")
@@ -94,7 +94,7 @@ def run(arguments: Namespace) -> int:
     Raises
     ------
     UsageError
-        No stream has what is asked for.
+        No stream has what is asked for, or the folder is not empty.
     """
     from gsvc_conformance.streams import write_streams
 
