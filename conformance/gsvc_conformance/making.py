@@ -73,6 +73,16 @@ def make_vector(
     ------
     UsageError
         There is no such operation, the inputs do not fit it, they break its preconditions, or the id is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gsvc_conformance import judge, make_vector
+    >>> vector = make_vector("from_half", {"bits": np.array([0x3C00, 0xC000], "u2")}, id="two")
+    >>> vector.id, vector.expected["values"].value.tolist()
+    ('own/from_half/two', [1.0, -2.0])
+    >>> judge(vector, {"values": np.array([1, -2], "f4")}).passed
+    True
     """
     if operation not in operations():
         near = question(operation, operations()) or f"; the operations are {', '.join(operations())}"
@@ -204,6 +214,16 @@ def add_vectors(folder: str | Path, vectors: Iterable[OwnVector], *, replace: bo
         An argument is of a wrong type; the folder holds something else or is damaged.
     TakenError
         The folder has a vector of that id, or two vectors have one id, and `replace` is not given. Nothing was written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from gsvc_conformance import add_vectors, make_vector, vectors
+    >>> folder = tempfile.mkdtemp()
+    >>> add_vectors(folder, [make_vector("from_half", {"bits": np.zeros(3, "u2")}, id="zeros")])
+    >>> [vector.id for vector in vectors(folder=folder)]
+    ['own/from_half/zeros']
     """
     if not isinstance(folder, str | Path):
         raise UsageError(f"folder is of the type {type(folder).__name__}; it must be a str or a Path")
