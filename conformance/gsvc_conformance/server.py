@@ -98,7 +98,7 @@ class ServerImplementation:
         while self._idle:
             self._idle.pop().end()
 
-    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0, name: str = "") -> Answer:
         """Ask a server that is free, or a new one, and read what it wrote.
 
         Raises
@@ -113,7 +113,7 @@ class ServerImplementation:
         with exchange(inputs) as files, server:
             try:
                 words = {"operation": operation.name, "in": files.inside.as_posix(), "out": files.outside.as_posix()}
-                status, message = server.ask(next(self._numbers), words, self._timeout, files.measure)
+                status, message = server.ask(next(self._numbers), words, self._timeout, files.measure, name)
             except _ServerError as fault:
                 return fault.failure()
             answer: Answer = Unsupported(message or "status unsupported")
@@ -185,6 +185,7 @@ class _Server:
     def __init__(self, words: list[str], timeout: float) -> None:
         self._keep = False
         self._before = "its hello"
+        self._since = Log()  # what is printed between the answer before and a request
         try:
             self._program = Program(words, Log(), {}, talks=True)
         except OSError as error:
@@ -210,10 +211,11 @@ class _Server:
     def kept(self) -> "_Server":
         """It, to be asked again."""
         self._keep = True
+        self._since = self._program.log = Log()
         return self
 
     def ask(
-        self, number: int, words: Mapping[str, str], timeout: float, check: Callable[[], object]
+        self, number: int, words: Mapping[str, str], timeout: float, check: Callable[[], object], name: str = ""
     ) -> tuple[str, str]:
         """The status and the message of the answer to a request.
 
@@ -227,18 +229,20 @@ class _Server:
             In seconds.
         check
             Is called again and again until the answer is there; what it raises ends the server.
+        name
+            The id of the vector, by which messages of later ones name it.
 
         Raises
         ------
         _ServerError
             There is no answer, or another one.
         """
-        self._program.log = Log()
         before = f"after {self._before} and before the next request"
         if (rest := self._unasked(before)) is not None:
             raise self._ended(rest, before)
         request = json.dumps({"id": number, **words}, ensure_ascii=False).encode() + b"\n"
         assert self._program.process.stdin is not None
+        self._program.log = Log()
         try:
             self._program.process.stdin.write(request)
         except OSError:
@@ -250,7 +254,7 @@ class _Server:
             raise self._fault(f"the status of its answer is {_json(status)}, not one of {', '.join(STATUSES)}")
         if not isinstance(message := answer.get("message", ""), str):
             raise self._fault(f"the message of its answer is {_json(message)}, not a text")
-        self._before = f"its answer to request {number}, {words['operation']}"
+        self._before = f"its answer to request {number}, {name or words['operation']},"
         if (rest := self._unasked("after its answer")) is not None:
             self._lines.put_back(rest)
         return str(status), " ".join(message.split())
@@ -366,9 +370,10 @@ class _Server:
         return value
 
     def _fault(self, message: str, outcome: Outcome = "error") -> _ServerError:
-        """End the server; the error that says why."""
+        """End the server; the error that says why, with all that it printed since its answer before."""
         self._close()
-        return _ServerError(outcome, message, str(self._program.log))
+        logs = dict.fromkeys((self._since, self._program.log))  # before the first request they are the same
+        return _ServerError(outcome, message, "\n".join(filter(None, map(str, logs))))
 
 
 class _Lines:

@@ -18,17 +18,17 @@ from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, Vector, files_in, from_files
+from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files
 from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 ALL_TIERS: Final = (*TIERS, FULL, OWN)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
+VECTORS_FOLDER: Final = "vectors"
+"""The folder of the vectors in a checkout."""
 MAX_NAMED: Final = 4
 """Maximum number of selected names that are listed; more are counted."""
-GENERATE: Final = "write them with: gsvc-conformance generate"
-INSTALL: Final = "install gsvc-conformance again"
 
 Wanted = int | Literal["newest", "all"]
 """The set that is wanted: a number, the newest one, or all vectors of a folder, also those that no set lists yet."""
@@ -118,9 +118,9 @@ class VectorFolder:
     def __init__(self, folder: Path, wanted: Wanted = "all") -> None:
         self.folder = folder
         self._files = files_in(folder)
-        self._advice = INSTALL if folder == PACKED else GENERATE
+        self._advice = _mended(folder)
         if SUMS not in self._files:
-            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {self._advice}")
+            raise UsageError(_no_vectors(folder))
         sums = self._files[SUMS]
         self._hash = hashlib.sha256(sums).hexdigest()
         try:
@@ -238,7 +238,7 @@ class VectorFolder:
                 check_manifest(name, manifest)
                 if self.set:
                     self.set.check(name, manifest)
-                vector = from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+                vector = self._vector(name)
                 for port, value in vector.inputs.items():
                     if (
                         not isinstance(value, np.ndarray | int | float | bytes)
@@ -246,6 +246,20 @@ class VectorFolder:
                     ):
                         raise TypeError(f"the input {port} is no array of numbers")
             yield vector
+
+    def _vector(self, name: str) -> Vector:
+        """A vector, all of whose files are those of SHA256SUMS and of its manifest.
+
+        Raises
+        ------
+        UsageError
+            One is not.
+        """
+        files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
+        try:
+            return from_files(files, self.folder / name)
+        except UsageError as error:
+            raise UsageError(f"{error}; {self._advice}") from None
 
     def manifest(self, name: str) -> Mapping[str, Any]:
         """The manifest of a vector, of which nothing is checked but that it is the file that SHA256SUMS lists.
@@ -272,6 +286,27 @@ class VectorFolder:
         if hashlib.sha256(data).hexdigest() != self._sums[name]:
             raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {self._advice}")
         return data
+
+
+def _mended(folder: Path) -> str:
+    """What to do about damaged vectors."""
+    if folder == PACKED:
+        return "install gsvc-conformance again"
+    if folder == VECTORS:
+        return "write them with: gsvc-conformance generate"
+    return "the vectors are damaged: unpack, copy or make them again"
+
+
+def _no_vectors(folder: Path) -> str:
+    """A sentence about a folder that has no vectors, and what to do."""
+    if folder == PACKED or folder == VECTORS:
+        return f"there are no vectors in {folder} (no {SUMS}); {_mended(folder)}"
+    if not folder.exists():
+        return f"there is no folder {folder}; give a folder of vectors, or leave it out for those of the kit"
+    if (below := folder / VECTORS_FOLDER / SUMS).is_file():
+        return f"there are no vectors in {folder} (no {SUMS}); did you mean {below.parent}?"
+    return (f"there are no vectors in {folder} (no {SUMS}); give a folder of vectors, or leave it out for those of "
+            "the kit")  # fmt: skip
 
 
 @contextmanager

@@ -436,7 +436,7 @@ def test_verify(folder, monkeypatch, capsys):
 def test_generate(folder, monkeypatch, capsys):
     monkeypatch.setattr("gsvc_conformance.generate.generate", lambda folder, on_case, jobs: len(INPUTS))
     assert main(["generate", "--vectors", str(folder), "--quiet"]) == 0
-    assert f"SHA-256 of the set {set_hash(folder)}" in capsys.readouterr().out
+    assert f"SHA-256 of SHA256SUMS: {set_hash(folder)}" in capsys.readouterr().out
     for found, status in (([], 0), (["core/x differs", "to write them again: ..."], 1)):
         monkeypatch.setattr("gsvc_conformance.generate.make", lambda on_case, jobs, kills_in: {})
         monkeypatch.setattr("gsvc_conformance.generate.differences", lambda folder, made, found=found: found)
