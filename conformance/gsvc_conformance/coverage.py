@@ -102,7 +102,7 @@ def verify(folder: Path = VECTORS, *, whole: bool = True) -> list[str]:
     there = manifests(folder)
     if not there:
         return [f"{folder} lists no vectors"]
-    of_each = [*_file_problems(folder), *_listed_problems(folder), *_set_problems(folder), *_manifest_problems(folder, there)]
+    of_each = [*_file_problems(folder), *listed_problems(folder), *_set_problems(folder), *_manifest_problems(folder, there)]
     if all(manifest["tier"] == OWN for manifest in there):  # nobody's own vectors are to cover the document
         return of_each
     return [
@@ -126,7 +126,7 @@ def _file_problems(folder: Path) -> Iterable[str]:
             yield f"{name} is not the file that {SUMS} lists"
 
 
-def _listed_problems(folder: Path) -> Iterable[str]:
+def listed_problems(folder: Path) -> Iterable[str]:
     """The files are those of which the manifests have the SHA-256, by which sets mean them."""
     files = files_in(folder)
     for name, manifest in manifests_in(files).items():

@@ -185,7 +185,7 @@ class _Server:
     def __init__(self, words: list[str], timeout: float) -> None:
         self._keep = False
         self._before = "its hello"
-        self._since = Log()  # what is printed between the answer before and a request
+        self._log_before = Log()  # what it printed from the request before to this one
         try:
             self._program = Program(words, Log(), {}, talks=True)
         except OSError as error:
@@ -211,7 +211,6 @@ class _Server:
     def kept(self) -> "_Server":
         """It, to be asked again."""
         self._keep = True
-        self._since = self._program.log = Log()
         return self
 
     def ask(
@@ -237,6 +236,7 @@ class _Server:
         _ServerError
             There is no answer, or another one.
         """
+        self._log_before = self._program.log
         before = f"after {self._before} and before the next request"
         if (rest := self._unasked(before)) is not None:
             raise self._ended(rest, before)
@@ -320,8 +320,14 @@ class _Server:
         return None
 
     def _ended(self, rest: bytes, when: str) -> "_ServerError":
-        """The error for a server that ended, whatever the reason."""
+        """The error for a server that ended, whatever the reason.
+
+        If it printed nothing since the request, its last words are what it printed since the request before.
+        """
         status = self._program.wait(PATIENCE_S)
+        self._close()
+        if not str(self._program.log):
+            self._program.log = self._log_before
         when = f"in the middle of the line {_shown(rest)}" if rest else when
         if status is None:
             return self._fault(f"it closed its standard output {when}, and runs on")
@@ -370,10 +376,9 @@ class _Server:
         return value
 
     def _fault(self, message: str, outcome: Outcome = "error") -> _ServerError:
-        """End the server; the error that says why, with all that it printed since its answer before."""
+        """End the server; the error that says why."""
         self._close()
-        logs = dict.fromkeys((self._since, self._program.log))  # before the first request they are the same
-        return _ServerError(outcome, message, "\n".join(filter(None, map(str, logs))))
+        return _ServerError(outcome, message, str(self._program.log))
 
 
 class _Lines:

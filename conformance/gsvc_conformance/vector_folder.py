@@ -180,7 +180,7 @@ class VectorFolder:
         UsageError
             None is: running nothing must not look like success.
         """
-        self.check_patterns("--case", selection.patterns)
+        self.check_patterns("--case ", selection.patterns)
         if FULL in selection.tiers and not any(name.startswith(f"{FULL}/") for name in self.names):
             raise UsageError(f"{self.folder} has no vectors of the tier {FULL}: write them with "
                              "gsvc-conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
@@ -195,8 +195,15 @@ class VectorFolder:
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
         raise UsageError(f"{what}; see gsvc-conformance list --cases")
 
-    def check_patterns(self, option: str, patterns: tuple[str, ...]) -> None:
+    def check_patterns(self, before: str, patterns: tuple[str, ...]) -> None:
         """Refuse a pattern that no vector of the folder matches: it is mistyped.
+
+        Parameters
+        ----------
+        before
+            What stands before each in a command, such as ``--case`` and a space.
+        patterns
+            The patterns.
 
         Raises
         ------
@@ -207,7 +214,7 @@ class VectorFolder:
             if not any(matches(name, name.split("/")[2], patterns=(pattern,)) for name in self.names):
                 near = question(pattern, [*self.names, *(name.split("/")[2] for name in self.names)])
                 raise UsageError(
-                    f"no vector matches {option} {pattern}{near or '; see: gsvc-conformance list --cases'}"
+                    f"no vector matches {before}{pattern}{near or '; see: gsvc-conformance list --cases'}"
                 )
 
     def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:

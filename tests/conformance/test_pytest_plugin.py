@@ -181,13 +181,14 @@ def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     assert "did you mean core/halve/one_to_six or" in sentence(
         run("--gsvc-module", name, "gsvc::core/halve/one_to_sixx")
     )
+    assert "no vector matches gsvc::*/nope; see" in sentence(run("--gsvc-module", name, "gsvc::*/nope"))
     assert "did you mean by_two?" in sentence(run("--gsvc-module", name, "--gsvc-case", "by_tow"))
     assert "--gsvc-timeout needs --gsvc-impl" in sentence(run("--gsvc-module", name, "--gsvc-timeout", "5"))
     file = pytester.makefile(".toml", known='[[waiver]]\nvectors = ["core/halve/one"]\nreason = "x"\n')
     assert "which matches no vector" in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
     file.write_text("[[waiver]]\n")
     assert "waiver 1 of " in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
-    assert "there are no vectors in nowhere" in sentence(
+    assert "there is no folder nowhere" in sentence(
         run("--gsvc-module", name, "--gsvc-vectors", "nowhere", vectors=False)
     )
 
