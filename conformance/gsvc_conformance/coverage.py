@@ -102,7 +102,12 @@ def verify(folder: Path = VECTORS, *, whole: bool = True) -> list[str]:
     there = manifests(folder)
     if not there:
         return [f"{folder} lists no vectors"]
-    of_each = [*_file_problems(folder), *listed_problems(folder), *_set_problems(folder), *_manifest_problems(folder, there)]
+    of_each = [
+        *_file_problems(folder),
+        *listed_problems(folder),
+        *_set_problems(folder),
+        *_manifest_problems(folder, there),
+    ]
     if all(manifest["tier"] == OWN for manifest in there):  # nobody's own vectors are to cover the document
         return of_each
     return [

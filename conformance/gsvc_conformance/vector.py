@@ -218,7 +218,7 @@ class _Listed:
 
     def path(self, entry: Mapping[str, Any]) -> Path:
         """Where the file of an entry lies, for messages."""
-        return self.home / entry["file"]
+        return self.home.joinpath(entry["file"])
 
     def data(self, entry: Mapping[str, Any]) -> bytes:
         """The bytes of the file of an entry.

@@ -213,9 +213,7 @@ class VectorFolder:
         for pattern in patterns if self.names else ():
             if not any(matches(name, name.split("/")[2], patterns=(pattern,)) for name in self.names):
                 near = question(pattern, [*self.names, *(name.split("/")[2] for name in self.names)])
-                raise UsageError(
-                    f"no vector matches {before}{pattern}{near or '; see: gsvc-conformance list --cases'}"
-                )
+                raise UsageError(f"no vector matches {before}{pattern}{near or '; see: gsvc-conformance list --cases'}")
 
     def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:
         """The vectors whose manifests have one of some values in a field; each value must be that of some vector."""
@@ -306,7 +304,7 @@ def _mended(folder: Path) -> str:
 
 def _no_vectors(folder: Path) -> str:
     """A sentence about a folder that has no vectors, and what to do."""
-    if folder == PACKED or folder == VECTORS:
+    if folder in (PACKED, VECTORS):
         return f"there are no vectors in {folder} (no {SUMS}); {_mended(folder)}"
     if not folder.exists():
         return f"there is no folder {folder}; give a folder of vectors, or leave it out for those of the kit"

@@ -37,7 +37,8 @@ def run(folder, *words) -> int:
     return main(["run", *words, "--vectors", str(folder), *QUIET])
 
 
-def test_every_command_has_help(capsys):
+def test_every_command_has_help(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "300")  # a line for each command
     for name, sentence in COMMANDS.items():
         assert main([name, "--help"]) == 0
         out = capsys.readouterr().out

@@ -170,6 +170,12 @@ def test_a_command(run, tmp_path):
     assert sentence(run(*words, "--gsvc-timeout", "soon")) == "--gsvc-timeout takes a number of seconds, not soon"
 
 
+def test_an_id_that_no_vector_has_is_named_as_it_was_given(run, toy_module):
+    assert "no vector matches gsvc::core/parse/nope" in sentence(
+        run("--gsvc-module", toy_module(), "gsvc::core/parse/nope")
+    )
+
+
 def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     name = toy_module()
     assert sentence(run("--gsvc-operation", "halve")) == "say what golden vectors judge: --gsvc-module or --gsvc-impl"
@@ -181,7 +187,6 @@ def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     assert "did you mean core/halve/one_to_six or" in sentence(
         run("--gsvc-module", name, "gsvc::core/halve/one_to_sixx")
     )
-    assert "no vector matches gsvc::*/nope; see" in sentence(run("--gsvc-module", name, "gsvc::*/nope"))
     assert "did you mean by_two?" in sentence(run("--gsvc-module", name, "--gsvc-case", "by_tow"))
     assert "--gsvc-timeout needs --gsvc-impl" in sentence(run("--gsvc-module", name, "--gsvc-timeout", "5"))
     file = pytester.makefile(".toml", known='[[waiver]]\nvectors = ["core/halve/one"]\nreason = "x"\n')

@@ -128,7 +128,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "What no decoder checks is not checked here, such as the contents of ancillary chunks. Exit code 0: all files "
         "are legal; 1: one is not; 2: one cannot be read."
     )
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="a file that an encoder wrote; - is standard input")
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="a file that an encoder wrote; - is standard input"
+    )
     parser.add_argument(
         "--only", choices=DECODERS, help="ask this decoder only: spec is the normative one, gsvc_ref is fast"
     )
