@@ -326,8 +326,10 @@ class _Server:
         """
         status = self._program.wait(PATIENCE_S)
         self._close()
-        if not str(self._program.log):
+        if not str(self._program.log) and str(self._log_before):
             self._program.log = self._log_before
+            if not when.startswith("after"):
+                when += f"; it printed nothing since the request, so the log begins before {self._before.rstrip(',')}"
         when = f"in the middle of the line {_shown(rest)}" if rest else when
         if status is None:
             return self._fault(f"it closed its standard output {when}, and runs on")
