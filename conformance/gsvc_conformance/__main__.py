@@ -18,23 +18,27 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 PROGRAM: Final = "gsvc-conformance"
-COMMANDS: Final = {
+USING: Final = {
     "run": "judge an implementation by the vectors",
     "list": "show the operations, with their inputs and outputs, or the vectors",
     "report": "make the page, the summary, the badge or JUnit XML again from the JSON of a run",
     "compare": "name what passed in one report and not in a later one, or show several beside each other",
-    "capacities": "show how large the vectors are, and what they catch",
-    "spec": "run the decoder inside spec.md over the vectors",
-    "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
-    "verify": "check the vectors: schemas, hashes, coverage, counts",
-    "sets": "show the sets of vectors that verdicts name, or write the next one",
-    "generate": "write the vectors, or compare them with what the cases make",
     "make": "make a vector of your own from inputs of an operation",
-    "mutants": "check the suite: every mutant must be found",
     "check": "say whether files are legal streams, which level they need, and where their I-frames are",
     "streams": "write random legal streams with what they decode to",
     "export": "write vectors in the forms of other projects: glTF, fluster",
 }
+MAINTAINING: Final = {
+    "verify": "check the vectors: schemas, hashes, coverage, counts",
+    "capacities": "show how large the vectors are, and what they catch",
+    "spec": "run the decoder inside spec.md over the vectors",
+    "mutants": "check the suite: every mutant must be found",
+    "generate": "write the vectors, or compare them with what the cases make",
+    "sets": "show the sets of vectors that verdicts name, or write the next one",
+    "syntax": "write the syntax of spec.md as data for programs, or compare it with spec.md",
+}
+"""Commands for those who maintain the vectors."""
+COMMANDS: Final = USING | MAINTAINING
 
 OURS: Final = ("gsvc_conformance",)
 EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "gsvc_lab": "reference", "hypothesis": "reference"}
@@ -63,13 +67,14 @@ def build_parser(named: str | None) -> Parser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, sentence in COMMANDS.items():
         description = f"{sentence[0].upper()}{sentence[1:]}."
-        command = commands.add_parser(name, help=sentence, description=description, allow_abbrev=False)
+        mark = "for maintainers: " if name in MAINTAINING else ""
+        command = commands.add_parser(name, help=f"{mark}{sentence}", description=description, allow_abbrev=False)
         if name == named:
             module = importlib.import_module(f"gsvc_conformance.commands.{name}")
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     parser.epilog = (
-        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --reference --operation to_frame"
+        f"{PROGRAM} COMMAND --help tells the options. Start with: {PROGRAM} run --spec --operation from_half"
     )
     return parser
 

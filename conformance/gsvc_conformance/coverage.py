@@ -19,7 +19,7 @@ from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.operation import Operation, operations
 from gsvc_conformance.sets import changed, missing, read_sets, withdrawn
 from gsvc_conformance.spec import SPEC
-from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, files_in, manifests_in
+from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, files_in, is_listed, manifests_in
 
 Manifest = Mapping[str, Any]
 
@@ -101,8 +101,13 @@ def verify(folder: Path = VECTORS, *, whole: bool = True) -> list[str]:
     """
     there = manifests(folder)
     if not there:
-        return [f"{folder} has no vectors; write them with: gsvc-conformance generate"]
-    of_each = [*_file_problems(folder), *_set_problems(folder), *_manifest_problems(folder, there)]
+        return [f"{folder} lists no vectors"]
+    of_each = [
+        *_file_problems(folder),
+        *listed_problems(folder),
+        *_set_problems(folder),
+        *_manifest_problems(folder, there),
+    ]
     if all(manifest["tier"] == OWN for manifest in there):  # nobody's own vectors are to cover the document
         return of_each
     return [
@@ -124,6 +129,26 @@ def _file_problems(folder: Path) -> Iterable[str]:
     for name in sorted(found & listed.keys()):
         if hashlib.sha256(files[name]).hexdigest() != listed[name]:
             yield f"{name} is not the file that {SUMS} lists"
+
+
+def listed_problems(folder: Path) -> Iterable[str]:
+    """The files are those of which the manifests have the SHA-256, by which sets mean them."""
+    files = files_in(folder)
+    for name, manifest in manifests_in(files).items():
+        for entry in _entries_of_files([manifest.get("inputs"), manifest.get("outputs")]):
+            file = f"{name}/{entry['file']}"
+            if file in files and not is_listed(files[file], entry):
+                yield f"{file} is not the file of which its {MANIFEST} has the SHA-256"
+
+
+def _entries_of_files(value: Any) -> Iterable[Mapping[str, Any]]:
+    """The objects anywhere in a part of a manifest that name a file; the schema says where they must stand."""
+    if isinstance(value, dict):
+        if "file" in value:
+            yield value
+        value = list(value.values())
+    for part in value if isinstance(value, list) else ():
+        yield from _entries_of_files(part)
 
 
 def _set_problems(folder: Path) -> Iterable[str]:

@@ -80,8 +80,11 @@ class Implementation(Protocol):
         """The device, driver and versions that it runs on, as far as it says."""
         ...
 
-    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
-        """The outputs of an operation for some inputs, which it may change; `turn` counts earlier times."""
+    def run(self, operation: Operation, inputs: Values, turn: int = 0, name: str = "") -> Answer:
+        """The outputs of an operation for some inputs, which it may change.
+
+        `turn` counts earlier times; `name` is the id of the vector, for messages.
+        """
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class ModuleImplementation:
     in_full: bool = False
     environment: Mapping[str, str] = field(default_factory=dict)
 
-    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0, name: str = "") -> Answer:
         """Call the function."""
         function = self.functions.get(operation.name)
         if not callable(function):

@@ -59,7 +59,7 @@ class ProcessImplementation:
         self._words = words_of(command, "--impl")
         self.name, self._timeout = command, timeout
 
-    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0, name: str = "") -> Answer:
         """Start the command and read what it wrote; when it is asked again, new memory is filled with something else.
 
         So an answer that depends on memory nobody has written to differs, where the command allocates it by glibc.

@@ -88,7 +88,7 @@ class Run:
 
         self._folder = VectorFolder(Path(option("vectors") or VECTORS), wanted_set(option("set") or "newest"))
         self.selection = _selection(option, wanted)
-        self._folder.check_patterns("--gsvc-case" if not wanted else NODE, self.selection.patterns)
+        self._folder.check_patterns("--gsvc-case " if not wanted else NODE, self.selection.patterns)
         self.names = self._folder.select(self.selection)
         self._file = option("waivers")
         self._waivers = read_waivers(Path(self._file) if self._file else None)

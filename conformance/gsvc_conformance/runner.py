@@ -125,7 +125,7 @@ def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Gener
 def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
     """The answer of an implementation to one vector that it was asked for `turn` times before."""
     start = time.perf_counter()
-    answer = implementation.run(vector.operation, _copies(vector.inputs), turn)
+    answer = implementation.run(vector.operation, _copies(vector.inputs), turn, vector.id)
     return Answered(answer, time.perf_counter() - start)
 
 

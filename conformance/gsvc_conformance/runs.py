@@ -9,6 +9,7 @@ sum. Nothing is compressed in any other way, so the bytes are the same everywher
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -69,8 +70,10 @@ def pack(array: Array) -> Packed | None:
     return best if best.size < array.nbytes // 2 else None
 
 
-def unpack(elements: Array, entry: Mapping[str, Any]) -> Array:
+def unpack(elements: Array, entry: Mapping[str, Any], path: Path | None = None) -> Array:
     """The array that elements of a file and the entry of a manifest (runs, shape, perhaps differences) stand for.
+
+    Messages name the file by its path, if that is given.
 
     Raises
     ------
@@ -84,7 +87,8 @@ def unpack(elements: Array, entry: Mapping[str, Any]) -> Array:
         for n, first, length, phase in runs
     )
     if elements.ndim != 1 or not fits or count > MOST or sum(run[0] for run in runs) != count:
-        raise UsageError(f"the runs of {entry['file']} do not fit its {elements.size} elements and the shape {shape}")
+        file = path or entry["file"]
+        raise UsageError(f"the runs of {file} do not fit its {elements.size} elements and the shape {shape}")
     parts = [np.resize(np.roll(elements[f : f + length], -phase), n) for n, f, length, phase in runs]
     flat = np.concatenate([elements[:0], *parts])
     return (np.cumsum(flat, dtype=flat.dtype) if entry.get("differences") else flat).reshape(shape)

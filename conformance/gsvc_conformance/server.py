@@ -98,7 +98,7 @@ class ServerImplementation:
         while self._idle:
             self._idle.pop().end()
 
-    def run(self, operation: Operation, inputs: Values, turn: int = 0) -> Answer:
+    def run(self, operation: Operation, inputs: Values, turn: int = 0, name: str = "") -> Answer:
         """Ask a server that is free, or a new one, and read what it wrote.
 
         Raises
@@ -113,7 +113,7 @@ class ServerImplementation:
         with exchange(inputs) as files, server:
             try:
                 words = {"operation": operation.name, "in": files.inside.as_posix(), "out": files.outside.as_posix()}
-                status, message = server.ask(next(self._numbers), words, self._timeout, files.measure)
+                status, message = server.ask(next(self._numbers), words, self._timeout, files.measure, name)
             except _ServerError as fault:
                 return fault.failure()
             answer: Answer = Unsupported(message or "status unsupported")
@@ -185,6 +185,7 @@ class _Server:
     def __init__(self, words: list[str], timeout: float) -> None:
         self._keep = False
         self._before = "its hello"
+        self._log_before = Log()  # what it printed from the request before to this one
         try:
             self._program = Program(words, Log(), {}, talks=True)
         except OSError as error:
@@ -213,7 +214,7 @@ class _Server:
         return self
 
     def ask(
-        self, number: int, words: Mapping[str, str], timeout: float, check: Callable[[], object]
+        self, number: int, words: Mapping[str, str], timeout: float, check: Callable[[], object], name: str = ""
     ) -> tuple[str, str]:
         """The status and the message of the answer to a request.
 
@@ -227,18 +228,21 @@ class _Server:
             In seconds.
         check
             Is called again and again until the answer is there; what it raises ends the server.
+        name
+            The id of the vector, by which messages of later ones name it.
 
         Raises
         ------
         _ServerError
             There is no answer, or another one.
         """
-        self._program.log = Log()
+        self._log_before = self._program.log
         before = f"after {self._before} and before the next request"
         if (rest := self._unasked(before)) is not None:
             raise self._ended(rest, before)
         request = json.dumps({"id": number, **words}, ensure_ascii=False).encode() + b"\n"
         assert self._program.process.stdin is not None
+        self._program.log = Log()
         try:
             self._program.process.stdin.write(request)
         except OSError:
@@ -250,7 +254,7 @@ class _Server:
             raise self._fault(f"the status of its answer is {_json(status)}, not one of {', '.join(STATUSES)}")
         if not isinstance(message := answer.get("message", ""), str):
             raise self._fault(f"the message of its answer is {_json(message)}, not a text")
-        self._before = f"its answer to request {number}, {words['operation']}"
+        self._before = f"its answer to request {number}, {name or words['operation']},"
         if (rest := self._unasked("after its answer")) is not None:
             self._lines.put_back(rest)
         return str(status), " ".join(message.split())
@@ -316,8 +320,16 @@ class _Server:
         return None
 
     def _ended(self, rest: bytes, when: str) -> "_ServerError":
-        """The error for a server that ended, whatever the reason."""
+        """The error for a server that ended, whatever the reason.
+
+        If it printed nothing since the request, its last words are what it printed since the request before.
+        """
         status = self._program.wait(PATIENCE_S)
+        self._close()
+        if not str(self._program.log) and str(self._log_before):
+            self._program.log = self._log_before
+            if not when.startswith("after"):
+                when += f"; it printed nothing since the request, so the log begins before {self._before.rstrip(',')}"
         when = f"in the middle of the line {_shown(rest)}" if rest else when
         if status is None:
             return self._fault(f"it closed its standard output {when}, and runs on")

@@ -173,7 +173,7 @@ def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "
 
 def read(home: Path) -> Vector:
     """The vector of one folder."""
-    return from_files(_Folder(home))
+    return from_files(_Folder(home), home)
 
 
 def vector_in(files: Mapping[str, bytes], name: str) -> Vector:
@@ -187,12 +187,56 @@ def manifests_in(files: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
     return {name.removesuffix(f"/{MANIFEST}"): json.loads(files[name]) for name in names}
 
 
-def from_files(files: Mapping[str, bytes]) -> Vector:
-    """The vector of some files, by name."""
-    manifest = json.loads(files["manifest.json"])
-    inputs = {name: _load(files, entry) for name, entry in manifest["inputs"].items()}
-    expected = {name: _expected(files, entry, inputs) for name, entry in manifest["outputs"].items()}
+def from_files(files: Mapping[str, bytes], home: Path | None = None) -> Vector:
+    """The vector of some files, by name.
+
+    Parameters
+    ----------
+    files
+        The manifest, and each file that it names.
+    home
+        Where they lie, for messages; None stands for the id.
+
+    Raises
+    ------
+    UsageError
+        A file is not the one of which the manifest has the SHA-256, or its runs do not fit it.
+    """
+    manifest = json.loads(files[MANIFEST])
+    listed = _Listed(files, home or Path(manifest["id"]))
+    inputs = {name: _load(listed, entry) for name, entry in manifest["inputs"].items()}
+    expected = {name: _expected(listed, entry, inputs) for name, entry in manifest["outputs"].items()}
     return Vector(manifest["id"], manifest, operations()[manifest["operation"]], inputs, expected)
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """The files of a vector, each of which must be the one that its manifest means."""
+
+    files: Mapping[str, bytes]
+    home: Path
+
+    def path(self, entry: Mapping[str, Any]) -> Path:
+        """Where the file of an entry lies, for messages."""
+        return self.home.joinpath(entry["file"])
+
+    def data(self, entry: Mapping[str, Any]) -> bytes:
+        """The bytes of the file of an entry.
+
+        Raises
+        ------
+        UsageError
+            They are not those of which the manifest has the SHA-256.
+        """
+        data = self.files[entry["file"]]
+        if not is_listed(data, entry):
+            raise UsageError(f"{self.path(entry)} is not the file of which its {MANIFEST} has the SHA-256")
+        return data
+
+
+def is_listed(data: bytes, entry: Mapping[str, Any]) -> bool:
+    """Whether some bytes are those of which an entry of a manifest has the SHA-256."""
+    return hashlib.sha256(data).hexdigest() == entry.get("sha256")
 
 
 class _Folder(Mapping[str, bytes]):
@@ -296,17 +340,17 @@ def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -
     return entry
 
 
-def _load(files: Mapping[str, bytes], entry: Mapping[str, Any]) -> Any:
+def _load(files: _Listed, entry: Mapping[str, Any]) -> Any:
     if "value" in entry:
         return entry["value"]
-    data = files[entry["file"]]
+    data = files.data(entry)
     if entry["file"].endswith(".gsvc"):
         return data
     array = native(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
-    return unpack(array, entry) if "runs" in entry else array
+    return unpack(array, entry, files.path(entry)) if "runs" in entry else array
 
 
-def _expected(files: Mapping[str, bytes], entry: Mapping[str, Any], inputs: Values) -> Expectation:
+def _expected(files: _Listed, entry: Mapping[str, Any], inputs: Values) -> Expectation:
     kind = EXPECTATIONS[entry["check"]]
     if kind is Refusal:
         return Refusal(entry["value"])

@@ -26,13 +26,11 @@ SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 ALL_TIERS: Final = (*TIERS, FULL, OWN)
 SLUG: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\Z")
 """The last part of an id, which is the name of a folder."""
+GIVE: Final = "give a folder that `gsvc-conformance make` wrote, or leave it out for the vectors of the kit"
+VECTORS_FOLDER: Final = "vectors"
+"""The folder of the vectors in a checkout."""
 MAX_NAMED: Final = 4
 """Maximum number of selected names that are listed; more are counted."""
-ADVICE: Final = {
-    VECTORS: "write them with: gsvc-conformance generate",
-    PACKED: "install gsvc-conformance again",
-}
-"""What to do about missing or damaged vectors of the kit: in a checkout, and installed, where both are one place."""
 
 Wanted = int | Literal["newest", "all"]
 """The set that is wanted: a number, the newest one, or all vectors of a folder, also those that no set lists yet."""
@@ -123,7 +121,7 @@ class VectorFolder:
         self.folder = folder
         self._files = files_in(folder)
         if SUMS not in self._files:
-            raise UsageError(f"there are no vectors in {folder} (no {SUMS}); {self._advice()}")
+            raise UsageError(_no_vectors(folder))
         sums = self._files[SUMS]
         self._hash = hashlib.sha256(sums).hexdigest()
         try:
@@ -131,7 +129,7 @@ class VectorFolder:
             self._sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
         except ValueError:
             raise UsageError(
-                f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {self._advice()}"
+                f"{folder / SUMS} is damaged: its lines are HASH, two spaces, NAME; {_mended(folder)}"
             ) from None
         self._parts: dict[str, list[str]] = {}
         for name in self._sums:
@@ -167,21 +165,8 @@ class VectorFolder:
             raise UsageError(f"{self.folder} has no set {wanted}; {known}")
         chosen = newest(sets) if wanted == "newest" else sets[wanted]
         if chosen and (gone := sorted(chosen.digests.keys() - self._parts.keys())):
-            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {self._advice()}")
+            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {_mended(folder)}")
         return chosen
-
-    def _advice(self, name: str = "") -> str:
-        """What to do about missing or damaged vectors, or about the one to which a file or an id belongs."""
-        if self.folder in ADVICE:
-            return ADVICE[self.folder]
-        there = shlex.quote(str(self.folder))
-        if name.startswith(f"{OWN}/"):
-            _, operation, slug, *_ = name.split("/")
-            return f"make it again with: gsvc-conformance make {operation} INPUTS {there} --id {slug} --replace"
-        return (
-            f"write those of the kit with: gsvc-conformance generate --vectors {there}; or make your own in a new "
-            "folder with: gsvc-conformance make OPERATION INPUTS DIR"
-        )
 
     @property
     def sha256(self) -> str:
@@ -196,7 +181,7 @@ class VectorFolder:
         UsageError
             None is: running nothing must not look like success.
         """
-        self.check_patterns("--case", selection.patterns)
+        self.check_patterns("--case ", selection.patterns)
         if FULL in selection.tiers and not any(name.startswith(f"{FULL}/") for name in self.names):
             raise UsageError(f"{self.folder} has no vectors of the tier {FULL}: write them with "
                              "gsvc-conformance generate --full DIR, then add --vectors DIR")  # fmt: skip
@@ -211,8 +196,15 @@ class VectorFolder:
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
         raise UsageError(f"{what}; see gsvc-conformance list --cases")
 
-    def check_patterns(self, option: str, patterns: tuple[str, ...]) -> None:
+    def check_patterns(self, before: str, patterns: tuple[str, ...]) -> None:
         """Refuse a pattern that no vector of the folder matches: it is mistyped.
+
+        Parameters
+        ----------
+        before
+            What stands before each in a command, such as ``--case`` and a space.
+        patterns
+            The patterns.
 
         Raises
         ------
@@ -222,9 +214,7 @@ class VectorFolder:
         for pattern in patterns if self.names else ():
             if not any(matches(name, name.split("/")[2], patterns=(pattern,)) for name in self.names):
                 near = question(pattern, [*self.names, *(name.split("/")[2] for name in self.names)])
-                raise UsageError(
-                    f"no vector matches {option} {pattern}{near or '; see: gsvc-conformance list --cases'}"
-                )
+                raise UsageError(f"no vector matches {before}{pattern}{near or '; see: gsvc-conformance list --cases'}")
 
     def _having(self, field: str, values: tuple[str, ...], names: list[str]) -> list[str]:
         """The vectors whose manifests have one of some values in a field; each value must be that of some vector."""
@@ -250,11 +240,11 @@ class VectorFolder:
         """
         for name in names:
             manifest = self.manifest(name)
-            with _damaged(self.folder / name, self._advice(name)):
+            with _damaged(self.folder / name, _mended(self.folder, name)):
                 check_manifest(name, manifest)
                 if self.set:
                     self.set.check(name, manifest)
-                vector = from_files({part: self._file(f"{name}/{part}") for part in self._parts[name]})
+                vector = self._vector(name)
                 for port, value in vector.inputs.items():
                     if (
                         not isinstance(value, np.ndarray | int | float | bytes)
@@ -262,6 +252,20 @@ class VectorFolder:
                     ):
                         raise TypeError(f"the input {port} is no array of numbers")
             yield vector
+
+    def _vector(self, name: str) -> Vector:
+        """A vector, all of whose files are those of SHA256SUMS and of its manifest.
+
+        Raises
+        ------
+        UsageError
+            One is not.
+        """
+        files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
+        try:
+            return from_files(files, self.folder / name)
+        except UsageError as error:
+            raise UsageError(f"{error}; {_mended(self.folder, name)}") from None
 
     def manifest(self, name: str) -> Mapping[str, Any]:
         """The manifest of a vector, of which nothing is checked but that it is the file that SHA256SUMS lists.
@@ -272,9 +276,9 @@ class VectorFolder:
             It is missing, was changed or is damaged.
         """
         if MANIFEST not in self._parts[name]:
-            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {self._advice(name)}")
+            raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {_mended(self.folder, name)}")
         data = self._file(f"{name}/{MANIFEST}")
-        with _damaged(self.folder / name, self._advice(name)):
+        with _damaged(self.folder / name, _mended(self.folder, name)):
             manifest = json.loads(data)
             if not isinstance(manifest, dict):
                 raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
@@ -284,10 +288,34 @@ class VectorFolder:
         try:
             data = self._files[name]
         except KeyError:
-            raise UsageError(f"{self.folder / name} is missing; {self._advice(name)}") from None
+            raise UsageError(f"{self.folder / name} is missing; {_mended(self.folder, name)}") from None
         if hashlib.sha256(data).hexdigest() != self._sums[name]:
-            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {self._advice(name)}")
+            raise UsageError(f"{self.folder / name} is not the file that {SUMS} lists; {_mended(self.folder, name)}")
         return data
+
+
+def _mended(folder: Path, name: str = "") -> str:
+    """What to do about damaged vectors, or about the one to which a file or an id belongs."""
+    if folder == PACKED:
+        return "install gsvc-conformance again"
+    if folder == VECTORS:
+        return "write them with: gsvc-conformance generate"
+    if name.startswith(f"{OWN}/"):
+        _, operation, slug, *_ = name.split("/")
+        there = shlex.quote(str(folder))
+        return f"make it again with: gsvc-conformance make {operation} INPUTS {there} --id {slug} --replace"
+    return "the vectors are damaged: unpack, copy or make them again"
+
+
+def _no_vectors(folder: Path) -> str:
+    """A sentence about a folder that has no vectors, and what to do."""
+    if folder in (PACKED, VECTORS):
+        return f"there are no vectors in {folder} (no {SUMS}); {_mended(folder)}"
+    if not folder.exists():
+        return f"there is no folder {folder}; {GIVE}"
+    if (below := folder / VECTORS_FOLDER / SUMS).is_file():
+        return f"there are no vectors in {folder} (no {SUMS}); did you mean {below.parent}?"
+    return f"there are no vectors in {folder} (no {SUMS}); {GIVE}"
 
 
 @contextmanager

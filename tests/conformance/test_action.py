@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 KIT = ROOT / "conformance"
 ACTION = yaml.safe_load((KIT / "action.yml").read_text(encoding="utf-8"))
 STEPS = {step["name"]: step for step in ACTION["runs"]["steps"]}
+FILES = ("badge.json", "junit.xml", "report.html", "report.json", "summary.md")
 GOOD = "def to_half(values):\n    return {'bits': values.astype('<f2').view('<u2')}\n"
 WRONG = "def to_half(values):\n    return {'bits': (values * 0).astype('<u2')}\n"
 
@@ -70,13 +71,21 @@ def test_judging_a_module(tmp_path, code, status, conclusion):
     done = ran("Judge", tmp_path, inputs)
     assert done.returncode == status, done.stderr
     home = tmp_path / "reports of mine"
-    assert sorted(path.name for path in home.iterdir()) == ["badge.json", "junit.xml", "report.html", "report.json"]
+    assert sorted(path.name for path in home.iterdir()) == [*FILES]
     badge = json.loads((home / "badge.json").read_text())
     assert (badge["message"], badge["color"]) == (("to_half 0/6", "red") if status else ("to_half 6/6", "brightgreen"))
     assert (tmp_path / "summary.md").read_text().startswith("### GSVC conformance: mine\n")
     assert (tmp_path / "outputs").read_text() == f"conclusion={conclusion}\n"
     assert ran("Judge", tmp_path, inputs).returncode == status
     assert (tmp_path / "summary.md").read_text().count("### GSVC conformance: mine\n") == 2  # of two steps
+
+
+def test_a_waiver_that_is_not_needed_fails_if_it_is_to_be_strict(tmp_path):
+    (tmp_path / "mine.py").write_text(GOOD)
+    (tmp_path / "known.toml").write_text('[[waiver]]\nvectors = ["core/to_half/*"]\nreason = "none"\n')
+    inputs = {"module": "mine", "arguments": "--operation to_half", "waivers": "known.toml"}
+    assert ran("Judge", tmp_path, inputs).returncode == 0
+    assert ran("Judge", tmp_path, inputs | {"strict-waivers": "true"}).returncode == 1
 
 
 def test_judging_a_command_and_a_claim(tmp_path):
@@ -90,11 +99,13 @@ def test_wrong_use_fails_and_leaves_no_report_of_before(tmp_path):
     home = tmp_path / "gsvc-conformance"
     home.mkdir()
     (home / "report.json").write_text("{}")
+    (home / "summary.md").write_text("before")
     done = ran("Judge", tmp_path, {"module": "no_such_module"})
     assert done.returncode == 2
     assert "no_such_module" in done.stderr
     assert (tmp_path / "outputs").read_text() == ""
     assert list(home.iterdir()) == []
+    assert (tmp_path / "summary.md").read_text() == ""
 
 
 @pytest.mark.exhaustive

@@ -1,5 +1,6 @@
 """``gsvc-conformance check``: whether files are legal streams, what is wrong with them, and what they ask for."""
 
+import io
 import json
 
 import pytest
@@ -76,7 +77,8 @@ def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path,
     bad = tmp_path / "bad.gsvc"
     bad.write_bytes(overview(Lie("frame_number", 9, 2)))
     assert main(["check", str(bad)]) == 1
-    assert capsys.readouterr().out.endswith(" after 2 frames, at frame_number\n")
+    said = capsys.readouterr().out
+    assert " after 2 frames, at frame_number: In profile `paper`, `frame_number` MUST be 0 for the first frame" in said
 
 
 def test_one_decoder_can_be_asked(tmp_path, capsys):
@@ -141,6 +143,16 @@ def test_elements_by_the_lines_of_spec_md_are_those_of_gsvc_ref():
     assert same > 250
 
 
-def test_a_file_that_is_not_there(tmp_path, capsys):
-    assert main(["check", str(tmp_path / "none.gsvc")]) == 2
-    assert "cannot be read" in capsys.readouterr().err
+def test_a_file_that_is_not_there_keeps_none_from_being_judged(tmp_path, capsys):
+    good = tmp_path / "good.gsvc"
+    good.write_bytes(overview())
+    assert main(["check", str(tmp_path / "none.gsvc"), str(good), str(tmp_path / "lost.gsvc")]) == 2
+    shown = capsys.readouterr()
+    assert shown.out.startswith(f"{good}: legal, ")
+    assert all(f"{name}.gsvc cannot be read" in shown.err for name in ("none", "lost"))
+
+
+def test_standard_input(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(overview())))
+    assert main(["check", "-"]) == 0
+    assert capsys.readouterr().out.startswith("standard input: legal, ")

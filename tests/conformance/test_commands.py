@@ -1,5 +1,6 @@
 """The commands of ``gsvc-conformance``: what they print, write and return."""
 
+import html
 import json
 import re
 import subprocess
@@ -13,8 +14,9 @@ import toy_operations
 from toy_operations import INPUTS, good_program, write_program
 
 from gsvc_conformance import reference
-from gsvc_conformance.__main__ import COMMANDS, main
+from gsvc_conformance.__main__ import COMMANDS, MAINTAINING, USING, main
 from gsvc_conformance.commands import list as listing
+from gsvc_conformance.report.failures import NO_PICTURES
 from gsvc_conformance.report.json import from_object
 from gsvc_conformance.vector import set_hash
 from gsvc_conformance.vector_folder import VectorFolder
@@ -35,14 +37,18 @@ def run(folder, *words) -> int:
     return main(["run", *words, "--vectors", str(folder), *QUIET])
 
 
-def test_every_command_has_help(capsys):
+def test_every_command_has_help(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "300")  # a line for each command
     for name, sentence in COMMANDS.items():
         assert main([name, "--help"]) == 0
         out = capsys.readouterr().out
         assert sentence[1:] in " ".join(out.split())
     assert main(["--help"]) == 0
-    out = capsys.readouterr().out
-    assert all(name in out for name in COMMANDS)
+    out = " ".join(capsys.readouterr().out.split())
+    assert all(f"{name} for maintainers: {sentence}" in out for name, sentence in MAINTAINING.items())
+    assert all(f"{name} {sentence}" in out for name, sentence in USING.items())
+    start = out.partition("Start with: gsvc-conformance ")[2]
+    assert main([*start.split(), *QUIET]) == 0  # with what a plain installation has
 
 
 def test_wrong_use(capsys):
@@ -109,7 +115,7 @@ def test_a_run_of_a_command(folder, tmp_path, capsys):
 def test_missing_vectors_and_empty_selections_are_no_success(folder, toy_module, tmp_path, capsys):
     name = toy_module()
     assert run(tmp_path / "nowhere", "--module", name) == 2
-    assert "gsvc-conformance generate" in capsys.readouterr().err
+    assert "there is no folder" in capsys.readouterr().err
     assert run(folder, "--module", name, "--case", "unicorn") == 2
     assert run(folder, "--module", name, "--operation", "unicorn") == 2
     assert "there is no operation 'unicorn'" in capsys.readouterr().err
@@ -153,7 +159,10 @@ def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsy
     written = [f"JSON: {files['json']}\n", f"JUnit XML: {files['junit']}\n", f"page: {files['html']}\n"]
     assert lines[-6:-3] == written
     assert lines[-3].endswith(f"{kept}\n")
-    assert capsys.readouterr().out == "".join([*lines[:-6], *lines[-2:]])
+    note = f"note: {NO_PICTURES}\n"
+    assert capsys.readouterr().out == "".join([*lines[:-6], note, *lines[-2:]])
+    assert html.escape(NO_PICTURES) in again.read_text()
+    assert html.escape(NO_PICTURES) not in page
     assert "data:image/png" not in again.read_text()
     words = ["report", files["json"], "--html", str(again), "--junit", str(tmp_path / "again.xml")]
     assert main([*words, "--keep", str(kept), "--vectors", str(folder)]) == 1
@@ -436,7 +445,7 @@ def test_verify(folder, monkeypatch, capsys):
 def test_generate(folder, monkeypatch, capsys):
     monkeypatch.setattr("gsvc_conformance.generate.generate", lambda folder, on_case, jobs: len(INPUTS))
     assert main(["generate", "--vectors", str(folder), "--quiet"]) == 0
-    assert f"SHA-256 of the set {set_hash(folder)}" in capsys.readouterr().out
+    assert f"SHA-256 of SHA256SUMS: {set_hash(folder)}" in capsys.readouterr().out
     for found, status in (([], 0), (["core/x differs", "to write them again: ..."], 1)):
         monkeypatch.setattr("gsvc_conformance.generate.make", lambda on_case, jobs, kills_in: {})
         monkeypatch.setattr("gsvc_conformance.generate.differences", lambda folder, made, found=found: found)

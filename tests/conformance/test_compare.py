@@ -150,10 +150,13 @@ def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
     (tmp_path / "b" / "good.json").write_text(good.read_text())
     other = tmp_path / "other.json"
     other.write_text('{"form": "speeds/2"}')
+    page = tmp_path / "page.html"
+    page.write_text("<html>")
     part = tmp_path / "part.json"
     part.write_text('{"form": "speeds/1"}')
     for words, message in (
-        ([str(other)], "other.json"),
+        ([str(other)], "other.json is no report of `run --json`: its format is None"),
+        ([str(page), str(good)], "page.html is no report of `run --json`"),
         ([str(good), "--speeds", str(part)], "has not the form speeds/1"),
         ([str(good), str(tmp_path / "b" / "good.json"), "--tables"], "two reports are called good"),
         ([str(good), "--speeds", str(other)], "has not the form speeds/1"),

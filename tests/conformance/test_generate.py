@@ -77,7 +77,7 @@ def test_files_without_a_case_and_cases_without_a_file(folder, made):
 def test_the_command_prints_the_hash_of_the_set(folder, capsys):
     for more in ([], ["--without-kills"]):
         assert main(["generate", "--check", "--jobs", "1", "--vectors", str(folder), "--quiet", *more]) == 0
-        assert f"SHA-256 of the set that they make: {set_hash(folder)}\n" in capsys.readouterr().out
+        assert f"SHA-256 of the SHA256SUMS that they make: {set_hash(folder)}\n" in capsys.readouterr().out
 
 
 def test_without_kills_the_stored_ones_count(folder, made, capsys):

@@ -12,6 +12,7 @@ from gsvc_conformance import causes, diagnosis, expectations
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.mutants import MUTANTS
 
+README = Path(__file__).parents[2] / "conformance" / "README.md"
 GUIDE = Path(__file__).parents[2] / "docs" / "check-your-implementation.md"
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 STEPS = BLOCK.findall(GUIDE.read_text(encoding="utf-8"))
@@ -55,6 +56,20 @@ def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
         place = found + 1
     assert status == (0 if printed[-1].startswith(("PASSED", "THE CLAIM HOLDS")) else 1)
     assert place == len(lines)
+
+
+@pytest.mark.exhaustive
+def test_what_the_readme_of_the_kit_shows(tmp_path, monkeypatch, capsys):
+    text = README.read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    ((command, printed),) = re.findall(r"^`gsvc-conformance (.*)` says:\n\n```\n(.*?)^```$", text, re.M | re.DOTALL)
+    (tmp_path / "mine.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    assert main(shlex.split(command)) == 1
+    assert capsys.readouterr().out == printed
+    monkeypatch.delitem(sys.modules, "mine")
 
 
 def test_files_that_the_guide_shows_can_be_read():

@@ -97,7 +97,7 @@ def test_vectors_are_chosen():
         vectors(case="unicorn")
     with pytest.raises(UsageError, match="no vector is selected by class renderin"):
         vectors(group="renderin")
-    with pytest.raises(UsageError, match="there are no vectors in nowhere"):
+    with pytest.raises(UsageError, match="there is no folder nowhere"):
         vectors(folder="nowhere")
 
 

@@ -170,6 +170,12 @@ def test_a_command(run, tmp_path):
     assert sentence(run(*words, "--gsvc-timeout", "soon")) == "--gsvc-timeout takes a number of seconds, not soon"
 
 
+def test_an_id_that_no_vector_has_is_named_as_it_was_given(run, toy_module):
+    assert "no vector matches gsvc::core/parse/nope" in sentence(
+        run("--gsvc-module", toy_module(), "gsvc::core/parse/nope")
+    )
+
+
 def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     name = toy_module()
     assert (
@@ -190,7 +196,7 @@ def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
     assert "which matches no vector" in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
     file.write_text("[[waiver]]\n")
     assert "waiver 1 of " in sentence(run("--gsvc-module", name, "--gsvc-waivers", str(file)))
-    assert "there are no vectors in nowhere" in sentence(
+    assert "there is no folder nowhere" in sentence(
         run("--gsvc-module", name, "--gsvc-vectors", "nowhere", vectors=False)
     )
 

@@ -75,6 +75,25 @@ def command_of(folder, each="", start="") -> str:
     return write_program(folder, text).replace(sys.executable, f"{sys.executable} -S", 1)
 
 
+LAST_WORDS = """
+if count == 2:
+    write(request)
+    print("of this vector", file=sys.stderr, flush=True)
+    answer(request)
+    print("illegal address at mine.cu:77", file=sys.stderr, flush=True)
+    sys.exit(3)
+"""
+
+
+def test_the_last_words_between_two_requests_are_shown_with_the_vector_before(folder):
+    first, second, third = results_of(folder, command_of(folder, LAST_WORDS))
+    assert first.passed
+    assert second.passed
+    assert "it ended with exit status 3" in third.message
+    assert f"its answer to request 2, {second.id}" in third.message
+    assert "illegal address at mine.cu:77" in third.log
+
+
 def results_of(folder, command, timeout=20.0, selection=SCALE, **options):
     with ServerImplementation(command, timeout) as implementation:
         return judge(folder, implementation, selection, **options).results

@@ -36,6 +36,13 @@ def test_files_are_what_the_document_gives(tmp_path, capsys):
     assert stale(tmp_path) == []
 
 
+def test_where_nothing_is_to_be_compared_the_command_says_so(tmp_path, capsys):
+    assert main(["syntax", "--into", str(tmp_path)]) == 2
+    assert f"{tmp_path} has neither spec/syntax.json nor spec/gsvc.h: give the folder of a checkout" in (
+        capsys.readouterr().err
+    )
+
+
 def test_the_command_tells_what_to_do(monkeypatch, capsys):
     monkeypatch.setattr("gsvc_conformance.commands.syntax.stale", lambda folder: ["spec/gsvc.h"])
     assert main(["syntax"]) == 1

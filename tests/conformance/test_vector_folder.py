@@ -10,7 +10,9 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS
 
+from gsvc_conformance import vectors
 from gsvc_conformance.__main__ import main
+from gsvc_conformance.coverage import listed_problems
 from gsvc_conformance.expectations import Exact
 from gsvc_conformance.vector import SUMS, files_of, from_files
 from gsvc_conformance.vector_folder import Selection, VectorFolder, check_manifest
@@ -95,13 +97,29 @@ def renamed(old, new):
     return lambda entries: {new if name == old else name: entry for name, entry in entries.items()}
 
 
+def with_hashes(path):
+    """The manifest of a vector, with the SHA-256 of its input as it is now."""
+    digest = hashlib.sha256(path.with_name("values.npy").read_bytes()).hexdigest()
+    changed(inputs=lambda entries: entries | {"values": entries["values"] | {"sha256": digest}})(path)
+
+
 def pickled(path):
     np.save(path.with_name("values.npy"), np.array([{}], object), allow_pickle=True)
+    with_hashes(path)
 
 
 def zipped(path):
     with path.with_name("values.npy").open("wb") as file:
         np.savez(file, values=np.zeros(3))
+    with_hashes(path)
+
+
+def with_runs(path):
+    changed(inputs=lambda entries: entries | {"values": entries["values"] | {"runs": [[1, 0, 1, 0]]}})(path)
+
+
+def other(path):
+    np.save(path.with_name("values.npy"), np.zeros((3, 2), np.float32))
 
 
 @pytest.mark.parametrize(
@@ -124,6 +142,8 @@ def zipped(path):
         (changed(outputs=lambda entries: {name: {} for name in entries}), "cannot be read"),
         (pickled, "cannot be read"),
         (zipped, "cannot be read"),
+        (other, "core/scale/by_two/values.npy is not the file of which its manifest.json has the SHA-256"),
+        (with_runs, "core/scale/by_two/values.npy do not fit its 6 elements and the shape (3, 2)"),
     ],
 )
 def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkeypatch, capsys, change, words):
@@ -136,6 +156,33 @@ def test_a_vector_of_others_is_refused_where_it_is_none(folder, tmp_path, monkey
     assert words in " ".join(capsys.readouterr().err.split())
     assert sorted(tmp_path.rglob("*")) == before
     assert not Path("/tmp/x").exists()
+
+
+def test_verify_and_the_interface_find_a_file_that_is_not_the_manifest_s(folder):
+    other(folder / "core/scale/by_two/manifest.json")
+    with_sums(folder)
+    sentence = "core/scale/by_two/values.npy is not the file of which its manifest.json has the SHA-256"
+    assert list(listed_problems(folder)) == [sentence]
+    with pytest.raises(UsageError, match="is not the file of which"):
+        list(vectors("scale", case="by_two", folder=folder))
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("nowhere", "there is no folder {}; give"),
+        ("foreign", "there are no vectors in {} (no SHA256SUMS); give a folder of vectors"),
+        ("checkout", "did you mean {}/vectors?"),
+    ],
+)
+def test_a_folder_without_vectors_gets_advice_that_fits(toys, tmp_path, place, words):
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "checkout/vectors").mkdir(parents=True)
+    (tmp_path / "checkout/vectors" / SUMS).touch()
+    with pytest.raises(UsageError) as error:
+        VectorFolder(tmp_path / place)
+    assert words.format(tmp_path / place) in str(error.value)
+    assert "generate" not in str(error.value)
 
 
 @pytest.mark.parametrize(

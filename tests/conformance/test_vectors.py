@@ -96,7 +96,7 @@ class Careless:
     def __init__(self, expected):
         self.expected = expected
 
-    def run(self, operation, inputs, turn=0):
+    def run(self, operation, inputs, turn=0, name=""):
         return {name: zeros(expectation) for name, expectation in next(self.expected).items()}
 
 
@@ -111,7 +111,7 @@ class Refusing:
 
     name, in_full = "refusing", False
 
-    def run(self, operation, inputs, turn=0):
+    def run(self, operation, inputs, turn=0, name=""):
         if operation.name == "reconstruct_stream":
             return {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32), "error": "malformed"}
         return Unsupported("nothing is")

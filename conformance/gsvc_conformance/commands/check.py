@@ -1,5 +1,6 @@
 """``check``: whether files are legal streams, by the decoder inside spec.md and by gsvc_ref, and what they ask for."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -14,12 +15,14 @@ from gsvc_conformance.vector import PROFILE
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.syntax import syntax
 
 SPEC, REFERENCE = "spec", "gsvc_ref"
 DECODERS: Final = (SPEC, REFERENCE)
 AMOUNTS: Final = ("pixels", "splats", "work", "payload")
 """What a level limits, by the names of spec.md's code; the bytes of a second have the limit of a payload."""
 
+STDIN: Final = Path("-")
 MAX_SHOWN: Final = 8
 """I-frames whose numbers a sentence has."""
 
@@ -85,7 +88,7 @@ class Finding:
     element
         The name of the syntax element at fault; empty without a fault, or where there is none.
     message
-        The fault in gsvc_ref's words; empty without one, or without gsvc_ref.
+        The fault in gsvc_ref's words, or without gsvc_ref the rule in those of spec.md; empty without a fault.
     other
         What gsvc_ref says where it says something else than spec.md: a fault of this project.
     profile, level, paced
@@ -125,7 +128,9 @@ def add_arguments(parser: ArgumentParser) -> None:
         "What no decoder checks is not checked here, such as the contents of ancillary chunks. Exit code 0: all files "
         "are legal; 1: one is not; 2: one cannot be read."
     )
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="a file that an encoder wrote")
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="a file that an encoder wrote; - is standard input"
+    )
     parser.add_argument(
         "--only", choices=DECODERS, help="ask this decoder only: spec is the normative one, gsvc_ref is fast"
     )
@@ -139,19 +144,27 @@ def run(arguments: Namespace) -> int:
     Raises
     ------
     UsageError
-        A file cannot be read, or gsvc_ref is asked for and not installed.
+        A file cannot be read, which is said when the others are judged; or gsvc_ref is asked for and not installed.
     """
-    files = [(str(path), _data(path)) for path in arguments.files]
     decoders = chosen_decoders(arguments.only)
-    findings = []
-    for number, (file, data) in enumerate(files):
+    findings, unread = [], []
+    for number, path in enumerate(arguments.files):
+        file = "standard input" if path == STDIN else str(path)
+        try:
+            data = _data(path)
+        except UsageError as error:
+            unread.append(error)
+            continue
         with ProgressDisplay() as display:
-            of = f" (file {number + 1} of {len(files)})" if len(files) > 1 else ""
+            of = f" (file {number + 1} of {len(arguments.files)})" if len(arguments.files) > 1 else ""
             findings.append(examine(file, data, decoders, _progress(display, f"{file}{of}", data)))
     if arguments.json:
         print_json([asdict(finding) for finding in findings])
     else:
-        show(*(line for finding in findings for line in lines(finding, all_frames=arguments.frames)))
+        for finding in findings:
+            show(*lines(finding, all_frames=arguments.frames))
+    if unread:
+        raise UsageError("; ".join(map(str, unread)))
     return 0 if all(finding.legal for finding in findings) else 1
 
 
@@ -174,7 +187,7 @@ def _progress(display: ProgressDisplay, title: str, data: bytes) -> OnFrame:
 
 def _data(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return sys.stdin.buffer.read() if path == STDIN else path.read_bytes()
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}; give the path of a file") from None
 
@@ -202,11 +215,16 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         Frame(*frame, size) for frame, size in zip(first.frames, _frame_sizes(chunks), strict=False)
     )  # fmt: skip
     return Finding(
-        file, legal, decoders, first.error, first.element, last.message, other,
+        file, legal, decoders, first.error, first.element, last.message or _rule(first.error), other,
         PROFILE if header else None, header.get("level"), bool(header["flags"] & 2) if header else None,
         least_level(header, frames, max(size for _, size, _ in chunks)) if legal else None, len(data),
         tuple(number for number, frame in enumerate(frames) if frame.type == "I"), frames,
     )  # fmt: skip
+
+
+def _rule(error: str) -> str:
+    """The sentence of spec.md that a stream breaks, by ``KIND RULE BIT``; empty without an error."""
+    return str(syntax()["rules"][error.split()[1]]["text"]) if error else ""
 
 
 def _nothing(decoder: str, frame: int) -> None:

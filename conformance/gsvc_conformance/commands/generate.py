@@ -59,9 +59,9 @@ def run(arguments: Namespace) -> int:
         show(line)
     if arguments.check:
         show("the vectors differ from what the cases make" if found else "the vectors are what the cases make")
-        show(f"SHA-256 of the set that they make: {hashlib.sha256(sums_of(made)).hexdigest()}")
+        show(f"SHA-256 of the {SUMS} that they make: {hashlib.sha256(sums_of(made)).hexdigest()}")
     elif arguments.full:
         show(f"written to {arguments.full}; " + ("these hashes are not known" if found else "all hashes are known"))
     else:
-        show(f"{plural(many, 'vector')} in {arguments.vectors}, SHA-256 of the set {set_hash(arguments.vectors)}")
+        show(f"{plural(many, 'vector')} in {arguments.vectors}, SHA-256 of {SUMS}: {set_hash(arguments.vectors)}")
     return 1 if found else 0

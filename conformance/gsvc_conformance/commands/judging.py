@@ -304,7 +304,7 @@ def _beyond_notes(results: Iterable[Result]) -> Iterator[str]:
 
 def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) -> tuple[list[str], dict[str, str]]:
     """The vectors of a run by id, and why some of them are skipped."""
-    folder.check_patterns("--skip", patterns)
+    folder.check_patterns("--skip ", patterns)
     names = folder.select(chosen)
     return names, {name: "--skip" for name in names if matches(name, name.split("/")[2], patterns=patterns)}
 

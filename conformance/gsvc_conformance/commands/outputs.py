@@ -70,7 +70,7 @@ def check_outputs(arguments: Namespace) -> bool:
 
 
 def write_files(
-    arguments: Namespace, report: Report, pictures: "Mapping[str, View]"
+    arguments: Namespace, report: Report, pictures: "Mapping[str, View] | None"
 ) -> tuple[list[str], list[OSError]]:
     """Write the files that were asked for; where each went, and what could not be written."""
     from gsvc_conformance.report.badge import badge_json

@@ -8,6 +8,7 @@ from gsvc_conformance.commands import add_vectors, count
 from gsvc_conformance.commands.outputs import add_files, check_outputs, write_files
 from gsvc_conformance.process import read_output
 from gsvc_conformance.report.console import describe, last_line
+from gsvc_conformance.report.failures import NO_PICTURES
 from gsvc_conformance.report.json import read
 from gsvc_conformance.report.pictures import PictureBook
 from gsvc_conformance.results import Report
@@ -30,9 +31,11 @@ def run(arguments: Namespace) -> int:
     """Write the files and show the report; the exit code of the run that it is about."""
     aside = check_outputs(arguments)
     report = read(arguments.result)
-    book = _pictures(report, arguments.keep, arguments.vectors) if arguments.keep and arguments.html else PictureBook()
-    _, refused = write_files(arguments, report, book.pictures())
-    show(*describe(report, arguments.show), "", last_line(report), file=sys.stderr if aside else None)
+    drawn = arguments.keep and arguments.html
+    pictures = _pictures(report, arguments.keep, arguments.vectors).pictures() if drawn else None
+    _, refused = write_files(arguments, report, pictures)
+    note = [f"note: {NO_PICTURES}"] if arguments.html and not drawn and report.faults else []
+    show(*describe(report, arguments.show), *note, "", last_line(report), file=sys.stderr if aside else None)
     for fault in refused:
         raise fault
     return report.exit_code

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gsvc_conformance.syntax_files import FILES, ROOT, stale, write
 from gsvc_ref.cli.text import show
+from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -17,11 +18,20 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Write, or compare; 1 if a comparison finds differences."""
+    """Write, or compare; 1 if a comparison finds differences.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to compare.
+    """
     if arguments.write:
         for name in write(arguments.into):
             show(f"wrote {name}")
         return 0
+    if not any((arguments.into / name).is_file() for name in FILES):
+        raise UsageError(f"{arguments.into.resolve()} has neither {' nor '.join(FILES)}: give the folder of a checkout "
+                         "of GSVC's repository (--into DIR), or write them (--write)")  # fmt: skip
     names = stale(arguments.into)
     for name in names:
         show(f"{name} is not what spec.md gives; write it with: gsvc-conformance syntax --write")

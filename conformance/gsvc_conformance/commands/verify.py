@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 from gsvc_conformance.commands import add_vectors
 from gsvc_conformance.operation import operations
-from gsvc_conformance.vector import files_in, set_hash
+from gsvc_conformance.vector import SUMS, files_in
 from gsvc_conformance.vector_folder import ALL_TIERS, VectorFolder
 from gsvc_ref.cli.text import plural, show, table
 
@@ -18,14 +18,17 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Print counts, the hash of the set and what is wrong; 0 if nothing is, else 1."""
+    """Print counts, the hashes and what is wrong; 0 if nothing is, else 1."""
     import_module("jsonschema")  # if it is missing, this is said before any work
     from gsvc_conformance.coverage import verify
 
-    names = VectorFolder(arguments.vectors).names
+    folder = VectorFolder(arguments.vectors)
+    names = folder.names
     show(*counts(names))
     size = sum(map(len, files_in(arguments.vectors).values()))
-    show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB, SHA-256 of the set {set_hash(arguments.vectors)}")
+    show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB", f"SHA-256 of {SUMS}: {folder.sha256}")
+    if (last := VectorFolder(arguments.vectors, "newest")).set:
+        show(f"SHA-256 of set {last.set.number}, which verdicts quote: {last.sha256}")
     whole = find_spec("gsvc_ref") is not None
     problems = verify(arguments.vectors, whole=whole)
     for problem in problems:

@@ -28,8 +28,13 @@ LARGEST_FACTOR: Final = 32
 LEGEND_STEPS: Final = 256
 
 
-def failures_section(report: Report, views: Mapping[str, View]) -> str:
-    """The failures with their filter; nothing if nothing is wrong."""
+NO_PICTURES: Final = "pictures need the outputs that `run --keep DIR` left: add --keep DIR"
+"""What is said where a page is made of JSON alone, which has no pictures."""
+
+
+def failures_section(report: Report, given: Mapping[str, View] | None) -> str:
+    """The failures with their filter; nothing if nothing is wrong. Pictures are None where no outputs were there."""
+    views = given or {}
     faults = report.simplest_first()
     if not faults:
         return ""
@@ -42,11 +47,13 @@ def failures_section(report: Report, views: Mapping[str, View]) -> str:
     more = f"<p>{left_out} more stand in the table of vectors.</p>" if left_out > 0 else ""
     rest = len(views) - len(drawn)
     undrawn = f'<p class="caption">The pictures of {plural(rest, "failure")} are left out.</p>' if rest else ""
+    rest_of_it = f"{''.join(groups)}{more}{_by_cause(report, shown)}"
+    lacking = f'<p class="caption">No pictures: {html.escape(NO_PICTURES)}.</p>' if given is None else ""
     return (
         "<h2>What is wrong, the simplest first</h2>"
         '<p class="caption">A command runs one vector again; with <code>--keep DIR</code> it leaves inputs, outputs '
         "and what is expected as files for a debugger.</p>"
-        f"{filter_form(report)}{_legend() if drawn else ''}{undrawn}{''.join(groups)}{more}{_by_cause(report, shown)}"
+        f"{lacking}{filter_form(report)}{_legend() if drawn else ''}{undrawn}{rest_of_it}"
     )
 
 

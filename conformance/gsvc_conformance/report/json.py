@@ -47,7 +47,7 @@ def read(path: Path) -> Report:
     try:
         return from_object(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, RecursionError) as error:
-        raise UsageError(f"{path}: {error}") from None
+        raise UsageError(f"{path} is no report of `run --json`: {error}") from None
 
 
 def to_object(report: Report) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def from_object(value: Any) -> Report:
     """
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else type(value).__name__
-        raise UsageError(f"this is not a report that `run --json` wrote: the format is {found!r}, not {FORMAT!r}")
+        raise UsageError(f"its format is {found!r}, not {FORMAT!r}")
     report = _Entry(value, "the report")
     return Report(
         report.texts("environment"), report.text("command"), report.text("selection"), report.list_of_texts("notes"),

@@ -27,10 +27,10 @@ def report_html(report: Report, pictures: Mapping[str, View] | None = None) -> s
     report
         The report.
     pictures
-        Pictures or tables of wrong outputs, by the id of the vector.
+        Pictures or tables of wrong outputs, by the id of the vector; None where no outputs are there to be shown.
     """
     title = f"GSVC conformance: {report.environment.get('implementation', 'an implementation')}"
-    failures = failures_section(report, pictures or {})
+    failures = failures_section(report, pictures)
     sections = [
         overview_section(title, report),
         failures or filter_form(report),
