@@ -201,6 +201,11 @@ class Summary:
         """The number of wrong ones."""
         return sum(self.counts.get(outcome, 0) for outcome in FAULTS)
 
+    @property
+    def excused(self) -> int:
+        """The number of waived and skipped ones."""
+        return self.counts.get("waived", 0) + self.counts.get("skipped", 0)
+
 
 @dataclass(frozen=True)
 class Report:

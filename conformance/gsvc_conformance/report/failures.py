@@ -121,7 +121,7 @@ def _by_cause(report: Report, shown: Sequence[Result]) -> str:
     named = {result.id for cause in causes for result in cause.results}
     place = {result.id: number for number, result in enumerate(shown)}
     folds = "".join(
-        _links(f"cause-{number}", cause.sentence, places_text(cause), cause.results, place)
+        _links(f"cause-{number}", cause.text, places_text(cause), cause.results, place)
         for number, cause in enumerate(causes, 1)
     )
     rest = tuple(result for result in shown if result.id not in named)
