@@ -150,6 +150,11 @@ def mend_first(operation: str, wrong: Iterable[str]) -> str:
     return f"{' and '.join(leaves)} {'are' if leaves[1:] else 'is'} wrong{MEND}"
 
 
+def looks_like(cause: str) -> str:
+    """A cause as it is said of one failure."""
+    return cause if cause.endswith(MEND) else f"looks like {cause}"
+
+
 def _right_types(judged: Judged) -> bool:
     """Whether arrays have the types that they must have; if not, the report says so and looks for no other cause."""
     given = judged.outputs or {}

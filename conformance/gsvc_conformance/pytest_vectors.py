@@ -23,10 +23,9 @@ from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
 from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of, headed
 from gsvc_conformance.report.json import result_from, result_object
-from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
+from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result, difficulty
 from gsvc_conformance.runner import excused, judge_vector
 from gsvc_conformance.server import ServerImplementation
-from gsvc_conformance.spec import complexity
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder
@@ -38,7 +37,6 @@ SUITE: Final = NODE.rstrip(":")
 TIMEOUT: Final = 60.0
 SENT: Final = "gsvc"
 """The name of what a process of pytest-xdist sends when it ends."""
-STALE: Final = "a stale waiver: take them out"
 NOT_CLAIMED: Final = "not claimed"
 NO_FUNCTION: Final = "has no function"
 HOW: Final = ("timeout", "features", "set", "vectors")
@@ -201,7 +199,7 @@ def simplest_vectors_first(folder: VectorFolder, names: Iterable[str]) -> list[s
 
     def rank(name: str) -> tuple[object, ...]:
         tier, operation, _ = name.split("/")
-        return complexity(operation), place[operation], ALL_TIERS.index(tier), folder.input_size(name), name
+        return difficulty(operation), place[operation], ALL_TIERS.index(tier), folder.input_size(name), name
 
     return sorted(names, key=rank)
 
@@ -393,14 +391,16 @@ def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
     lines = headed(cause_lines(report, looked))
     lines += [f"note: {note}" for note in report.notes]
     stale = sum(result.passed and bool(run.stale(result.id)) for result in report.results)
+    with_stale = f"with a stale waiver: take {'it' if stale == 1 else 'them'} out"
     if report.whole:
         lines += _verdicts(report)
-        lines += [f"{plural(stale, 'vector')} pass with {STALE}"] * bool(stale)
+        passing = "vector passes" if stale == 1 else "vectors pass"
+        lines += [f"{stale:,} {passing} {with_stale}"] * bool(stale)
     else:
         counts = Counter(result.outcome for result in report.results)
         words = {outcome: f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome]}
         if stale:
-            words["pass"] += f" ({stale:,} of them with {STALE})"
+            words["pass"] += f" ({stale:,} of them {with_stale})"
         said = ", ".join(words.values())
         lines.append(f"{len(report.results):,} of {plural(len(run.names), 'vector')} ran: {said}; a verdict needs all "
                      "vectors of a class")  # fmt: skip

@@ -18,6 +18,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.spelling import question
 from gsvc_ref.errors import UsageError
@@ -244,8 +245,9 @@ def _why(result: Result, results: Sequence[Result], examined: Container[str]) ->
         return f"{result.outcome}: {result.message}"
     if not result.causes:
         known = "examined, no cause found" if result.id in examined else "not examined"
-        return f"{known}; others of {result.operation} look like {like.most_common(1)[0][0]}"
-    return f"looks like {max(result.causes, key=lambda cause: like[cause])}"
+        most = like.most_common(1)[0][0]
+        return f"{known}; " + (most if most.endswith(MEND) else f"others of {result.operation} look like {most}")
+    return looks_like(max(result.causes, key=lambda cause: like[cause]))
 
 
 def patterns(chosen: Iterable[str], names: Sequence[str]) -> list[str]:

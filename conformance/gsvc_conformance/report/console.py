@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gsvc_conformance.causes import MEND
+from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.diagnosis import EXAMINED, VAGUE, is_place
 from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
 from gsvc_conformance.spec import complexity
@@ -292,7 +292,7 @@ def describe_fault(result: Result, command: str) -> list[str]:
 def result_lines(result: Result) -> list[str]:
     """One wrong vector: its errors, and what they look like."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
-    return [*lines, *(f"{INDENT}looks like {cause}" for cause in result.causes), *detail_lines(result)]
+    return [*lines, *(f"{INDENT}{looks_like(cause)}" for cause in result.causes), *detail_lines(result)]
 
 
 def detail_lines(result: Result) -> list[str]:

@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from gsvc_conformance.causes import looks_like
 from gsvc_conformance.report.console import (
     conclusion,
     ends,
@@ -91,7 +92,7 @@ def _causes(report: Report) -> list[str]:
 def _failure(result: Result, report: Report) -> str:
     """A failure in a fold, with what it looks like and its command."""
     lines = [_plain(_cut(result.title)), _plain(_cut(result.message))]
-    lines += [f"- looks like {_plain(cause)}" for cause in result.causes]
+    lines += [f"- {_plain(looks_like(cause))}" for cause in result.causes]
     log = [_code("\n".join(ends(result.log)), "text")] if result.log.strip() else []
     ratio = f" ({ratio_text(result.ratio)} × bound)" if result.ratio is not None else ""
     heading = f"{result.outcome} {result.id}{ratio}"
