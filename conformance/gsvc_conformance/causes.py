@@ -61,8 +61,10 @@ def added(searches: Iterable[Search]) -> list[Search]:
     total: dict[str, Search] = {}
     for one in searches:
         before = total.get(one.operation, Search(one.operation, 0, 0, 0, 0))
-        counts = (a + b for a, b in zip(before[1:4], one[1:4], strict=True))
-        total[one.operation] = Search(one.operation, *counts, max(before.tried, one.tried))
+        total[one.operation] = Search(
+            one.operation, before.failures + one.failures, before.examined + one.examined,
+            before.unexplained + one.unexplained, max(before.tried, one.tried),
+        )  # fmt: skip
     return list(total.values())
 
 
