@@ -280,7 +280,7 @@ class VectorFolder:
         if "file" not in entry:
             return 8
         if "shape" in entry:
-            return int(math.prod(entry["shape"])) * np.dtype(entry["dtype"]).itemsize
+            return int(math.prod(entry["shape"]) * np.dtype(entry["dtype"]).itemsize)
         return len(self._files[f"{name}/{entry['file']}"])
 
     def _file(self, name: str) -> bytes:
