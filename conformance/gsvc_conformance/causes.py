@@ -3,25 +3,88 @@
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.operation import DTYPES
-from gsvc_conformance.results import Result
+from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.runner import Judged
+from gsvc_conformance.spec import complexity, leads_to
 from gsvc_conformance.vector import Vector
 from gsvc_ref.cli.text import plural
 
 NOTHING: Final = np.zeros(0)
+MEND: Final = ": mend that first"
+"""The end of sentences about wrong operations inside another one."""
+
+
+class Search(NamedTuple):
+    """How the search for the causes of an operation went.
+
+    Attributes
+    ----------
+    operation
+        Its name.
+    failures, examined
+        The number of its failures, and of those that were looked at.
+    unexplained, tried
+        The number of examined failures without a cause, and of the mutants that were tried on them.
+    """
+
+    operation: str
+    failures: int
+    examined: int
+    unexplained: int
+    tried: int
+
+    def notes(self) -> list[str]:
+        """What is to be said of it."""
+        notes = []
+        if self.unexplained and self.tried:
+            notes.append(
+                f"{self.operation}: no mutant gives exactly what {self.unexplained} of "
+                f"{plural(self.examined, 'failure')} gave ({self.tried} tried)"
+            )
+        if self.examined < self.failures:
+            notes.append(
+                f"causes were looked for in {self.examined} of {self.failures} failures of {self.operation}, of all "
+                "sizes"
+            )
+        return notes
+
+
+def added(searches: Iterable[Search]) -> list[Search]:
+    """The searches of several processes, one an operation."""
+    total: dict[str, Search] = {}
+    for one in searches:
+        before = total.get(one.operation, Search(one.operation, 0, 0, 0, 0))
+        total[one.operation] = Search(
+            one.operation, before.failures + one.failures, before.examined + one.examined,
+            before.unexplained + one.unexplained, max(before.tried, one.tried),
+        )  # fmt: skip
+    return list(total.values())
 
 
 class Causes:
-    """Collects what the search for causes needs, operation by operation, and finds them."""
+    """Collects what the search for causes needs, operation by operation, and finds them.
+
+    Attributes
+    ----------
+    searches
+        How the search went, operation by operation.
+    examined
+        The ids of the failures that were looked at.
+    faults
+        A sentence about each operation whose search ended with an exception.
+    """
 
     def __init__(self) -> None:
+        self.searches: list[Search] = []
+        self.examined: set[str] = set()
+        self.faults: list[str] = []
         self._failures: defaultdict[str, list[Failure]] = defaultdict(list)
         self._passed: defaultdict[str, list[Vector]] = defaultdict(list)
         self._errors: defaultdict[str, list[Vector]] = defaultdict(list)
@@ -51,25 +114,47 @@ class Causes:
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""
-        from gsvc_conformance.diagnosis import EXAMINED, diagnose, examined, mutants_for
-
+        results = list(results)
+        self.searches, self.examined, self.faults = [], set(), []
+        wrong = {result.operation for result in results if result.outcome in FAULTS}
         causes: dict[str, list[str]] = {}
-        notes = []
         for operation in dict.fromkeys([*self._failures, *self._errors]):
-            failures = self._failures[operation]
-            causes |= diagnose(failures, self._passed[operation], self._errors[operation])
-            seen = [failure.vector for failure in examined(failures)]
-            if open_ones := [vector for vector in seen if not causes.get(vector.id)]:
-                tried = len({mutant.name for vector in open_ones for mutant in mutants_for(vector)})
-                notes.append(
-                    f"{operation}: no mutant gives exactly what {len(open_ones)} of {plural(len(seen), 'failure')} "
-                    f"gave ({tried} tried)"
-                )
-            if len(failures) > EXAMINED:
-                notes.append(
-                    f"causes were looked for in {EXAMINED} of {len(failures)} failures of {operation}, of all sizes"
-                )
-        return [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results], notes
+            try:
+                causes |= self._searched(operation, wrong)
+            except Exception as error:
+                self.faults.append(f"{operation}: the search for causes failed: {type(error).__name__}: {error}")
+        notes = [note for search in self.searches for note in search.notes()]
+        found = [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results]
+        return found, [*notes, *self.faults]
+
+    def _searched(self, operation: str, wrong: set[str]) -> dict[str, list[str]]:
+        """The causes of an operation's failures by id, where the operations in `wrong` have failures, too."""
+        from gsvc_conformance.diagnosis import diagnose, examined, is_place, mutants_for
+
+        failures = self._failures[operation]
+        causes = diagnose(failures, self._passed[operation], self._errors[operation])
+        seen = [failure.vector for failure in examined(failures)]
+        if first := mend_first(operation, wrong):
+            causes |= {vector.id: [first] for vector in seen if all(map(is_place, causes.get(vector.id, ())))}
+        unexplained = [vector for vector in seen if not causes.get(vector.id)]
+        tried = {mutant.name for vector in unexplained for mutant in mutants_for(vector)}
+        self.searches.append(Search(operation, len(failures), len(seen), len(unexplained), len(tried)))
+        self.examined |= {vector.id for vector in seen}
+        return causes
+
+
+def mend_first(operation: str, wrong: Iterable[str]) -> str:
+    """A sentence about those wrong operations that an operation is made of; empty if there are none."""
+    inside = sorted((leads_to(operation) - {operation}) & set(wrong), key=complexity)
+    leaves = [name for name in inside if not (leads_to(name) - {name}).intersection(inside)]
+    if not leaves:
+        return ""
+    return f"{' and '.join(leaves)} {'are' if leaves[1:] else 'is'} wrong{MEND}"
+
+
+def looks_like(cause: str) -> str:
+    """A cause as it is said of one failure."""
+    return cause if cause.endswith(MEND) else f"looks like {cause}"
 
 
 def _right_types(judged: Judged) -> bool:

@@ -9,11 +9,11 @@ import shlex
 from collections import Counter
 from collections.abc import Generator, Iterable
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final, NamedTuple, get_args
 
 import pytest
 
-from gsvc_conformance.causes import Causes
+from gsvc_conformance.causes import Causes, Search, added
 from gsvc_conformance.commands import checked_operations, wanted_set
 from gsvc_conformance.commands.judging import environment
 from gsvc_conformance.features import read_features
@@ -21,14 +21,14 @@ from gsvc_conformance.implementations import Implementation, load_module
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
-from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of
+from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of, headed
 from gsvc_conformance.report.json import result_from, result_object
-from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result
+from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result, difficulty
 from gsvc_conformance.runner import excused, judge_vector
 from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
-from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder
 from gsvc_conformance.waivers import read_waivers
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError
@@ -89,7 +89,7 @@ class Run:
         self._folder = VectorFolder(Path(option("vectors") or VECTORS), wanted_set(option("set") or "newest"))
         self.selection = _selection(option, wanted)
         self._folder.check_patterns("--gsvc-case " if not wanted else NODE, self.selection.patterns)
-        self.names = self._folder.select(self.selection)
+        self.names = simplest_vectors_first(self._folder, self._folder.select(self.selection))
         self._file = option("waivers")
         self._waivers = read_waivers(Path(self._file) if self._file else None)
         if unmatched := self._waivers.unmatched(self._folder.names):
@@ -154,9 +154,10 @@ class Run:
         words += [f"--{name}={value}" for name, values in chosen.items() for value in values]
         return shlex.join(["gsvc-conformance", "run", *words, "--html", "page.html"])
 
-    def found(self) -> tuple[list[Result], list[str]]:
-        """The results with their causes, and what is to be said of the search."""
-        return self._causes.find(self.results.values())
+    def found(self) -> "Found":
+        """What this process found."""
+        results, _ = self._causes.find(self.results.values())
+        return Found(results, self._causes.searches, self._causes.faults)
 
     def report(self, results: Iterable[Result], notes: list[str]) -> Report:
         """The report of a session."""
@@ -167,6 +168,40 @@ class Run:
             self.implementation.environment, whole=self.selection.whole and len(there) == len(self.names),
             features=self._features,
         )  # fmt: skip
+
+
+class Found(NamedTuple):
+    """What one process found: results with their causes, how the searches went, and sentences about failed ones."""
+
+    results: list[Result]
+    searches: list[Search]
+    faults: list[str]
+
+    def to_text(self) -> str:
+        """It as JSON."""
+        results = [result_object(result) for result in self.results]
+        return json.dumps({"results": results, "searches": self.searches, "faults": self.faults})
+
+
+def found_from(text: str, sender: str) -> Found:
+    """What `Found.to_text` made in a process."""
+    value = json.loads(text)
+    results = [result_from(result, f"a result of {sender}") for result in value["results"]]
+    return Found(results, [Search(*search) for search in value["searches"]], value["faults"])
+
+
+def simplest_vectors_first(folder: VectorFolder, names: Iterable[str]) -> list[str]:
+    """Vectors from the simple to the hard: leaf operations first, core tiers, small inputs; operations stay together.
+
+    With ``-x`` the first failure is then the one to begin with.
+    """
+    place = {operation: number for number, operation in enumerate(operations())}
+
+    def rank(name: str) -> tuple[object, ...]:
+        tier, operation, _ = name.split("/")
+        return difficulty(operation), place[operation], ALL_TIERS.index(tier), folder.input_size(name), name
+
+    return sorted(names, key=rank)
 
 
 def _selection(option: Any, wanted: tuple[str, ...]) -> Selection:
@@ -291,7 +326,7 @@ class Session:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._sent: list[tuple[list[Result], list[str]]] = []
+        self._sent: list[Found] = []
         self._lost = False
 
     def pytest_report_header(self) -> str:
@@ -323,8 +358,7 @@ class Session:
         self._run.end()
         sent = getattr(session.config, "workeroutput", None)
         if sent is not None:
-            results, notes = self._run.found()
-            sent[SENT] = json.dumps({"results": [result_object(result) for result in results], "notes": notes})
+            sent[SENT] = self._run.found().to_text()
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
@@ -333,21 +367,20 @@ class Session:
         if text is None:
             self._lost = True
         else:
-            value = json.loads(text)
-            results = [result_from(result, f"a result of {node.gateway.id}") for result in value["results"]]
-            self._sent.append((results, value["notes"]))
+            self._sent.append(found_from(text, node.gateway.id))
 
     def pytest_terminal_summary(self, terminalreporter: "pytest.TerminalReporter") -> None:
         """Probable causes and verdicts."""
         parts = [*self._sent, self._run.found()]
-        results = [result for found, _ in parts for result in found]
+        results = [result for part in parts for result in part.results]
         if not results:
             return
-        notes = list(dict.fromkeys(note for _, found in parts for note in found))
+        notes = [note for search in added(s for part in parts for s in part.searches) for note in search.notes()]
+        notes += dict.fromkeys(fault for part in parts for fault in part.faults)
         if self._lost:
             notes.append("a process crashed, and what it found is missing here")
         report = self._run.report(results, notes)
-        looked: Counter[str] = sum((examined_of(found) for found, _ in parts), Counter())
+        looked: Counter[str] = sum((examined_of(part.results) for part in parts), Counter())
         terminalreporter.section(f"{report.vectors}: {self._run.implementation.name}")
         for line in _summary(report, looked, self._run):
             terminalreporter.write_line(line)
@@ -355,13 +388,20 @@ class Session:
 
 def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
     """The lines of the summary: where to begin, causes, verdicts."""
-    lines = [f"Probable cause: {cause}" for cause in cause_lines(report, looked)]
+    lines = headed(cause_lines(report, looked))
     lines += [f"note: {note}" for note in report.notes]
+    stale = sum(result.passed and bool(run.stale(result.id)) for result in report.results)
+    with_stale = f"with a stale waiver: take {'it' if stale == 1 else 'them'} out"
     if report.whole:
         lines += _verdicts(report)
+        passing = "vector passes" if stale == 1 else "vectors pass"
+        lines += [f"{stale:,} {passing} {with_stale}"] * bool(stale)
     else:
         counts = Counter(result.outcome for result in report.results)
-        said = ", ".join(f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome])
+        words = {outcome: f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome]}
+        if stale:
+            words["pass"] += f" ({stale:,} of them {with_stale})"
+        said = ", ".join(words.values())
         lines.append(f"{len(report.results):,} of {plural(len(run.names), 'vector')} ran: {said}; a verdict needs all "
                      "vectors of a class")  # fmt: skip
     if len(report.faults) > 1:

@@ -1,5 +1,6 @@
 """The findings of a run as plain data: results, verdicts, the report."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -201,6 +202,11 @@ class Summary:
         """The number of wrong ones."""
         return sum(self.counts.get(outcome, 0) for outcome in FAULTS)
 
+    @property
+    def excused(self) -> int:
+        """The number of waived and skipped ones."""
+        return self.counts.get("waived", 0) + self.counts.get("skipped", 0)
+
 
 @dataclass(frozen=True)
 class Report:
@@ -361,7 +367,12 @@ class Report:
 
 def simplest_first(results: Iterable[Result]) -> list[Result]:
     """Results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
-    return sorted(results, key=lambda result: (complexity(result.operation), result.simplicity))
+    return sorted(results, key=lambda result: (difficulty(result.operation), result.simplicity))
+
+
+def difficulty(operation: str) -> float:
+    """The rank of an operation from leaves to what is made of them; one that spec.md has no code for is the last."""
+    return complexity(operation) or math.inf
 
 
 def _make_printable(record: "OutputResult | Table | Result | Report") -> None:

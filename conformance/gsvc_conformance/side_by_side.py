@@ -57,4 +57,4 @@ def _cell(right: float, mine: float, good: bool) -> str:
         return RIGHT
     if not np.isfinite(mine) or not np.isfinite(right):
         return f"{mine:g} for {right:g}"
-    return f"{mine / right:.4g}" if right else f"{mine:.3g} for 0"
+    return f"{mine / right + 0.0:.4g}" if right else f"{mine:.3g} for 0"

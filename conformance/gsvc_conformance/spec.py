@@ -48,9 +48,14 @@ def namespace(
     return names
 
 
-@cache
 def complexity(function: str) -> int:
     """The number of the code's functions that a function leads to, itself among them; 0 if it is none of them."""
+    return len(leads_to(function))
+
+
+@cache
+def leads_to(function: str) -> frozenset[str]:
+    """The code's functions that a function leads to, itself among them; none if it is none of them."""
     names = _original()
     found: set[str] = set()
     waiting = [function]
@@ -62,7 +67,7 @@ def complexity(function: str) -> int:
         if name not in found and codes:
             found.add(name)
             waiting += [used for code in codes for used in _used(code)]
-    return len(found)
+    return frozenset(found)
 
 
 def _used(code: types.CodeType) -> set[str]:

@@ -12,12 +12,13 @@ import json
 import textwrap
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.spelling import question
 from gsvc_ref.errors import UsageError
@@ -202,7 +203,9 @@ def _is_text(value: object) -> bool:
     return isinstance(value, str) and bool(value.strip())
 
 
-def renewed(waivers: Waivers, results: Sequence[Result], names: Sequence[str]) -> Waivers:
+def renewed(
+    waivers: Waivers, results: Sequence[Result], names: Sequence[str], examined: Container[str] = ()
+) -> Waivers:
     """Waivers for all that is wrong in a run: those there are, as far as they are needed, and new ones.
 
     An id or glob that no result passes stays, so that a run of a part loses none. What is new is grouped by what it
@@ -214,6 +217,8 @@ def renewed(waivers: Waivers, results: Sequence[Result], names: Sequence[str]) -
         Those that the run had.
     results, names
         As in `Waivers.stale`.
+    examined
+        The ids of the failures in which causes were looked for.
     """
     kept = []
     for waiver in waivers.counting():
@@ -228,19 +233,21 @@ def renewed(waivers: Waivers, results: Sequence[Result], names: Sequence[str]) -
     groups: dict[tuple[str, str], list[str]] = {}
     for result in results:
         if result.outcome in FAULTS:
-            groups.setdefault((result.operation, _why(result, results)), []).append(result.id)
+            groups.setdefault((result.operation, _why(result, results, examined)), []).append(result.id)
     new = [Waiver(tuple(patterns(chosen, names)), reason) for (_, reason), chosen in groups.items()]
     return Waivers((*kept, *new), waivers.today)
 
 
-def _why(result: Result, results: Sequence[Result]) -> str:
+def _why(result: Result, results: Sequence[Result], examined: Container[str]) -> str:
     """A reason for a new waiver: what most failures of the operation look like, or the message."""
     like = Counter(cause for other in results if other.operation == result.operation for cause in other.causes)
     if result.outcome != "fail" or not like:
         return f"{result.outcome}: {result.message}"
     if not result.causes:
-        return f"not examined; failures of {result.operation} look like {like.most_common(1)[0][0]}"
-    return f"looks like {max(result.causes, key=lambda cause: like[cause])}"
+        known = "examined, no cause found" if result.id in examined else "not examined"
+        most = like.most_common(1)[0][0]
+        return f"{known}; " + (most if most.endswith(MEND) else f"others of {result.operation} look like {most}")
+    return looks_like(max(result.causes, key=lambda cause: like[cause]))
 
 
 def patterns(chosen: Iterable[str], names: Sequence[str]) -> list[str]:

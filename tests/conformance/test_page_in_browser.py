@@ -1,5 +1,7 @@
 """The page of a run in a browser, from a disk: its filter, its links, its size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,15 @@ def test_the_filter(page):
     assert shown(page, "details.group") == ["operation-scale", "cause-1", "cause-none"]
     page.fill("input[name=text]", "unicorn")
     assert shown(page) == []
+
+
+def test_causes_are_whole_on_a_narrow_screen(report, tmp_path, open_page):
+    long = "a cause of many words " * 12
+    page = opened(
+        open_page(width=390, height=SCREEN), replace(report, results=[result("a", "fail", causes=(long,))]), tmp_path
+    )
+    cut = "els => els.map(e => e.scrollHeight > e.clientHeight)"
+    assert page.eval_on_selector_all("ol.causes li", cut) == [False]
 
 
 def test_the_table_of_vectors_is_filtered_too(page):

@@ -14,7 +14,9 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS, good_program
 
-from gsvc_conformance import diagnosis
+from gsvc_conformance import diagnosis, pytest_vectors
+from gsvc_conformance.operation import input_size
+from gsvc_conformance.vector_folder import VectorFolder
 
 pytest_plugins = ["pytester"]
 
@@ -107,6 +109,32 @@ def test_k_x_and_lf(run, toy_module):
     run(*words, "--lf").assert_outcomes(failed=3, deselected=len(INPUTS) - 2)
 
 
+def test_vectors_come_from_the_simple_to_the_hard(folder):
+    vectors = VectorFolder(folder)
+    names = pytest_vectors.simplest_vectors_first(vectors, vectors.names)
+    assert [name for name in names if "/scale/" in name] == [
+        "core/scale/by_two", "core/scale/by_a_third", "stress/scale/nothing"
+    ]  # fmt: skip
+    assert list(dict.fromkeys(name.split("/")[1] for name in names)) == list(toy_operations.OPERATIONS)
+    for vector in vectors.read(vectors.names):
+        assert vectors.input_size(vector.id) == input_size(vector.inputs)
+    (folder / "core/scale/by_two/manifest.json").write_text("[]")
+    assert vectors.input_size("core/scale/by_two") == 0
+
+
+def test_a_search_for_causes_that_fails_ends_nothing(run, toy_module, monkeypatch):
+    def failing(failures, passed, errors):
+        raise ZeroDivisionError("a mutant divides")
+
+    monkeypatch.setattr(diagnosis, "diagnose", failing)
+    result = run("-q", "--gsvc-module", toy_module(halve=wrong_halves))
+    result.assert_outcomes(passed=len(INPUTS), failed=1)
+    result.stdout.fnmatch_lines([
+        "class quantization failed: 1 of 1 *",
+    ])  # fmt: skip
+    assert "note: halve: the search for causes failed: ZeroDivisionError: a mutant divides" in result.outlines
+
+
 def test_options_choose_vectors_and_node_ids_prevail(run, toy_module):
     words = ["-q", "--gsvc-module", toy_module()]
     run(*words, "--gsvc-operation", "scale", "--gsvc-operation", "halve").assert_outcomes(passed=5)
@@ -158,6 +186,9 @@ def test_waivers_are_strict_xfail(run, toy_module, pytester):
     stale = run(*words, toy_module())
     stale.assert_outcomes(failed=1, passed=len(INPUTS))
     stale.stdout.fnmatch_lines(['  it passes, so take it out of the waiver "bug 12" in known.toml'])
+    stale.stdout.fnmatch_lines(["1 vector passes with a stale waiver: take it out"])
+    part = run(*words, toy_module(), "--gsvc-operation", "halve")
+    part.stdout.fnmatch_lines(["1 of 1 vector ran: 1 pass (1 of them with a stale waiver: take it out); *"])
     over = run(*words, toy_module(parse=lambda stream: {}), "gsvc::core/parse/three_bytes")
     over.assert_outcomes(failed=1)
     over.stdout.fnmatch_lines(["  error: parse returned no count, error",

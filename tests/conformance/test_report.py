@@ -10,6 +10,7 @@ from toy_reports import RESULTS, result
 from gsvc_conformance.report.console import cause_lines, describe, ends, last_line, progress_text
 from gsvc_conformance.report.json import from_object, to_object, to_text
 from gsvc_conformance.report.junit import junit_xml
+from gsvc_conformance.report.markdown import summary_markdown
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.results import OutputResult
 from gsvc_ref.errors import UsageError
@@ -32,7 +33,7 @@ def test_verdicts(report):
 def test_the_console(report):
     lines = describe(report, 10)
     text = "\n".join(lines)
-    assert last_line(report) == "FAILED"
+    assert last_line(report) == "FAILED; 1 waived"
     assert "Probable cause: a factor of two (scale: 1 of 1 examined)" in lines
     assert "1 operation: unsupported (1 vector)" in lines
     assert not any(line.startswith("halve ") for line in lines)
@@ -43,7 +44,7 @@ def test_the_console(report):
     assert lines[-2:] == ["", f"begin with: {report.again(report.simplest_first()[0].id)}"]
     assert not any("begin with" in line for line in describe(replace(report, results=RESULTS[4:]), 10))
     assert "CRASH core/scale/dead" in text
-    assert "waived: core/parse/known: bug 12" in text
+    assert "1 waived: bug 12 (parse 1)" in lines
     assert "note: a note" in text
     row = next(line for line in lines if line.startswith("scale ")).split()
     assert row == ["scale", "4", "2", "2", "0", "0", "infinite"]
@@ -208,8 +209,43 @@ def test_causes_are_told_once_and_the_most_frequent_first(report):
     assert cause_lines(replace(report, results=results)) == [
         "two (scale: 7 of 12 examined, halve: 1 of 1 examined)",
         "one (scale: 5 of 12 examined)",
-        "three (paint: 1 of 2 examined)",
+        "three (paint: 1 of 2 examined; run the whole operation to be sure)",
     ]
+
+
+def test_few_failures_tell_where_and_not_why(report):
+    def lines(*causes, others=()):
+        results = [result(f"n{n}", "fail", causes=[cause]) for n, cause in enumerate(causes)]
+        found = describe(replace(report, results=[*results, *others]), 0)
+        return [line for line in found if line.startswith(("where: ", "Probable cause: "))]
+
+    sure = "; run the whole operation to be sure"
+    tiles = "every second of the tiles of 32x32 are wrong (number 1 of each 2)"
+    assert lines(tiles) == [f"where: {tiles} (scale: 1 of 1 examined{sure})"]
+    assert lines("errors in red alone", "errors in red alone")[0].startswith("where: errors in red")
+    assert lines(tiles, tiles, tiles) == [f"Probable cause: {tiles} (scale: 3 of 3 examined)"]
+    assert lines("a mutant") == [f"Probable cause: a mutant (scale: 1 of 1 examined{sure})"]
+    passing = [result(f"p{n}") for n in range(2)]
+    assert lines("a mutant", others=passing) == ["Probable cause: a mutant (scale: 1 of 1 examined)"]
+    few = replace(report, results=[result("a", "fail", causes=[tiles])])
+    assert "<h2>Where the errors are</h2>" in report_html(few)
+    assert "#### Where the errors are\n\n1. where: every second" in summary_markdown(few)
+
+
+def test_waived_failures_are_counted_by_reason(report):
+    long = "a reason " + "that goes on " * 40
+    waived = [
+        result(f"n{n}", "waived", message=f"{long if n else 'bug 12'} (waived fail: output is {n})") for n in range(75)
+    ]
+    waived.append(result("other", "waived", operation="parse", message="bug 12 (waived crash: killed)"))
+    many = replace(report, results=[result("good"), *waived])
+    first, second = [line for line in describe(many, 10) if " waived: " in line and not line.startswith("class")]
+    assert first.startswith("74 waived: a reason that goes on")
+    assert first.endswith("... (scale 74)")
+    assert len(first) < 160
+    assert second == "2 waived: bug 12 (scale 1, parse 1)"
+    assert [line for line in describe(many, 1) if " waived" in line][:2] == [first, "2 waived for 1 more reason"]
+    assert last_line(many).endswith("; 76 waived")
 
 
 def test_both_ends_of_what_a_command_printed_are_shown():

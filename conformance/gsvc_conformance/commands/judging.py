@@ -127,7 +127,8 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     )
     written, refused = write_files(arguments, report, found.pictures)
     if arguments.write_waivers:
-        write_text(to_toml(renewed(plan.waivers, found.results, plan.folder.names)), arguments.write_waivers)
+        waivers = renewed(plan.waivers, found.results, plan.folder.names, found.examined)
+        write_text(to_toml(waivers), arguments.write_waivers)
         written.append(f"waivers: {arguments.write_waivers}")
     show(*describe(report, arguments.show), *written, f"\n{last_line(report)}", file=sys.stderr if aside else None)
     for fault in (found.fault, *refused):
@@ -173,12 +174,23 @@ def _plan(arguments: Namespace) -> _Plan:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a run came to: its results and what is to be said of them; `fault` is what ended it early."""
+    """What a run came to: its results and what is to be said of them.
+
+    Attributes
+    ----------
+    results, notes, pictures
+        The results, sentences about them, and pictures of what is wrong.
+    fault
+        What ended it early.
+    examined
+        The ids of the failures in which causes were looked for.
+    """
 
     results: list[Result]
     notes: list[str]
     pictures: "Mapping[str, View]"
     fault: BaseException | None = None
+    examined: frozenset[str] = frozenset()
 
 
 def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) -> _Found:
@@ -211,7 +223,7 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
         if not done:
             raise
         return _Found(done, [_end(error, len(done), len(plan.names))], book.pictures(), error)
-    return _Found(results, notes, book.pictures())
+    return _Found(results, notes, book.pictures(), examined=frozenset(causes.examined))
 
 
 def _notes(arguments: Namespace, found: _Found, stale: Iterable[str]) -> list[str]:

@@ -6,6 +6,7 @@ the catalogue of mutants is asked, both ways. Where neither says anything, the r
 """
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -23,13 +24,16 @@ from gsvc_conformance.expectations import Bounded, Exact, Refusal
 from gsvc_conformance.operation import input_size
 from gsvc_conformance.vector import Vector
 
-__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "mutants_for"]
+__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
 
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
 VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
 """Beginnings of sentences that say where errors are, not what they are."""
+
+PLACE: Final = re.compile(r" are (0|NaN|wrong|all [-+.e\d]+)( |$)|pixels left out (that lie )?beyond ")
+"""Parts of other sentences that say where errors are: so many vectors must agree before they tell a cause."""
 
 NO_LOOKS: Final = "encoder"
 """The class in which no look and no mutant can be found: many streams are right, and what is wrong with one is said."""
@@ -65,6 +69,11 @@ def examined(failures: Sequence[Failure]) -> list[Failure]:
     if len(ordered) <= EXAMINED:
         return ordered
     return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
+
+
+def is_place(sentence: str) -> bool:
+    """Whether a sentence says where errors are, not what they are."""
+    return sentence.startswith(VAGUE) or PLACE.search(sentence) is not None
 
 
 def diagnose(

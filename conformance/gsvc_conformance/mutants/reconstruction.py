@@ -128,7 +128,7 @@ MUTANTS: tuple[Mutant, ...] = (
          '    x, y, l11, l21, l22 = parameters[:, :5].astype(np.float64).T\n'
          '    right = np.where(right > left, np.ceil(np.clip(x + SUPPORT_RADIUS * l11, -1e6, 1e6)), right)\n'
          '    return {"work": np.array(np.sum((right - left) * (bottom - top)), np.int64)}')),
-    mutant(AREA, "work-of-degenerate", "degenerate splats counted in the rendering work",
+    mutant(AREA, "work-of-degenerate", "degenerate splats drawn, or counted in the rendering work",
         ("    return np.where(drawn[:, None], sides, 0).astype(np.int64)", "    return sides.astype(np.int64)")),
     mutant(AREA, "work-three-sigma", "boxes of three deviations in the rendering work",
         ("boxes(parameters, width, height, REACH).T", "boxes(parameters, width, height, 3.0).T")),

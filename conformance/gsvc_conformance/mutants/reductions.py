@@ -85,12 +85,12 @@ SUMS: tuple[Mutant, ...] = (
         _of_list("turn == len(e) - 1")),
     mutant(AREA, "gradient-last-row", "the last row of the residual left out", _of_pixels(f"{ROWS} < height - 1")),
     mutant(AREA, "gradient-last-column", "the last column of the residual left out", _of_pixels(f"{COLUMNS} < width - 1")),
-    mutant(AREA, "gradient-partial-tiles", "pixels left out of gradients that lie beyond the last whole tile of 16x16",
+    mutant(AREA, "gradient-partial-tiles", "pixels left out that lie beyond the last whole tile of 16x16",
         _of_pixels(f"({ROWS} < height // 16 * 16) & ({COLUMNS} < width // 16 * 16)")),
-    mutant(AREA, "gradient-edges-twice", "pixels on the first row and column of each 16x16 tile taken twice in gradients",
+    mutant(AREA, "gradient-edges-twice", "the first row and column of each tile of 16x16 taken twice",
         (RESIDUAL, f"{RESIDUAL}    twice = (1 + (({ROWS} % 16 == 0) & ({ROWS} > 0))) * (1 + (({COLUMNS} % 16 == 0) & ({COLUMNS} > 0)))\n"
          "    e = e * twice[covered][:, None]\n")),
-    mutant(AREA, "gradient-outermost-twice", "the outermost pixels taken twice in gradients",
+    mutant(AREA, "gradient-outermost-twice", "the outermost pixels taken twice",
         (RESIDUAL, f"{RESIDUAL}    outer = ({ROWS} % (height - 1 or 1) == 0) | ({COLUMNS} % (width - 1 or 1) == 0)\n"
          "    e = e * (1 + outer[covered])[:, None]\n")),
     mutant(AREA, "gradient-position-stored", "the gradient of x from the last covered pixel alone",

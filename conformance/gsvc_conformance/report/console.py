@@ -1,12 +1,15 @@
 """A run of the suite in lines of text."""
 
 import math
+import re
+import textwrap
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gsvc_conformance.diagnosis import EXAMINED, VAGUE
+from gsvc_conformance.causes import MEND, looks_like
+from gsvc_conformance.diagnosis import EXAMINED, VAGUE, is_place
 from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
 from gsvc_conformance.spec import complexity
 from gsvc_ref.cli.text import plural, table
@@ -18,8 +21,16 @@ LONGEST: Final = 240
 """Characters of such a line."""
 MAX_CAUSES: Final = 3
 """Maximum number of causes that are told of, where there is no room for all."""
+FEW: Final = 2
+"""Number of examined failures up to which they tell no cause by where they are wrong."""
+WAIVED: Final = re.compile(r" \(waived (?:fail|error|crash|timeout): ")
+"""What stands behind the reason of a waiver in the message of a result."""
+MAX_REASON: Final = 120
+"""Maximum length of the reason of a waiver."""
 RARE: Final = 0.3
 """Minimum fraction of the examined failures of its operations that look like a probable cause."""
+WHERE: Final = "where: "
+SURE: Final = "run the whole operation to be sure"
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
     "passed": ("passed", ""),
     "failed": ("failed", ""),
@@ -40,11 +51,19 @@ class Cause:
         The failures, in the order of the report.
     places
         How many of the failures that were examined look like it, by operation: ``loss: 3 of 5 examined``.
+    only_where
+        Whether it says no more than where errors are: a place, of few failures.
     """
 
     sentence: str
     results: tuple[Result, ...]
     places: tuple[str, ...]
+    only_where: bool = False
+
+    @property
+    def text(self) -> str:
+        """The sentence, which says of a mere place that it is one."""
+        return f"{WHERE}{self.sentence}" if self.only_where else self.sentence
 
 
 def describe(report: Report, most: int) -> list[str]:
@@ -63,12 +82,28 @@ def describe(report: Report, most: int) -> list[str]:
         lines += [*describe_fault(result, report.again(result.id)), ""]
     if len(faults) > most:
         lines += [f"... and {plural(len(faults) - most, 'more vector')} (--show N, --html FILE, --json FILE)", ""]
-    lines += [f"Probable cause: {cause}" for cause in cause_lines(report)]
-    lines += [f"waived: {result.id}: {result.message}" for result in report.results if result.outcome == "waived"]
+    lines += headed(cause_lines(report))
+    lines += waived_lines(report, most)
     lines += [f"stale: {sentence}" for sentence in report.stale]
     lines += [f"note: {note}" for note in report.notes]
     lines += refusal_lines(report, most)
     return [*lines, *class_table(report), *begin_lines(report)]
+
+
+def waived_lines(report: Report, most: int) -> list[str]:
+    """How many failures are waived for each reason, and of which operations, at most some number of lines."""
+    groups: dict[str, Counter[str]] = {}
+    for result in report.results:
+        if result.outcome == "waived":
+            groups.setdefault(WAIVED.split(result.message, 1)[0], Counter())[result.operation] += 1
+    ranked = sorted(groups.items(), key=lambda entry: -entry[1].total())
+    lines = [
+        f"{counts.total():,} waived: {textwrap.shorten(reason, MAX_REASON, placeholder='...')} "
+        f"({', '.join(f'{operation} {count:,}' for operation, count in counts.items())})"
+        for reason, counts in ranked[:most]
+    ]
+    left = sum(counts.total() for _, counts in ranked[most:])
+    return [*lines, *[f"{left:,} waived for {plural(len(ranked) - most, 'more reason')}"] * bool(left)]
 
 
 def begin_lines(report: Report) -> list[str]:
@@ -102,7 +137,13 @@ def last_line(report: Report) -> str:
 
 
 def conclusion(report: Report) -> tuple[str, str]:
-    """The conclusion, and what restricts it."""
+    """The conclusion, and what restricts it, the number of waived failures too."""
+    words, rest = _conclusion(report)
+    waived = sum(result.outcome == "waived" for result in report.results)
+    return words, f"{rest}; {waived:,} waived" if waived else rest
+
+
+def _conclusion(report: Report) -> tuple[str, str]:
     if report.claim and report.conclusion != "ended early":
         return f"the claim {'holds' if report.passed else 'does not hold'}", f": {report.claim}"
     if report.stale and not report.faults:
@@ -118,7 +159,12 @@ def conclusion(report: Report) -> tuple[str, str]:
 
 def cause_lines(report: Report, looked: Mapping[str, int] | None = None) -> list[str]:
     """The few causes that most failures look like, the most frequent first, and where; `looked` as below."""
-    return [f"{cause.sentence} ({', '.join(cause.places)})" for cause in probable_causes(report, looked)[:MAX_CAUSES]]
+    return [f"{cause.text} ({', '.join(cause.places)})" for cause in probable_causes(report, looked)[:MAX_CAUSES]]
+
+
+def headed(causes: Iterable[str]) -> list[str]:
+    """Lines about causes as the console shows them."""
+    return [cause if cause.startswith(WHERE) else f"Probable cause: {cause}" for cause in causes]
 
 
 def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> list[Cause]:
@@ -142,10 +188,13 @@ def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> 
         if not _rare(results, looked) and not explained.issuperset(result.id for result in results):
             explained.update(result.id for result in results)
             counts = Counter(result.operation for result in results)
+            few = sum(looked[operation] for operation in counts) <= FEW
             places = tuple(
                 f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items()
             )
-            causes.append(Cause(sentence, tuple(results), places))
+            if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
+                places = (*places[:-1], f"{places[-1]}; {SURE}")
+            causes.append(Cause(sentence, tuple(results), places, only_where=few and is_place(sentence)))
     return causes
 
 
@@ -182,10 +231,14 @@ def rule_counts(refused: Sequence[str]) -> str:
     return f"rule right in {rule} of {len(refused)}, bit in {bit} of {len(refused)}"
 
 
-def _by_weight(entry: tuple[str, list[Result]]) -> tuple[bool, int, int]:
-    """The rank of a cause: by the number of failures that look like it; sentences about mere places come last."""
+def _by_weight(entry: tuple[str, list[Result]]) -> tuple[int, int, int]:
+    """The rank of a cause: by the number of failures that look like it.
+
+    Sentences about other operations come behind causes, and those about mere places last.
+    """
     cause, results = entry
-    return cause.startswith(VAGUE), -len(results), min(complexity(result.operation) for result in results)
+    kind = 2 if cause.startswith(VAGUE) else 1 if cause.endswith(MEND) else 0
+    return kind, -len(results), min(complexity(result.operation) for result in results)
 
 
 def _rare(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
@@ -227,8 +280,7 @@ def class_table(report: Report) -> list[str]:
 
 def _cells(summary: Summary) -> list[str]:
     count = summary.counts
-    excused = count.get("waived", 0) + count.get("skipped", 0)
-    numbers = (summary.total, count.get("pass", 0), summary.faults, count.get("unsupported", 0), excused)
+    numbers = (summary.total, count.get("pass", 0), summary.faults, count.get("unsupported", 0), summary.excused)
     return [summary.name, *(str(number) for number in numbers), ratio_text(summary.ratio)]
 
 
@@ -240,7 +292,7 @@ def describe_fault(result: Result, command: str) -> list[str]:
 def result_lines(result: Result) -> list[str]:
     """One wrong vector: its errors, and what they look like."""
     lines = [f"{result.outcome.upper()} {result.id}: {result.title}", f"{INDENT}{result.message}"]
-    return [*lines, *(f"{INDENT}looks like {cause}" for cause in result.causes), *detail_lines(result)]
+    return [*lines, *(f"{INDENT}{looks_like(cause)}" for cause in result.causes), *detail_lines(result)]
 
 
 def detail_lines(result: Result) -> list[str]:

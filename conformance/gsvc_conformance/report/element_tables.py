@@ -139,4 +139,4 @@ def _relation(given: Any, expected: Any) -> str:
     if not isinstance(given, np.floating):
         return f"{int(given) - int(expected):+d}"
     wide, right = float(given), float(expected)
-    return f"× {wide / right:.4g}" if right and np.isfinite([wide, right]).all() else ""
+    return f"× {wide / right + 0.0:.4g}" if right and np.isfinite([wide, right]).all() else ""

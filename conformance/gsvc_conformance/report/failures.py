@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_conformance.causes import looks_like
 from gsvc_conformance.report.console import ends, probable_causes, ratio_text
 from gsvc_conformance.report.element_tables import Cell, ElementTable
 from gsvc_conformance.report.measures import LEAST_POWER, MOST_POWER, NOT_FINITE, ramp
@@ -107,7 +108,7 @@ def _group(operation: str, faults: Sequence[Result], report: Report, drawn: Mapp
 
 
 def _fault(result: Result, command: str, drawn: str, *, is_open: bool) -> str:
-    causes = "".join(f"<li>looks like {html.escape(cause)}</li>" for cause in result.causes)
+    causes = "".join(f"<li>{html.escape(looks_like(cause))}</li>" for cause in result.causes)
     log = "\n".join(ends(result.log))
     ratio = f"{ratio_text(result.ratio)} × bound" if result.ratio is not None else ""
     return (
@@ -128,7 +129,7 @@ def _by_cause(report: Report, shown: Sequence[Result]) -> str:
     named = {result.id for cause in causes for result in cause.results}
     place = {result.id: number for number, result in enumerate(shown)}
     folds = "".join(
-        _links(f"cause-{number}", cause.sentence, places_text(cause), cause.results, place)
+        _links(f"cause-{number}", cause.text, places_text(cause), cause.results, place)
         for number, cause in enumerate(causes, 1)
     )
     rest = tuple(result for result in shown if result.id not in named)

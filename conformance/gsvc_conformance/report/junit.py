@@ -3,6 +3,7 @@
 import re
 from xml.etree import ElementTree as ET
 
+from gsvc_conformance.causes import looks_like
 from gsvc_conformance.results import FAULTS, Report, Result
 
 NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -66,7 +67,7 @@ def _test(result: Result, report: Report) -> ET.Element:
     entry = ET.SubElement(test, kind, message=_clean(f"{result.outcome}: {result.message}"))
     if wrong:
         entry.set("type", result.outcome)
-        causes = [f"looks like {cause}" for cause in result.causes]
+        causes = list(map(looks_like, result.causes))
         entry.text = _clean("\n".join([result.title, *causes, f"again: {report.again(result.id)}"]))
     if result.log:
         ET.SubElement(test, "system-out").text = _clean(result.log)

@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from gsvc_conformance.causes import looks_like
 from gsvc_conformance.report.console import (
     conclusion,
     ends,
@@ -12,7 +13,7 @@ from gsvc_conformance.report.console import (
     probable_causes,
     ratio_text,
 )
-from gsvc_conformance.report.overview import places_text
+from gsvc_conformance.report.overview import causes_heading, places_text
 from gsvc_conformance.results import Report, Result, Summary
 from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref.cli.text import plural
@@ -84,14 +85,14 @@ def _classes(groups: Sequence[Summary]) -> str:
 
 def _causes(report: Report) -> list[str]:
     causes = probable_causes(report)[:MAX_CAUSES]
-    lines = [f"1. {_plain(cause.sentence)} ({places_text(cause)})" for cause in causes]
-    return ["#### Probable causes", "\n".join(lines)] if lines else []
+    lines = [f"1. {_plain(cause.text)} ({places_text(cause)})" for cause in causes]
+    return [f"#### {causes_heading(causes)}", "\n".join(lines)] if lines else []
 
 
 def _failure(result: Result, report: Report) -> str:
     """A failure in a fold, with what it looks like and its command."""
     lines = [_plain(_cut(result.title)), _plain(_cut(result.message))]
-    lines += [f"- looks like {_plain(cause)}" for cause in result.causes]
+    lines += [f"- {_plain(looks_like(cause))}" for cause in result.causes]
     log = [_code("\n".join(ends(result.log)), "text")] if result.log.strip() else []
     ratio = f" ({ratio_text(result.ratio)} × bound)" if result.ratio is not None else ""
     heading = f"{result.outcome} {result.id}{ratio}"
@@ -118,11 +119,11 @@ def _operations(report: Report) -> str:
     answered, unsupported = folded(report.operations())
     rows = [
         (summary.name, str(summary.total), str(summary.counts.get("pass", 0)), str(summary.faults),
-         ratio_text(summary.ratio))
+         str(summary.excused), ratio_text(summary.ratio))
         for summary in answered
     ]  # fmt: skip
-    head = ("operation", "vectors", "pass", "wrong", "worst error/bound")
-    return _joined([markdown_table(head, rows, range(1, 5)) if rows else "", unsupported]).rstrip("\n")
+    head = ("operation", "vectors", "pass", "wrong", "excused", "worst error/bound")
+    return _joined([markdown_table(head, rows, range(1, 6)) if rows else "", unsupported]).rstrip("\n")
 
 
 def _environment(report: Report) -> str:

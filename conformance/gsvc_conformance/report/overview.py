@@ -66,13 +66,20 @@ def _split(count: Mapping[str, int], names: Sequence[str]) -> str:
 
 def _causes(causes: Sequence[Cause]) -> str:
     items = "".join(
-        f'<li><a href="#cause-{number}">{html.escape(cause.sentence)}</a> '
+        f'<li><a href="#cause-{number}">{html.escape(cause.text)}</a> '
         f'<span class="muted">({html.escape(places_text(cause))})</span></li>'
         for number, cause in enumerate(causes[:MAX_CAUSES], 1)
     )
     more = f'<li class="muted">{plural(len(causes) - MAX_CAUSES, "more cause")} below</li>'
-    heading = f"<h2>Probable cause{'s' * (len(causes) > 1)}</h2>"
+    heading = f"<h2>{causes_heading(causes)}</h2>"
     return f'{heading}<ol class="causes">{items}{more * (len(causes) > MAX_CAUSES)}</ol>' if causes else ""
+
+
+def causes_heading(causes: Sequence[Cause]) -> str:
+    """The heading above causes; few failures may say no more than where errors are."""
+    if all(cause.only_where for cause in causes):
+        return "Where the errors are"
+    return f"Probable cause{'s' * (len(causes) > 1)}"
 
 
 def places_text(cause: Cause) -> str:

@@ -114,9 +114,8 @@ def _operations(operations: Sequence[Summary]) -> str:
     rows = ""
     answered, unsupported = folded(operations)
     for operation in answered:
-        excused = operation.counts.get("waived", 0) + operation.counts.get("skipped", 0)
         right, unsupported_ones = (operation.counts.get(outcome, 0) for outcome in ("pass", "unsupported"))
-        numbers = (operation.total, right, operation.faults, unsupported_ones, excused)
+        numbers = (operation.total, right, operation.faults, unsupported_ones, operation.excused)
         cells = "".join(f"<td>{number or ''}</td>" for number in numbers)
         mark = ' class="key"' if operation.faults else ""
         rows += (

@@ -28,7 +28,7 @@ from gsvc_conformance import spec
 from gsvc_conformance.causes import Causes
 from gsvc_conformance.diagnosis import VAGUE
 from gsvc_conformance.implementations import ModuleImplementation
-from gsvc_conformance.report.console import cause_lines
+from gsvc_conformance.report.console import WHERE, cause_lines
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import Judged, judge_vector
 from gsvc_conformance.vector import VECTORS, Vector
@@ -160,7 +160,7 @@ def said(mutant: Planted) -> Said:
         return Said(mutant, "nothing", ())
     if re.search(mutant.right, COUNTS.sub("", lines[0])):
         return Said(mutant, "right", lines)
-    return Said(mutant, "place" if lines[0].startswith(VAGUE) else "wrong", lines)
+    return Said(mutant, "place" if lines[0].startswith((*VAGUE, WHERE)) else "wrong", lines)
 
 
 @cache
