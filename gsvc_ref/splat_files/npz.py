@@ -119,9 +119,8 @@ class NpzSplats:
         self.width, self.height = self._whole("width"), self._whole("height")
         self.frame_rate = self._frame_rate()
         try:
-            video = array_format(
-                *(1 if side is None else side for side in (self.width, self.height)), self.frame_rate or 1, 8
-            )
+            width, height = (1 if side is None else side for side in (self.width, self.height))
+            video = array_format(width, height, self.frame_rate or 1, bit_depth=8)
             level_for(video.width, video.height)
         except UsageError as error:
             self._refuse(str(error))

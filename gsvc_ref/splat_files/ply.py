@@ -44,8 +44,8 @@ class Vertices(NamedTuple):
 class _Header(NamedTuple):
     """What a header says."""
 
-    count: int
-    """The number of vertices."""
+    vertices: int
+    """Their number."""
     dtype: np.dtype[Any]
     """The type of a vertex."""
     others: list[str]

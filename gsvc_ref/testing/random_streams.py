@@ -58,6 +58,11 @@ class Stream:
     frames: list[FrameCodes]
     splats: list[Splats]
 
+    def __repr__(self) -> str:
+        types = " ".join(f"{codes.type}({len(splats)})" for codes, splats in zip(self.frames, self.splats, strict=True))
+        size = f"{self.header.width}x{self.header.height}"
+        return f"<Stream {size}, frames and their splats {types}, {len(self.data)} bytes>"
+
 
 @dataclass(frozen=True)
 class Wishes:
