@@ -63,6 +63,9 @@ class Stream:
         size = f"{self.header.width}x{self.header.height}"
         return f"<Stream {size}, frames and their splats {types}, {len(self.data)} bytes>"
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # Hypothesis prints a dataclass field by field without
+        printer.text(repr(self))
+
 
 @dataclass(frozen=True)
 class Wishes:

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis.vendor.pretty import pretty
 
 import gsvc_ref
 from gsvc_conformance import vectors
@@ -194,3 +195,4 @@ def test_a_stream_is_shown_in_a_line():
     assert shown.startswith(f"<Stream {stream.header.width}x{stream.header.height}, frames and their splats I(")
     assert shown.endswith(f", {len(stream.data)} bytes>")
     assert len(shown) < 120
+    assert pretty(stream) == shown  # as Hypothesis shows a failing example
