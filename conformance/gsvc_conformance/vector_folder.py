@@ -166,7 +166,7 @@ class VectorFolder:
             raise UsageError(f"{self.folder} has no set {wanted}; {known}")
         chosen = newest(sets) if wanted == "newest" else sets[wanted]
         if chosen and (gone := sorted(chosen.digests.keys() - self._parts.keys())):
-            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {_mended(folder)}")
+            raise UsageError(f"{self.folder} lacks {gone[0]} of set {chosen.number}; {_mended(self.folder)}")
         return chosen
 
     @property

@@ -3,7 +3,7 @@
 import re
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -14,7 +14,7 @@ from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, plural, print_json, show, to_json
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport
@@ -32,6 +32,8 @@ class _Given(NamedTuple):
     """Frames of splats, and what their files say about them."""
 
     frames: Any
+    files: Sequence[Path]
+    """The file of each frame."""
     width: int | None
     height: int | None
     frame_rate: Fraction | None
@@ -123,6 +125,7 @@ def run(arguments: Namespace) -> int:
 def _import(arguments: Namespace) -> int:
     from gsvc_ref import IncompleteEncodeError, write
     from gsvc_ref.cli.compilation import compilation_notice
+    from gsvc_ref.encoder.given_splats import SplatsError
 
     lost: list[str] = []
     given = _opened(arguments, lost)
@@ -143,6 +146,8 @@ def _import(arguments: Namespace) -> int:
             )
         except IncompleteEncodeError as error:
             fault, report = error, error.report
+        except SplatsError as error:
+            raise GsvcError("invalid", f"{given.files[error.frame]}: {error}") from None
         finally:
             given.frames.close()
     lost += [*report.notes, _quantised(report)]
@@ -154,7 +159,8 @@ def _import(arguments: Namespace) -> int:
         if talkative:
             show(summary(arguments.output, report), file=sys.stderr if arguments.output == STDIO else sys.stdout)
     if fault is not None:
-        say(COMMAND, str(fault))
+        place = f"{given.files[fault.__cause__.frame]}: " if isinstance(fault.__cause__, SplatsError) else ""
+        say(COMMAND, str(GsvcError(fault.kind, place + fault.message, rule=fault.rule, bit=fault.bit)))
         return EXIT_DATA
     return EXIT_INTERRUPTED if report.interrupted else 0
 
@@ -166,13 +172,13 @@ def _opened(arguments: Namespace, lost: list[str]) -> _Given:
     inputs = [Path(name) for name in arguments.inputs]
     if len(inputs) == 1 and inputs[0].suffix.lower() == ".npz":
         splats = NpzSplats(inputs[0])
-        return _Given(splats, splats.width, splats.height, splats.frame_rate)
+        return _Given(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
     files = [file for path in inputs for file in (_ply_files(path) if path.is_dir() else [path])]
     if wrong := next((file for file in files if file.suffix.lower() != ".ply"), None):
         raise UsageError(
             f"{wrong} is neither one NPZ file nor PLY; give OUT.gsvc last, and files of one kind before it"
         )
-    return _Given(_flattened(files, arguments, lost), None, None, None)
+    return _Given(_flattened(files, arguments, lost), files, None, None, None)
 
 
 def _ply_files(folder: Path) -> list[Path]:
@@ -187,10 +193,11 @@ def _flattened(files: list[Path], arguments: Namespace, lost: list[str]) -> Iter
     from gsvc_ref.splat_files import from_gaussians, read_ply
 
     for file in files:
+        vertices = read_ply(file)
         flat = from_gaussians(
-            read_ply(file), str(file), pixels_per_unit=arguments.pixels_per_unit, origin=arguments.origin
+            vertices.columns, str(file), pixels_per_unit=arguments.pixels_per_unit, origin=arguments.origin
         )
-        lost += [sentence for sentence in flat.lost if sentence not in lost]
+        lost += [sentence for sentence in vertices.lost + flat.lost if sentence not in lost]
         yield flat.parameters
 
 

@@ -95,14 +95,14 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def frame_runs(types: Sequence[str], numbers: Iterable[int]) -> str:
-    """Types of frames of growing numbers in runs: ``0 I, 1-11 P, 14 I``; many runs are cut short."""
+    """Types of frames of growing numbers in runs: ``frame 0: I, frames 1-11: P``; many runs are cut short."""
     runs: list[tuple[int, int, str]] = []
     for number, kind in zip(numbers, types, strict=True):
         if runs and runs[-1][1:] == (number - 1, kind):
             runs[-1] = (runs[-1][0], number, kind)
         else:
             runs.append((number, number, kind))
-    texts = [f"{a} {kind}" if a == b else f"{a}-{b} {kind}" for a, b, kind in runs]
+    texts = [f"frame {a}: {kind}" if a == b else f"frames {a}-{b}: {kind}" for a, b, kind in runs]
     return ", ".join(texts if len(texts) <= 24 else [*texts[:20], f"and {len(texts) - 20} more runs"])
 
 

@@ -31,6 +31,24 @@ REMEDIES: Final = {
 """What can be done about degenerate splats, by what was chosen."""
 
 
+class SplatsError(UsageError):
+    """Splats of a frame that cannot be coded.
+
+    Attributes
+    ----------
+    frame
+        The number of the frame.
+    """
+
+    def __init__(self, frame: int, message: str, splat: int | None = None) -> None:
+        super().__init__(frame, message, splat)
+        self.frame = frame
+
+    def __str__(self) -> str:
+        frame, message, splat = self.args
+        return f"frame {frame}: {message}" if splat is None else f"frame {frame}, splat {splat}: {message}"
+
+
 class GivenSplats(NamedTuple):
     """The splats of one frame, all of which may be coded."""
 
@@ -84,9 +102,10 @@ class GivenFrames:
         if wrong.any():
             splat, column = (int(place) for place in np.argwhere(wrong)[0])
             low, high = self._low[column], self._high[column]
-            raise UsageError(
-                f"frame {number}, splat {splat}: {COLUMNS[column]} is {parameters[splat, column]}; it must be a number "
-                f"from {low:.9g} to {high:.9g}"
+            raise SplatsError(
+                number,
+                f"{COLUMNS[column]} is {parameters[splat, column]}; it must be a number from {low:.9g} to {high:.9g}",
+                splat,
             )
 
     def _ids(self, ids: ArrayLike | None, count: int, number: int) -> I8:
@@ -112,9 +131,11 @@ class GivenFrames:
         if bad.any() and self._degenerate != "remove":
             splat = int(np.flatnonzero(bad)[0])
             column = L11 if parameters[splat, L11] < SMALLEST_NORMAL else L22
-            raise UsageError(
-                f"frame {number}, splat {splat}: {COLUMNS[column]} is {parameters[splat, column]}; it must be at least "
-                f"2^-126, or the splat covers nothing: {REMEDIES[self._degenerate]}"
+            raise SplatsError(
+                number,
+                f"{COLUMNS[column]} is {parameters[splat, column]}; it must be at least 2^-126, or the splat covers "
+                f"nothing: {REMEDIES[self._degenerate]}",
+                splat,
             )
         if bad.any():
             self.removed += int(bad.sum())
@@ -154,16 +175,16 @@ def _parameters(given: Splats | ArrayLike, number: int) -> F4:
     try:
         return Splats.parameters_of(given)
     except UsageError as error:
-        raise UsageError(f"frame {number}: {error}") from None
+        raise SplatsError(number, str(error)) from None
 
 
 def _checked_ids(ids: ArrayLike, count: int, number: int) -> I8:
     array = np.asarray(ids)
     if array.shape != (count,) or array.dtype.kind not in "iu":
-        raise UsageError(
-            f"frame {number}: the ids are {array.dtype} of shape {array.shape}; they must be integers, ({count},)"
+        raise SplatsError(
+            number, f"the ids are {array.dtype} of shape {array.shape}; they must be integers, ({count},)"
         )
     numbers = array.astype(np.int64)
     if len(np.unique(numbers)) != count:
-        raise UsageError(f"frame {number}: two splats have the same id; each must have one of its own")
+        raise SplatsError(number, "two splats have the same id; each must have one of its own")
     return numbers

@@ -39,7 +39,7 @@ def write(
     target: Target,
     frames_of_splats: Iterable[FrameOfSplats],
     width: int,
-    height: int,
+    height: int | None = None,
     frame_rate: FrameRate = 25,
     *,
     bit_depth: int = 8,
@@ -114,6 +114,8 @@ def write(
     """
     if level is not None and level not in LEVELS:
         raise UsageError(f"level is {level!r}; it must be None or one of {', '.join(map(str, LEVELS))}")
+    if height is None:
+        raise UsageError("there is no height; give width and height as two numbers, as write(target, frames, 160, 120)")
     video = array_format(width, height, frame_rate, bit_depth)
     level_for(video.width, video.height)  # which refuses frames that no level allows
     settings = write_settings(

@@ -25,7 +25,8 @@ OPACITIES: Final = (1 / 255, 0.99)
 """The range of opacities that are written: viewers leave out what is fainter, and cap what is more."""
 
 NEEDED: Final = (
-    "x", "y", "f_dc_0", "f_dc_1", "f_dc_2", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    "x", "y", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
+    "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 )  # fmt: skip
 UNUSED: Final = ("nx", "ny", "nz")
 """Properties that 3DGS writes as zeros."""
@@ -52,7 +53,7 @@ def from_gaussians(
     Parameters
     ----------
     columns
-        The properties that `read_ply` returns; x, y, f_dc_*, scale_* and rot_* are needed.
+        The columns that `read_ply` returns; x, y, f_dc_*, opacity, scale_* and rot_* are needed.
     name
         The subject of messages.
     pixels_per_unit, origin
@@ -61,13 +62,13 @@ def from_gaussians(
     Raises
     ------
     GsvcError
-        A property is missing, or a number is not finite; the message names both.
+        A property that is needed is missing, or a number of it is not finite; the message names both.
     """
     if missing := [column for column in NEEDED if column not in columns]:
         raise GsvcError(
             "invalid", f"{name} has no property {missing[0]}; it must have {', '.join(NEEDED)}, as gsplat writes them"
         )
-    used = {key: np.asarray(values, np.float64) for key, values in columns.items() if not key.startswith("f_rest_")}
+    used = {key: np.asarray(columns[key], np.float64) for key in NEEDED}
     for key, values in used.items():
         if not np.isfinite(values).all():
             splat = int(np.flatnonzero(~np.isfinite(values))[0])
@@ -75,14 +76,14 @@ def from_gaussians(
     stacked = {key: _stack(used, key, count) for key, count in (("f_dc_", 3), ("scale_", 3), ("rot_", 4))}
     color = 0.5 + SH_C0 * stacked["f_dc_"]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        opacity = 1 / (1 + np.exp(-used["opacity"])) if "opacity" in used else np.ones(len(color))
+        opacity = 1 / (1 + np.exp(-used["opacity"]))
         factor = _rotation(stacked["rot_"], name)[:, :2] * np.exp(stacked["scale_"])[:, None] * pixels_per_unit
         position = (np.stack([used["x"], used["y"]], axis=1) - origin) * pixels_per_unit
         parameters = np.concatenate([position, _cholesky(factor), color * opacity[:, None]], axis=1)
     if not np.isfinite(parameters).all():
         splat = int(np.argwhere(~np.isfinite(parameters))[0, 0])
         raise GsvcError("invalid", f"{name}, splat {splat}: its position or size is beyond all numbers in pixels")
-    return Flattened(parameters, _lost(columns, used, color))
+    return Flattened(parameters, _lost(columns, color))
 
 
 def to_gaussians(
@@ -144,23 +145,22 @@ def _cholesky(factor: F8) -> F8:
     return np.stack([l11, l21, l22], axis=1)
 
 
-def _lost(columns: dict[str, NDArray[Any]], used: dict[str, F8], color: F8) -> list[str]:
+def _lost(columns: dict[str, NDArray[Any]], color: F8) -> list[str]:
     """What 2D splats lack of these Gaussians."""
     lost = []
     rest = [key for key in columns if key.startswith("f_rest_") and np.any(columns[key])]
     if rest:
         lost.append(f"the dependence of colours on the view: {len(rest)} coefficients f_rest_* are left out")
-    if "opacity" in used:
-        lost.append(
-            "what hides what: opacity is multiplied into the colour, and splats are added up where 3D Gaussians are "
-            "blended from front to back"
-        )
+    lost.append(
+        "what hides what: opacity is multiplied into the colour, and splats are added up where 3D Gaussians are "
+        "blended from front to back"
+    )
     lost.append(
         "depth: z, and the extent along it, are left out; splats are those of a view along z without perspective"
     )
     if (color < 0).any():
         lost.append("the clamp of colours at 0: those below it are kept, and take light away")
-    known = {*NEEDED, *UNUSED, "z", "opacity"}
-    if unknown := [key for key in used if key not in known]:
+    known = {*NEEDED, *UNUSED, "z"}
+    if unknown := [key for key in columns if key not in known and not key.startswith("f_rest_")]:
         lost.append(f"properties that are not known here: {', '.join(unknown[:8])}")
     return lost

@@ -2,7 +2,7 @@
 
 | name | shape and type | |
 |---|---|---|
-| ``parameters`` | (S, 8) numbers, S the sum of the counts; or without ``counts`` (N, 8) for one frame, (T, N, 8) for T | x, y, l11, l21, l22, R, G, B of the splats of frame 0, then of frame 1 … |
+| ``parameters`` | (S, 8) float16, float32, float64 or integers, S the sum of the counts; or without ``counts`` (N, 8) for one frame, (T, N, 8) for T | x, y, l11, l21, l22, R, G, B of the splats of frame 0, then of frame 1 … |
 | ``counts`` | (T,) integers | the number of splats of each frame |
 | ``ids`` | (S,) integers; may be missing | equal numbers in successive frames are the same splat |
 | ``width``, ``height`` | integers; may be missing | size of the frames in pixels |
@@ -29,9 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.arrays import F4, I8
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.bitstream import level_for
+from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import complete_file
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
+from gsvc_ref.video.format import array_format
 
 MAX_FRAMES: Final = 1 << 20
 """Maximum number of frames of a file: their counts are held in memory."""
@@ -80,9 +82,10 @@ class NpzSplats:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with self._reading():
-            self._zip = zipfile.ZipFile(self.path)
+        self._file = self.path.open("rb")
         try:
+            with self._reading():
+                self._zip = zipfile.ZipFile(self._file)
             self._open()
         except BaseException:
             self.close()
@@ -102,8 +105,11 @@ class NpzSplats:
                 self._refuse("counts must be integers, one for each frame, and parameters (splats, 8)")
             self.counts = np.minimum(counts, MAX_SPLATS + 1).astype(np.int64)
         self._check_limit(int(self.counts.max(initial=0)), MAX_SPLATS, "splats in a frame")
+        if (self.counts < 0).any():
+            frame = int(np.flatnonzero(self.counts < 0)[0])
+            self._refuse(f"counts[{frame}] is {self.counts[frame]}; it must be the number of splats of frame {frame}")
         total = int(self.counts.sum())
-        if (self.counts < 0).any() or total != math.prod(shape[:-1]):
+        if total != math.prod(shape[:-1]):
             self._refuse(f"counts add up to {total} splats; parameters has {math.prod(shape[:-1])}")
         self._ids = "ids.npy" in self._zip.namelist()
         if self._ids:
@@ -112,6 +118,12 @@ class NpzSplats:
                 self._refuse(f"ids are {ids.dtype} of shape {ids.shape}; they must be integers, ({total},)")
         self.width, self.height = self._whole("width"), self._whole("height")
         self.frame_rate = self._frame_rate()
+        try:
+            width, height = (1 if side is None else side for side in (self.width, self.height))
+            video = array_format(width, height, self.frame_rate or 1, bit_depth=8)
+            level_for(video.width, video.height)
+        except UsageError as error:
+            self._refuse(str(error))
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -133,9 +145,8 @@ class NpzSplats:
                     yield splats, self._rows(ids, integers, (count,), frame).astype(np.int64)
 
     def close(self) -> None:
-        """Close the file."""
-        if hasattr(self, "_zip"):
-            self._zip.close()
+        """Close the file, also where an iteration has not come to its end."""
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -176,7 +187,7 @@ class NpzSplats:
             warnings.simplefilter("ignore")  # headers of Python 2
             shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         if dtype.kind not in "fiu" or dtype.itemsize > 8:
-            self._refuse(f"{name} is {dtype}; it must be float32, float64, or integers of up to 64 bits")
+            self._refuse(f"{name} is {dtype}; it must be float16, float32, float64, or integers of up to 64 bits")
         if any(side < 0 for side in shape) or (fortran and len(shape) > 1):
             self._refuse(f"{name} must be in C order; save numpy.ascontiguousarray(...)")
         return _Header(shape, dtype)

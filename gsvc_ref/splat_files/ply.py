@@ -7,7 +7,7 @@ reads lists and text as well, and allocates what a header claims.
 import os
 import re
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,27 @@ TYPES: Final = {
 """The types of properties."""
 
 
-def read_ply(path: str | Path) -> Columns:
+class Vertices(NamedTuple):
+    """The vertices of a PLY file."""
+
+    columns: Columns
+    """Their properties by name."""
+    lost: list[str]
+    """A sentence if the file holds other elements, which are not read."""
+
+
+class _Header(NamedTuple):
+    """What a header says."""
+
+    vertices: int
+    """Their number."""
+    dtype: np.dtype[Any]
+    """The type of a vertex."""
+    others: list[str]
+    """The names of the elements behind the vertices."""
+
+
+def read_ply(path: str | Path) -> Vertices:
     """The properties of the vertices of a PLY file.
 
     Raises
@@ -40,24 +60,31 @@ def read_ply(path: str | Path) -> Columns:
     FileNotFoundError
         There is no such file.
     GsvcError
-        ``malformed``: it is no PLY file, or ends early. ``unsupported``: it is of another layout. ``limit``: it has
-        more than 2^22 vertices or 1000 properties.
+        ``malformed``: it is no PLY file, ends early, or goes on behind all that its header states. ``unsupported``: it
+        is of another layout. ``limit``: it has more than 2^22 vertices or 1000 properties.
     """
     path = Path(path)
     with path.open("rb") as file:
-        count, dtype = _header(file, str(path))
+        count, dtype, others = _header(file, str(path))
         size, left = count * dtype.itemsize, os.fstat(file.fileno()).st_size - file.tell()
         if left < size:
             raise GsvcError(
                 "malformed",
                 f"{path} ends early: {count} vertices take {size} bytes, and {left} are left; fetch or write it again",
             )
+        if left > size and not others:
+            raise GsvcError(
+                "malformed",
+                f"{path} goes on behind its {count} vertices: they take {size} bytes, and {left} are left; correct the "
+                "count in its header, or write it again",
+            )
         vertices = np.frombuffer(file.read(size), dtype, count)
-    return {name: vertices[name] for name in dtype.names or ()}
+    lost = [f"elements of PLY files that are no vertices: {', '.join(others[:8])}"] if others else []
+    return Vertices({name: vertices[name] for name in dtype.names or ()}, lost)
 
 
-def _header(file: BinaryIO, name: str) -> tuple[int, np.dtype[Any]]:
-    """The number of vertices, and the type of one; the file then stands at the first."""
+def _header(file: BinaryIO, name: str) -> _Header:
+    """What the header says; the file then stands at the first vertex."""
     lines = _lines(file, name)
     if lines[1:2] != ["format binary_little_endian 1.0"]:
         said = lines[1] if len(lines) > 1 else "nothing"
@@ -70,7 +97,7 @@ def _header(file: BinaryIO, name: str) -> tuple[int, np.dtype[Any]]:
         if not words or words[0] in ("comment", "obj_info"):
             continue
         if words[0] == "element" and count is not None:
-            break  # what stands behind the vertices is left alone
+            break
         if (
             words[0] == "element"
             and words[1:2] == ["vertex"]
@@ -97,7 +124,8 @@ def _header(file: BinaryIO, name: str) -> tuple[int, np.dtype[Any]]:
     names = [name for name, _ in properties]
     if len(set(names)) != len(names):
         raise GsvcError("malformed", f"{name}: two properties of the vertices have the same name")
-    return count, np.dtype(properties)
+    others = [" ".join(line.split()[1:2]) for line in lines[2:] if line.split()[:1] == ["element"]][1:]
+    return _Header(count, np.dtype(properties), others)
 
 
 def _lines(file: BinaryIO, name: str) -> list[str]:

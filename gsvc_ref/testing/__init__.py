@@ -6,12 +6,12 @@ need Hypothesis: install them with ``pip install 'gsvc_ref[testing]'``.
 Legal data::
 
     from hypothesis import given
-    from gsvc_ref.testing import streams
+    from gsvc_ref.testing import assert_same_splats, streams
 
     @given(streams())
     def test_my_decoder(stream):
         frames = my_decoder(stream.data)  # (N, 8) f4 each: x, y, l11, l21, l22, R, G, B
-        assert [frame.tobytes() for frame in frames] == [splats.to_array().tobytes() for splats in stream.splats]
+        assert_same_splats(frames, stream)
 
 A stream has `data`, its bytes; `header` and `frames`, what they say; `splats`, what they stand for: what every
 conforming decoder reconstructs, bit for bit.
@@ -44,6 +44,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_ref.testing.assertions import assert_same_splats as assert_same_splats
     from gsvc_ref.testing.assertions import assert_within_bound as assert_within_bound
     from gsvc_ref.testing.examples import OVERVIEW_HEADER as OVERVIEW_HEADER
     from gsvc_ref.testing.examples import RICH_HEADER as RICH_HEADER
@@ -75,6 +76,7 @@ _HOMES: Final = {
     "RICH_HEADER": "examples",
     "Stream": "random_streams",
     "Wishes": "random_streams",
+    "assert_same_splats": "assertions",
     "assert_within_bound": "assertions",
     "frames": "frame_codes",
     "headers": "frame_codes",
@@ -102,6 +104,7 @@ __all__ = [
     "Plane",
     "Stream",
     "Wishes",
+    "assert_same_splats",
     "assert_within_bound",
     "frames",
     "headers",

@@ -1,4 +1,4 @@
-"""An assertion that what an implementation computed is within the bounds of the error model fp32/1 (spec.md 13)."""
+"""Assertions: decoded splats are those of a stream; what was computed is within the bounds of fp32/1 (spec.md 13)."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F8
+from gsvc_ref.arrays import F4, F8
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.bounds import exact_gradients_with_bound, frame_limits, render_exact_with_bound
 from gsvc_ref.splats import Splats
+from gsvc_ref.testing.random_streams import Stream
 from gsvc_ref.testing.training_bounds import (
     adan_step_with_bound,
     loss_with_bound,
@@ -60,10 +61,12 @@ def assert_within_bound(operation: str, given: Any, /, **inputs: Any) -> None:
     given
         What was computed: numbers of any type in the shape of the output. Of an operation with several outputs,
         a mapping of their names to arrays, or the arrays in the order of section 4.3.
+        They are compared in binary64.
     inputs
         The inputs of the operation by their names: ``parameters`` (`Splats` or (N, 8)), ``width``, ``height`` and
         ``bit_depth``; ``parameters`` and ``residual`` (H, W, 3); ``picture`` and ``target`` (H, W, 3); ``values``
-        (N, 9) and ``gradients`` (N, 8); those of `gsvc_ref.adan_step`.
+        (N, 9) and ``gradients`` (N, 8); those of `gsvc_ref.adan_step`. The operations take binary32: inputs of float64
+        are rounded to it before the true numbers are found, so give both sides the same float32.
 
     Raises
     ------
@@ -87,6 +90,50 @@ def assert_within_bound(operation: str, given: Any, /, **inputs: Any) -> None:
         failure = _failure(actual, expected[output])
         if failure:
             raise AssertionError(f"{operation}: {failure if len(expected) == 1 else f'{output}: {failure}'}")
+
+
+def assert_same_splats(given: Sequence[Splats | ArrayLike], stream: Stream) -> None:
+    """Assert that a decoder reconstructed the splats of a stream, bit for bit (R-8-2).
+
+    Parameters
+    ----------
+    given
+        What was decoded: the splats of each frame, `Splats` or (N, 8) f4 in the columns of `Splats.to_array`.
+    stream
+        The stream that was decoded.
+
+    Raises
+    ------
+    AssertionError
+        There is another number of frames or of splats, another type, or another bit. The message names the first frame
+        and splat that differ, the parameter, what was given and what was expected, with their bits.
+    """
+    __tracebackhide__ = True  # pytest shows the test instead
+    if len(given) != len(stream.splats):
+        raise AssertionError(f"{len(given)} frames were given, expected {len(stream.splats)}")
+    for frame, (splats, expected) in enumerate(zip(given, stream.splats, strict=True)):
+        failure = _difference(splats, expected.to_array())
+        if failure:
+            raise AssertionError(f"frame {frame}{failure}")
+
+
+def _difference(given: Splats | ArrayLike, expected: F4) -> str:
+    """Where the splats of a frame differ first from (N, 8) f4, or nothing."""
+    array = given.to_array() if isinstance(given, Splats) else np.asarray(given)
+    if array.shape != expected.shape:
+        return f": the shape is {array.shape}, expected {expected.shape}"
+    if array.dtype != np.float32:
+        return f": the type is {array.dtype}, expected float32"
+    bits, wanted = (np.ascontiguousarray(numbers, "<f4").view("<u4") for numbers in (array, expected))
+    differ = np.argwhere(bits != wanted)
+    if not len(differ):
+        return ""
+    splat, column = (int(place) for place in differ[0])
+    count = f" ({len(differ)} of {wanted.size} parameters differ)" if len(differ) > 1 else ""
+    return (
+        f", splat {splat}: {PARAMETERS[column]} is {array[splat, column]:.9g} (0x{bits[splat, column]:08x}), expected "
+        f"{expected[splat, column]:.9g} (0x{wanted[splat, column]:08x}){count}"
+    )
 
 
 def _named(operation: str, given: Any, names: Sequence[str]) -> Mapping[str, Any]:

@@ -58,6 +58,14 @@ class Stream:
     frames: list[FrameCodes]
     splats: list[Splats]
 
+    def __repr__(self) -> str:
+        types = " ".join(f"{codes.type}({len(splats)})" for codes, splats in zip(self.frames, self.splats, strict=True))
+        size = f"{self.header.width}x{self.header.height}"
+        return f"<Stream {size}, frames and their splats {types}, {len(self.data)} bytes>"
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # Hypothesis prints a dataclass field by field without
+        printer.text(repr(self))
+
 
 @dataclass(frozen=True)
 class Wishes:

@@ -158,7 +158,7 @@ def test_info_for_people(stream, capsys):
     out = capsys.readouterr().out
     size = stream.stat().st_size
     assert out.startswith(f"{stream}: {size:,} bytes, 4 complete frames\n")
-    assert "2 I, 2 P (0 I, 1 P, 2 I, 3 P)" in out
+    assert "2 I, 2 P (frame 0: I, frame 1: P, frame 2: I, frame 3: P)" in out
     assert ["total", f"{8 * size:,}", "100.0%"] in [line.split() for line in out.splitlines()]
     assert out.splitlines()[-1].split()[:3] == ["3", "P", "12"]
 

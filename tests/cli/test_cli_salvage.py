@@ -270,7 +270,8 @@ def test_info_shows_gaps_and_accounts_for_their_bits(save, gsvc):
     status, out, errors = gsvc("info", "--salvage", path)
     assert status == 1
     assert out[0] == f"{path}: {len(GOOD):,} bytes, 7 complete frames"
-    assert "4 I, 2 P, 1 R (0 I, 1 P, 2 R, 3 I, 5 I, 8 I, 9 P)" in " ".join(out)
+    runs = "frame 0: I, frame 1: P, frame 2: R, frame 3: I, frame 5: I, frame 8: I, frame 9: P"
+    assert f"4 I, 2 P, 1 R ({runs})" in " ".join(out)
     rows = {line.split()[0]: line.split()[1] for line in out if len(line.split()) == 3}
     assert rows["skipped"] == f"{8 * (FRAMES[4].size + FRAMES[6].size + FRAMES[7].size):,}"
     assert rows["total"] == f"{8 * len(GOOD):,}"

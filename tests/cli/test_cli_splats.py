@@ -7,7 +7,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_ref.cli import main
-from gsvc_ref.splat_files import from_gaussians, read_ply
+from gsvc_ref.splat_files import from_gaussians, read_ply, to_gaussians, write_ply
 
 W, H = 40, 30
 
@@ -80,9 +80,41 @@ def test_one_frame_as_ply(npz, tmp_path, capsys):
     assert "more than one frame" in capsys.readouterr().err
     assert not ply.exists()
     assert main(["export", str(out), str(ply), "--frames", "1:2", "--quiet"]) == 0
-    assert np.allclose(from_gaussians(read_ply(ply)).parameters, decoded(out)[1], atol=1e-4)
+    assert np.allclose(from_gaussians(read_ply(ply).columns).parameters, decoded(out)[1], atol=1e-4)
     assert main(["export", str(out), str(ply), "--frames", "7:8"]) == 2
     assert "no such frame" in capsys.readouterr().err
+
+
+def test_splats_that_cannot_be_coded_are_bad_data_of_a_named_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    first = splats_of_frames()[0]
+    wrong = first.copy()
+    wrong[3, 0] = np.nan
+    np.savez("dup.npz", parameters=first, ids=[0, *range(19)], width=W, height=H)
+    np.savez("wide.npz", parameters=first, width=10_000_000, height=H)
+    np.savez("nan.npz", parameters=[wrong, first], width=W, height=H)
+    np.savez("later.npz", parameters=[first, wrong], width=W, height=H)
+    write_ply("1.ply", to_gaussians(first))
+    write_ply("2.ply", to_gaussians(first) | {"x": np.full(len(first), 1e9)})
+    for inputs, message in (
+        (["dup.npz"], "invalid: dup.npz: frame 0: two splats have the same id"),
+        (["wide.npz"], "malformed: wide.npz: the size is 10000000x30"),
+        (["nan.npz"], "invalid: nan.npz: frame 0, splat 3: x is nan"),
+        (["later.npz"], "invalid: later.npz: frame 1, splat 3: x is nan"),
+        (["1.ply", "2.ply", "--width", "40", "--height", "30"], "invalid: 2.ply: frame 1, splat 0: x is 1"),
+    ):
+        files = [name for name in inputs if name.endswith(("npz", "ply"))]
+        assert main(["import", *files, "x.gsvc", *inputs[len(files) :], "--quiet"]) == 1
+        assert message in capsys.readouterr().err
+
+
+def test_other_elements_of_ply_files_are_said_to_be_lost(tmp_path, capsys):
+    ply = tmp_path / "a.ply"
+    write_ply(ply, to_gaussians(splats_of_frames()[0]))
+    faces = b"element face 1\nproperty uchar i\nend_header\n"
+    ply.write_bytes(ply.read_bytes().replace(b"end_header\n", faces) + b"\1")
+    assert main(["import", str(ply), str(tmp_path / "x.gsvc"), "--width", "40", "--height", "30", "--quiet"]) == 0
+    assert "lost: elements of PLY files that are no vertices: face" in capsys.readouterr().err
 
 
 def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, capsys):

@@ -52,14 +52,15 @@ def test_table_aligns_its_columns():
 def test_frame_runs_name_every_frame_once(types, first):
     named = []
     for run in frame_runs(types, range(first, first + len(types))).split(", "):
-        span, kind = run.split(" ")
-        start, _, stop = span.partition("-")
+        word, span, kind = run.split(" ")
+        start, _, stop = span.removesuffix(":").partition("-")
+        assert word == ("frames" if stop else "frame")
         named += [(number, kind) for number in range(int(start), int(stop or start) + 1)]
     assert named == list(enumerate(types, first))
 
 
 def test_many_runs_are_cut_short():
-    assert frame_runs("IP" * 50, range(100)).endswith("19 P, and 80 more runs")
+    assert frame_runs("IP" * 50, range(100)).endswith("frame 19: P, and 80 more runs")
 
 
 def test_format_in_one_line():

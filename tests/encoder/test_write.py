@@ -258,6 +258,11 @@ def test_what_cannot_be_written_is_refused_with_what_is_allowed(frames, options,
         written(frames, W, H, **options)
 
 
+def test_a_size_in_one_argument_is_refused():
+    with pytest.raises(gsvc_ref.UsageError, match="there is no height; give width and height as two numbers"):
+        gsvc_ref.write(BytesIO(), [some_splats()], (W, H))
+
+
 def test_rendering_work_beyond_the_level_is_refused_before_anything_is_rendered():
     large = np.tile(some_splats(1) * np.float32([1, 1, 99, 1, 99, 1, 1, 1]), (1 << 14, 1))
     with pytest.raises(gsvc_ref.UsageError, match=r"frame 0 has 67108864 pairs .* level 1 allows 33554432 \(R-5-4\)"):

@@ -26,7 +26,7 @@ def some_splats(count=50):
 def test_splats_come_back_from_a_file(tmp_path, units):
     splats = some_splats()
     write_ply(tmp_path / "a.ply", to_gaussians(splats, **units))
-    again = from_gaussians(read_ply(tmp_path / "a.ply"), **units).parameters
+    again = from_gaussians(read_ply(tmp_path / "a.ply").columns, **units).parameters
     assert np.allclose(again, splats, rtol=2e-6, atol=5e-5)
 
 
@@ -68,11 +68,19 @@ def test_numbers_that_are_none_are_named(changes, message):
         from_gaussians(gaussians(**changes))
 
 
-def test_a_missing_property_is_named():
+@pytest.mark.parametrize("name", ["scale_2", "opacity"])
+def test_a_missing_property_is_named(name):
     columns = gaussians()
-    del columns["scale_2"]
-    with pytest.raises(GsvcError, match="has no property scale_2"):
+    del columns[name]
+    with pytest.raises(GsvcError, match=f"has no property {name}"):
         from_gaussians(columns)
+
+
+def test_numbers_that_are_not_used_may_be_none():
+    columns = gaussians()
+    others = {"nx": np.nan, "z": np.inf, "f_rest_0": np.nan, "mine": np.nan}
+    given = from_gaussians(gaussians(**others))
+    assert np.array_equal(given.parameters, from_gaussians(columns).parameters)
 
 
 HEADER = "ply\nformat binary_little_endian 1.0\ncomment made by hand\nelement vertex 2\n"
@@ -89,6 +97,11 @@ HEADER = "ply\nformat binary_little_endian 1.0\ncomment made by hand\nelement ve
         (HEADER + "property half x\nend_header\n", "unsupported", "says 'property half x'"),
         (HEADER + "property float x\nproperty float x\nend_header\n1234567812345678", "malformed", "the same name"),
         (HEADER + "property float x\nend_header\n1234567", "malformed", "2 vertices take 8 bytes, and 7 are left"),
+        (
+            HEADER + "property float x\nend_header\n123456789",
+            "malformed",
+            "behind its 2 vertices: they take 8 bytes, and 9",
+        ),
         (HEADER.replace(" 2", " -2") + "end_header\n", "unsupported", "element vertex -2"),
         (HEADER.replace(" 2", " 99999999999999") + "property float x\nend_header\n", "limit", "at most 4194304"),
         (HEADER.replace("vertex", "face") + "end_header\n", "unsupported", "element face"),
@@ -108,6 +121,7 @@ def test_other_types_and_what_stands_behind_the_vertices(tmp_path):
     header = HEADER + "property double x\nproperty uchar red\nelement face 1\nproperty list uchar int i\nend_header\n"
     vertices = np.array([(1.5, 3), (2.5, 4)], [("x", "<f8"), ("red", "u1")]).tobytes()
     (tmp_path / "a.ply").write_bytes(header.encode() + vertices + b"\1\0\0\0\0")
-    columns = read_ply(tmp_path / "a.ply")
+    columns, lost = read_ply(tmp_path / "a.ply")
+    assert lost == ["elements of PLY files that are no vertices: face"]
     assert columns["x"].tolist() == [1.5, 2.5]
     assert columns["red"].tolist() == [3, 4]

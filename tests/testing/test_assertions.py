@@ -6,12 +6,13 @@ from itertools import islice
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis.vendor.pretty import pretty
 
 import gsvc_ref
 from gsvc_conformance.vector import load
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import Splats
-from gsvc_ref.testing import assert_within_bound, splat_sets
+from gsvc_ref.testing import assert_same_splats, assert_within_bound, random_stream, splat_sets
 from gsvc_ref.testing.assertions import OPERATIONS
 
 WIDTH, HEIGHT = 16, 12
@@ -144,3 +145,54 @@ def test_what_cannot_be_judged_is_wrong_use():
         assert_within_bound("render_sum", 0, parameters=ONE, width=3)
     with pytest.raises(UsageError, match="both must be"):
         assert_within_bound("loss", (0, 0), picture=RESIDUAL, target=RESIDUAL[0])
+
+
+def test_splats_that_are_the_same_pass():
+    stream = random_stream(0)
+    assert_same_splats(stream.splats, stream)
+    assert_same_splats([splats.to_array() for splats in stream.splats], stream)
+
+
+def changed_splats(frame, change):
+    """The splats of a random stream, and these with one frame changed."""
+    stream = random_stream(0)
+    given_splats = [splats.to_array() for splats in stream.splats]
+    given_splats[frame] = change(given_splats[frame])
+    return given_splats, stream
+
+
+def with_next_number(array):
+    array = array.copy()
+    array[1, 3] = np.nextafter(array[1, 3], np.float32(np.inf))
+    return array
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (with_next_number, r"frame 1, splat 1: l21 is \S+ \(0x[0-9a-f]{8}\), expected \S+ \(0x[0-9a-f]{8}\)$"),
+        (lambda array: array[1:], r"frame 1: the shape is \(\d+, 8\), expected \(\d+, 8\)"),
+        (lambda array: array.astype(np.float64), "frame 1: the type is float64, expected float32"),
+        (lambda array: -array, r"frame 1, splat 0: x is .* parameters differ\)"),
+    ],
+)
+def test_splats_that_differ_are_named(change, message):
+    with pytest.raises(AssertionError, match=message):
+        assert_same_splats(*changed_splats(1, change))
+
+
+def test_another_number_of_frames_is_said():
+    stream = random_stream(0)
+    with pytest.raises(
+        AssertionError, match=f"^{len(stream.splats) + 1} frames were given, expected {len(stream.splats)}$"
+    ):
+        assert_same_splats([*stream.splats, stream.splats[0]], stream)
+
+
+def test_a_stream_is_shown_in_a_line():
+    stream = random_stream(0)
+    shown = repr(stream)
+    assert shown.startswith(f"<Stream {stream.header.width}x{stream.header.height}, frames and their splats I(")
+    assert shown.endswith(f", {len(stream.data)} bytes>")
+    assert len(shown) < 120
+    assert pretty(stream) == shown  # as Hypothesis shows a failing example

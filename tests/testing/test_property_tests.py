@@ -88,6 +88,15 @@ def test_a_fault_of_the_renderer_is_found(tmp_path, right, wrong):
     assert "splats=Splats(positions=array([[0., 0.]], dtype=float32)" in done.stdout  # one is left
 
 
+@pytest.mark.parametrize("factors", [(-1, 0, 1), (1, 0, 0), (2.0**-127, 0, 1), (1, 0, np.inf), (np.nan, 0, 1)])
+def test_the_renderer_of_the_page_leaves_out_what_covers_nothing(factors):
+    mine = {}
+    exec(dict(BLOCKS)["mine.py"], mine)
+    splat = np.array([[4.5, 4.5, *factors, 1, 1, 1]], np.float32)
+    assert not mine["render"](splat, 9, 9).any()
+    assert not mine["gradients"](splat, np.ones((9, 9, 3), np.float32)).any()
+
+
 def test_the_message_on_the_page_is_that_of_its_example():
     shown = re.search(r"^AssertionError: (.*)\.\.\.$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)[1]
     mine = {}

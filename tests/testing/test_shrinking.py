@@ -8,7 +8,7 @@ import pytest
 from hypothesis import Phase, find, settings
 
 from gsvc_ref.rendering.definition import footprints
-from gsvc_ref.testing import splat_sets
+from gsvc_ref.testing import splat_sets, streams
 
 PAGE = Path(__file__).parents[2] / "docs" / "property-tests.md"
 WIDTH, HEIGHT = 64, 48
@@ -79,6 +79,17 @@ def test_the_page_has_what_is_left_of_each_fault(name):
         assert len(splats) == FAULTS[name][0]
         assert np.array_equal(8 * splats.to_array(), np.rint(8 * splats.to_array()))
     assert row_of(name, left[0]) in PAGE.read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("seed", range(3))
+def test_small_streams_shrink_to_one_splat(seed):
+    few = settings(QUIETLY, max_examples=1000)
+    small = streams(max_frames=1, max_count=8)
+    stream = find(
+        small, lambda stream: (stream.splats[0].to_array() < 0).any(), settings=few, random=random.Random(seed)
+    )
+    assert [len(splats) for splats in stream.splats] == [1]
 
 
 def test_large_sets_shrink_to_few():
