@@ -92,7 +92,7 @@ EDITS = [
     (lambda r: r.update(results={}), "results of the report is {}; it must be a list"),
     (lambda r: r.update(notes=[1]), "notes of the report"),
     (lambda r: r.update(environment={"kit": 1}), "environment of the report is .*; it must be an object of texts"),
-    (lambda r: r.update(format="other"), "the format is 'other'"),
+    (lambda r: r.update(format="other"), "its format is 'other'"),
 ]
 
 

@@ -76,6 +76,7 @@ def psnr_in_binary32(a, b, bit_depth, *, normalised):
     return {"mse": np.array(float(mse)), "psnr": np.array(float(psnr))}
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("normalised", [False, True])
 def test_psnr_in_binary32_is_legal(normalised):
     assert_legal("metrics", lambda **v: psnr_in_binary32(**v, normalised=normalised))

@@ -171,7 +171,7 @@ def test_verify_and_the_interface_find_a_file_that_is_not_the_manifest_s(folder)
     ("place", "words"),
     [
         ("nowhere", "there is no folder {}; give"),
-        ("foreign", "there are no vectors in {} (no SHA256SUMS); give a folder of vectors"),
+        ("foreign", "there are no vectors in {} (no SHA256SUMS); give a folder that"),
         ("checkout", "did you mean {}/vectors?"),
     ],
 )

@@ -5,6 +5,7 @@ import tracemalloc
 from itertools import islice
 
 import numpy as np
+import pytest
 
 from gsvc_conformance.spec import namespace
 from gsvc_ref.stream import StreamReader, StreamWriter, decode
@@ -53,15 +54,18 @@ def test_memory_does_not_grow_over_10000_frames():
     assert decoded()[1] < 200
 
 
+@pytest.mark.exhaustive
 def test_memory_does_not_grow_with_the_frames_that_are_read():
     assert grown(iter(StreamReader(closed_loop().data)), 100, 600) < 16_384
 
 
+@pytest.mark.exhaustive
 def test_memory_does_not_grow_with_the_frames_that_are_rendered():
     one_picture = WIDTH * HEIGHT * 3 * 4  # the renderer's lists grow and shrink with the splats, by half of that
     assert grown(decode(closed_loop().data, threads=1), 100, 400) < one_picture
 
 
+@pytest.mark.exhaustive
 def test_memory_does_not_grow_with_the_frames_that_are_written():
     writer = StreamWriter(Nowhere(), HEADER)
     assert grown((writer.write_frame(codes) for codes in closed_loop().codes), 100, 600) < 16_384

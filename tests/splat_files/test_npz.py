@@ -102,8 +102,9 @@ def with_header(path, header, data=b""):
 )
 def test_a_claim_is_checked_before_anything_is_allocated(tmp_path, shape, kind, message):
     header = {"descr": "<f4", "fortran_order": False, "shape": shape}
-    with pytest.raises(GsvcError, match=message) as caught:
-        list(NpzSplats(with_header(tmp_path / "a.npz", header)))
+    path = with_header(tmp_path / "a.npz", header)
+    with pytest.raises(GsvcError, match=message) as caught, NpzSplats(path) as splats:
+        list(splats)
     assert caught.value.kind == kind
 
 
