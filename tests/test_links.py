@@ -1,4 +1,4 @@
-"""The documents: links lead to files and headings that exist, and so do the paths that are named in the text."""
+"""The documents: links lead to files and headings that exist, named paths as well, and no word is a placeholder."""
 
 import re
 from functools import cache
@@ -55,3 +55,8 @@ def test_the_links_are_found():
     assert len(DOCUMENTS) > 8
     assert "#41-the-codec-in-five-minutes" in text(ROOT / "spec.md")
     assert "41-the-codec-in-five-minutes" in anchors(ROOT / "spec.md")
+
+
+@pytest.mark.parametrize("document", [*DOCUMENTS, ROOT / "Makefile"], ids=name)
+def test_no_word_stands_for_what_is_still_to_come(document):
+    assert re.findall(r"\b(?:TODO|FIXME|TBD|XXX|TIME[A-Z]+)\b", document.read_text(encoding="utf-8")) == []

@@ -104,6 +104,7 @@ def alone() -> dict[tuple[str, int], Any]:
     return {(name, seed): work(seed) for name, work in JOBS.items() for seed in range(THREADS)}
 
 
+@pytest.mark.exhaustive
 def test_jobs_of_every_kind_at_the_same_time(alone):
     with ThreadPoolExecutor(THREADS) as pool:
         order = sorted(alone, key=lambda key: key[1])  # kinds and sizes mixed

@@ -29,6 +29,7 @@ def test_the_relative_bound_of_a_loss_is_small_at_any_size(size):
     assert gamma(additions(3 * size[0] * size[1], *size) + 11) < 0.005
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("size", [(161, 161), (1080, 1920)], ids=["161x161", "1920x1080"])
 def test_a_loss_of_zero_fails(size):
     picture, target = np.full((*size, 3), 0.5, F4), np.full((*size, 3), 0.3, F4)

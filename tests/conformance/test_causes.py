@@ -41,6 +41,7 @@ def every_third_row(operation, output):
 SUM, FRAME = "core/render_sum/a_splat_off_the_middle", "core/render_frame/"
 
 
+@pytest.mark.exhaustive
 def test_an_operation_inside_that_is_wrong_is_named_in_place_of_places():
     frame = next(name for name in VectorFolder(VECTORS).names if name.startswith(FRAME))
     wrong_frame = {"render_frame": every_third_row("render_frame", "frame")}

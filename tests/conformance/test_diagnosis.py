@@ -109,6 +109,7 @@ def failures_of(mutant, operation):
     return failures, passed
 
 
+@pytest.mark.exhaustive
 def test_refusals_that_many_mutants_share_name_none_of_them_alone():
     mutant = mutant_called("crc-not-inverted")
     failures, passed = failures_of(mutant, "reconstruct_stream")
@@ -118,6 +119,7 @@ def test_refusals_that_many_mutants_share_name_none_of_them_alone():
         assert mutant.sentence in sentence
 
 
+@pytest.mark.exhaustive
 def test_refusals_at_another_bit_are_another_mutant():
     failures, passed = failures_of(mutant_called("words-backwards"), "reconstruct_stream")
     mutant = mutant_called("words-backwards").sentence

@@ -68,5 +68,6 @@ def run(case):
     return case.function(**case.arguments, **extra)
 
 
+@pytest.mark.exhaustive
 def test_every_aspect_of_every_element_has_a_case_or_a_reason(covered):
     assert {key for key, ids in covered.items() if not ids} == set(UNCOVERED)

@@ -52,6 +52,7 @@ def folder(made, tmp_path):
     return tmp_path
 
 
+@pytest.mark.exhaustive
 def test_the_number_of_processes_does_not_matter(folder, made):
     assert generate.make(jobs=2, kills_in=folder) == generate.make(jobs=1, kills_in=folder) == made
     assert generate.differences(folder, made) == []
@@ -91,6 +92,7 @@ def test_without_kills_the_stored_ones_count(folder, made, capsys):
     assert "--without-kills goes with --check" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("jobs", "said"), [(1, "9 made"), (2, "not from standard input; `gsvc-conformance")])
 def test_processes_that_cannot_start_end_with_a_sentence(jobs, said):
     script = FROM_STANDARD_INPUT.replace("JOBS", str(jobs))

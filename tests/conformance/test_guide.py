@@ -36,6 +36,7 @@ def sources():
             yield pytest.param(code, command, rest.splitlines(), id=command, marks=marks)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("code", "command", "printed"), list(sources()))
 def test_a_step(code, command, printed, tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text(code, encoding="utf-8")

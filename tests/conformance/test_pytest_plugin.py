@@ -255,6 +255,7 @@ def from_half(bits):
 """
 
 
+@pytest.mark.exhaustive
 def test_several_processes(pytester):
     """The real thing, in processes of its own: the results and causes of all come together."""
     pytest.importorskip("xdist")

@@ -98,6 +98,7 @@ def summed(parameters, width, height, arithmetic):
     return C.astype(np.float32)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")  # infinities far from extreme splats
 @pytest.mark.parametrize("arithmetic", ARITHMETIC.values(), ids=ARITHMETIC)
 def test_legal_sums_are_within_the_bounds_of_every_vector(arithmetic):
@@ -148,6 +149,7 @@ def two_by_two(x):
     return float(np.sum(x.astype(np.float32)))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")
 @pytest.mark.parametrize("moments", [False, True], ids=["products", "moments"])
 @pytest.mark.parametrize("total", [one_after_the_other, two_by_two])

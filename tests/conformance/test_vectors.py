@@ -55,6 +55,7 @@ def test_the_cases_make_these_vectors():
     assert differences(made=make(kills_in=VECTORS)) == []
 
 
+@pytest.mark.exhaustive
 def test_nothing_is_uncovered():
     assert verify() == []
 

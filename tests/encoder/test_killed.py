@@ -78,6 +78,7 @@ class Killer:
         encode((CLIP, SMALL), path, fast(), live=live)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("existing", [False, True])
 @pytest.mark.parametrize("live", [False, True])
 def test_killed_at_every_step(tmp_path, live, existing):

@@ -37,6 +37,7 @@ def work(inputs):
     return sum(array.size for array in arrays.values())
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("operation", TRUTHS)
 def test_expected_values_are_the_true_ones_rounded_once(operation):
     compared = 0

@@ -9,7 +9,14 @@ from gsvc_conformance.expectations import Bounded
 from tests.hard_cases.catalogue import HardCase, catalogue
 from tests.hard_cases.measuring import FAR, Measurement
 
-every_case = pytest.mark.parametrize("name", catalogue())
+LONG = ("100000_steps", "ten_thousand_frames", "2048_splats")
+every_case = pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.exhaustive) if any(part in name for part in LONG) else name
+        for name in catalogue()
+    ],
+)
 every_vector = pytest.mark.parametrize(
     "name", [name for name, entry in catalogue().items() if isinstance(entry, HardCase)]
 )

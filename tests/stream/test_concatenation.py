@@ -74,6 +74,7 @@ def part_lists(draw):
     return parts
 
 
+@pytest.mark.exhaustive
 @given(part_lists())
 @settings(max_examples=80)
 def test_the_result_is_the_parts_one_after_the_other(parts):
@@ -133,6 +134,7 @@ def test_ancillary_chunks_stay_where_they_are_true(letter, first, inside, other)
     assert all(data == own[1] for kind, data in split_chunks(out.getvalue()) if kind == own[0] and letter != "x")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("edge", [128, 16384])
 def test_numbers_that_take_a_byte_more(edge):
     """The chunk grows by a byte at 128 frames and at 16,384; all but its number stays."""

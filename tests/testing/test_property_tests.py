@@ -53,6 +53,7 @@ def test_every_block_belongs_to_a_file():
     assert len(DOCSTRING) == 3
 
 
+@pytest.mark.exhaustive
 def test_blocks_of_the_page_and_the_docstring_pass(tmp_path):
     lay_out(tmp_path)
     with (tmp_path / "conftest.py").open("a", encoding="utf-8") as conftest:

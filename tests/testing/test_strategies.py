@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 
 import numpy as np
+import pytest
 from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 
@@ -28,6 +29,7 @@ def test_hard_splat_sets_have_degenerate_and_huge_ones() -> None:
     find(hard, lambda splats: bool((np.abs(splats.positions) > 1e30).any()), settings=only)
 
 
+@pytest.mark.exhaustive
 @given(splat_sets(min_count=70, max_count=400))
 def test_large_splat_sets_keep_their_limits(splats: Splats) -> None:
     assert 70 <= len(splats) <= 400
@@ -62,6 +64,7 @@ def test_frames_fit_their_state(header: SequenceHeader, data: st.DataObject) -> 
         assert len(state.splats) == codes.survivor_count + codes.intra_count or codes.type == "R"
 
 
+@pytest.mark.exhaustive
 def test_streams_reach_every_corner_of_the_syntax() -> None:
     """In 300 examples: every frame type, plane mode, flag and chunk."""
     seen: Counter[str] = Counter()

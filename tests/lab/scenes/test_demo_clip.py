@@ -12,12 +12,14 @@ def as_bytes(**arguments):
     return b"".join(frame.tobytes() for frame in demo_clip(**arguments))
 
 
+@pytest.mark.exhaustive
 def test_same_seed_same_bytes_and_another_seed_another_camera():
     small = {"width": 48, "height": 28, "frames": 4}
     assert as_bytes(**small, seed=3) == as_bytes(**small, seed=3)
     assert as_bytes(**small, seed=3) != as_bytes(**small, seed=4)
 
 
+@pytest.mark.exhaustive
 def test_the_clip_has_the_size_and_length_asked_for():
     clip = list(demo_clip(50, 31, 5))
     assert [(f.shape, f.dtype) for f in clip] == [((31, 50, 3), np.uint8)] * 5

@@ -80,6 +80,7 @@ def targets():
     return targets_of(parts_of((ROOT / "spec.md").read_text(encoding="utf-8")))
 
 
+@pytest.mark.exhaustive
 def test_no_link_breaks(site):
     assert broken_links(site) == []
 
