@@ -1,0 +1,1 @@
+"""Profile `main`: integers from the bits to the splats (spec.md section 15)."""

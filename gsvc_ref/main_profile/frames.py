@@ -1,0 +1,302 @@
+"""The body of a frame of profile `main` (spec.md sections 15.5 and 15.12): read and written by the same lines."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref.arrays import I8
+from gsvc_ref.bitstream.coder import Coder
+from gsvc_ref.bitstream.rans import LOWEST_STATE
+from gsvc_ref.main_profile.cells import code_cells, halving_count
+from gsvc_ref.main_profile.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import (
+    ALPHAS,
+    PLANES,
+    SLOPED,
+    Densities,
+    Density,
+    code_magnitudes,
+    code_signs,
+    code_windowed,
+    magnitude_classes,
+    windows_of,
+)
+from gsvc_ref.main_profile.models import Models
+from gsvc_ref.main_profile.motion import code_field, field_motion, field_shape, mode_contexts
+from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter
+from gsvc_ref.main_profile.reconstruct import add_differences, colors_of, intra_state, place_bits
+from gsvc_ref.main_profile.state import classes, no_splats, to_splats
+from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
+from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.splats import Splats
+
+
+@dataclass(frozen=True, eq=False)
+class MainState:
+    """All that profile `main` carries from frame to frame.
+
+    Attributes
+    ----------
+    width, height
+        Size of the coded frame in pixels.
+    values
+        (N, 8), the state of the splats of the frame before, in integers.
+    past
+        (N,), what that frame did with each splat: 0 nothing, or it was in an I-frame, 1 it changed, 2 it was new.
+    models
+        The models of P-frames.
+    densities
+        Those that are kept; None: there are none since the last I-frame.
+    """
+
+    width: int
+    height: int
+    values: I8
+    past: I8
+    models: Models
+    densities: Densities | None = None
+
+    @classmethod
+    def initial(cls, width: int, height: int) -> "MainState":
+        """The state before the first frame of a sequence, and the one in which every I-frame is coded (R-15.11-1)."""
+        return cls(width, height, no_splats(), np.zeros(0, np.int64), Models())
+
+    @cached_property
+    def splats(self) -> Splats:
+        """The splats of the frame before, in binary32 (15-5)."""
+        return to_splats(self.values)
+
+
+PARTS: Final = (
+    "cells", "luma", "chroma", "size", "aspect", "shear", "place",
+    "motion", "modes", "position", "shape", "color",
+)  # fmt: skip
+"""The parts of a frame's run that code lengths are counted by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The body of a frame: its codes, the state behind it, and the code length in bits of each part of its run."""
+
+    codes: MainCodes
+    after: MainState
+    lengths: dict[str, float]
+
+
+def frame_body(
+    s: Coder,
+    frame_type: FrameType,
+    before: MainState,
+    lane_count: int,
+    most_splats: int,
+    given: MainCodes | None = None,
+) -> Body:
+    """frame_body(type) of spec.md section 15.5.
+
+    Parameters
+    ----------
+    s
+        The bits.
+    frame_type
+        I or P.
+    before
+        The state behind the frame before.
+    lane_count
+        As in the sequence header.
+    most_splats
+        The splats that the level allows.
+    given
+        The codes that a Writer writes; they must fit `before`.
+    """
+    if frame_type == "I":
+        before = MainState.initial(before.width, before.height)
+    codes, count = _tools(s, frame_type, before, lane_count, most_splats, given)
+    densities = codes.densities or before.densities
+    lengths: dict[str, float] = {}
+    state = replace(before, densities=densities)
+    if count + len(before.values) > 0:
+        run = RunWriter() if given is not None else _reader(s, codes.lane_exponent)
+        state, codes = _coded(s, run, frame_type, state, codes, count, given)
+        if isinstance(run, RunWriter):
+            _write(s, run, codes.lane_exponent)
+        lengths = dict(run.lengths)
+    return Body(codes, state, lengths)
+
+
+def _tools(
+    s: Coder, frame_type: FrameType, before: MainState, lane_count: int, most_splats: int, given: MainCodes | None
+) -> tuple[MainCodes, int]:
+    """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
+    told = given or MainCodes(0)
+    with s.part("frame_header"):
+        quantizer = s.le("quantizer", 1, told.quantizer)
+        if quantizer >= QUANTIZERS:
+            s.fail("R-3.2-1", f"`quantizer` is {quantizer}; values above {QUANTIZERS - 1} are reserved")
+        lane_exponent = s.u("lane_exponent", 3, told.lane_exponent)
+        if 1 << lane_exponent > lane_count:
+            s.fail("R-15.5-1", f"`lane_exponent` is {lane_exponent}; the stream has {lane_count} lanes at most")
+        motion_cell = s.u("motion_cell", 2, told.motion_cell)
+        if motion_cell and not len(before.values):
+            s.fail("R-15.5-2", "there is a motion field, and no splat of a frame before that it could move")
+        present = s.u("densities_present", 1, int(told.densities is not None))
+        present_bit = s.element_bit
+        if (reserved := s.u("frame_reserved", 2)) != 0:
+            s.fail("R-3.2-1", f"`frame_reserved` is {reserved}; it is reserved and must be 0")
+        count = s.uv("splat_count" if frame_type == "I" else "new_splat_count", len(told.new))
+    if count + len(before.values) > most_splats:
+        s.fail("R-5-2", f"a frame may get {count + len(before.values)} splats; the level allows {most_splats}")
+    if (present and not count) or (frame_type == "I" and count and not present):
+        what = "no new splats that they could describe" if present else "and its splats need some"
+        s.fail("R-15.5-3", f"the frame has {'' if present else 'no '}densities, {what}", bit=present_bit)
+    if count and not present and before.densities is None:
+        s.fail("R-15.5-4", "new splats need densities, and none are kept since the last I-frame", bit=present_bit)
+    densities = _densities(s, before, told.densities) if present else None
+    return MainCodes(quantizer, lane_exponent, densities, motion_cell=motion_cell), count
+
+
+def _densities(s: Coder, before: MainState, given: Densities | None) -> Densities:
+    """densities() of spec.md section 15.7."""
+    halvings = halving_count(before.width, before.height)
+    told = given or Densities((Density(),) * len(PLANES), (0,) * halvings)
+    planes = []
+    with s.part("densities"):
+        for plane, density in zip(PLANES, told.planes, strict=True):
+            with s.part("densities", plane):
+                family = s.u("density_family", 1, density.family)
+                scale_code = s.u("scale_code", 5, density.scale_code)
+                centre = s.u("centre", 10, density.centre + 512) - 512
+                slope = s.u("slope", 8, density.slope + 128) - 128 if plane in SLOPED else 0
+            planes.append(Density(family, scale_code, centre, slope))
+        halving_codes = tuple(s.u("halving_code", 3, code) for code in told.halving_codes)
+        s.align()
+    return Densities(tuple(planes), halving_codes)
+
+
+def _reader(s: Coder, lane_exponent: int) -> RunReader:
+    with s.part("entropy_coder"):
+        states = s.array("lane_state", 1 << lane_exponent, "u4")
+        if (states < LOWEST_STATE).any():
+            lane = int(np.argmax(states < LOWEST_STATE))
+            bit = s.element_bit + 32 * lane
+            s.fail("R-6.6-5", f"`lane_state` is {states[lane]}; it must be at least {LOWEST_STATE}", bit=bit)
+        words = s.array("word", s.bytes_left // 2, "u2")
+    return RunReader(states, words)
+
+
+def _write(s: Coder, run: RunWriter, lane_exponent: int) -> None:
+    states, words = run.finish(1 << lane_exponent)
+    with s.part("entropy_coder"):
+        s.array("lane_state", len(states), "u4", states)
+        s.array("word", len(words), "u2", words)
+
+
+def _coded(
+    s: Coder, run: Run, frame_type: FrameType, before: MainState, codes: MainCodes, count: int, given: MainCodes | None
+) -> tuple[MainState, MainCodes]:
+    """The passes of a frame, and the state that they lead to."""
+    state = before
+    try:
+        if len(before.values):
+            state, codes = _predicted(run, before, codes, given)
+        if count:
+            assert before.densities is not None
+            new = _intra(run, before, before.densities, count, step_of(codes.quantizer), given.new if given else None)
+            codes = replace(codes, new=new)
+            past = np.full(count, 0 if frame_type == "I" else 2, np.int64)
+            state = replace(
+                state,
+                values=np.concatenate([state.values, intra_state(new, step_of(codes.quantizer))]),
+                past=np.concatenate([state.past, past]),
+            )
+        if isinstance(run, RunReader):
+            _check_finished(s, run, codes.lane_exponent)
+    except MissingWordError:
+        s.fail("R-7-1", "the words of the frame end before its symbols do")
+    return state, codes
+
+
+def _check_finished(s: Coder, run: RunReader, lane_exponent: int) -> None:
+    """R-15.6-2: the words stand directly before the position, the lane states before them."""
+    count = len(run._words)
+    word_bit = s.element_bit
+    if run.taken < count:
+        left = count - run.taken
+        s.fail("R-7-1", f"{left} words of the frame are left over", bit=word_bit + 16 * run.taken)
+    if (run.states != LOWEST_STATE).any():
+        lane = int(np.argmax(run.states != LOWEST_STATE))
+        bit = word_bit - 32 * ((1 << lane_exponent) - lane)
+        s.fail("R-7-1", f"lane {lane} ends in the state {run.states[lane]}; it must be {LOWEST_STATE}", bit=bit)
+
+
+def _intra(
+    run: Run, before: MainState, densities: Densities, count: int, step: int, given: IntraCodes | None
+) -> IntraCodes:
+    """The passes of the splats of an I-frame, or of new ones (spec.md section 15.9)."""
+    alphas = tuple(ALPHAS[code] for code in densities.halving_codes)
+    with run.part("cells"):
+        cells = code_cells(run, count, before.width, before.height, alphas, given.cells if given else None)
+    columns: list[I8 | None] = [None] * 3 if given is None else list(given.colors.T)
+    with run.part("luma"):
+        luma = code_magnitudes(run, densities.of("luma"), np.zeros(count, np.int64), columns[0])
+    context = magnitude_classes(np.abs(luma))
+    with run.part("chroma"):
+        chroma1 = code_magnitudes(run, densities.of("chroma1"), context, columns[1])
+        chroma2 = code_magnitudes(run, densities.of("chroma2"), context, columns[2])
+    colors = np.stack([luma, chroma1, chroma2], axis=1)
+    j = classes(colors_of(colors, step), step)
+    shapes = np.empty((count, 3), np.int64)
+    for column, plane in enumerate(PLANES[3:]):
+        with run.part(plane):
+            told = None if given is None else given.shapes[:, column]
+            shapes[:, column] = code_windowed(run, windows_of(plane, densities.of(plane)), j, told)
+    sizes = place_bits(shapes, j)
+    with run.part("place"):
+        places = [run.raw_bits(sizes[:, i], None if given is None else given.places[:, i]) for i in range(2)]
+    return IntraCodes(cells, colors, shapes, np.stack(places, axis=1))
+
+
+def _predicted(run: Run, before: MainState, codes: MainCodes, given: MainCodes | None) -> tuple[MainState, MainCodes]:
+    """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11)."""
+    splats, models, step = before.values, before.models, step_of(codes.quantizer)
+    models = Models(models.counts)
+    motion, side = np.zeros((len(splats), 2), np.int64), SIDES[codes.motion_cell]
+    if side:
+        with run.part("motion"):
+            shape = field_shape(before.width, before.height, side)
+            field = code_field(run, models, shape, None if given is None else given.vectors)
+        codes = replace(codes, vectors=field)
+        motion = field_motion(splats, field, side)
+    with run.part("modes"):
+        contexts = mode_contexts(splats, motion, before.past, codes.vectors, side, before.width, before.height)
+        modes = models.code(run, "mode", contexts, None if given is None else given.modes)
+    differences = _differences(run, models, modes, None if given is None else given.differences)
+    stay = modes != REMOVED
+    after = replace(
+        before,
+        values=add_differences(splats[stay], motion[stay], differences[stay], step),
+        past=np.minimum(modes[stay], 1),
+        models=models.adapted(),
+    )
+    return after, replace(codes, modes=modes, differences=differences)
+
+
+def _differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
+    """The differences q (N, 8) of all groups that the modes name."""
+    q = np.zeros((len(modes), 8), np.int64)
+    for bit, (group, first, end) in enumerate(GROUPS):
+        changed = np.flatnonzero((modes != REMOVED) & (modes >> bit & 1 == 1))
+        told = None if given is None else given[changed, first:end]
+        before, magnitudes = np.zeros(len(changed), np.int64), []
+        with run.part(group):
+            for i in range(end - first):
+                contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
+                sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the last one cannot be 0
+                wanted = None if told is None else np.abs(told[:, i]) - sure
+                magnitude, _ = models.code_magnitudes(run, group, contexts, wanted)
+                magnitudes.append(magnitude + sure)
+                before = before + magnitudes[-1]
+            for i, magnitude in enumerate(magnitudes):
+                q[changed, first + i] = code_signs(run, magnitude, None if told is None else told[:, i])
+    return q

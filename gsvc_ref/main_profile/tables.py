@@ -1,0 +1,69 @@
+"""The integer tables of profile `main` (spec.md section 15.3), and the step of a quantiser."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gsvc_ref.arrays import F4, I8
+from gsvc_ref.errors import UsageError
+
+OCTAVE: Final = 1024
+"""Steps of an exponent in one octave."""
+
+QUANTIZERS: Final = 80
+"""`quantizer` is below this."""
+
+
+def _nearest_exp2(i: int) -> int:
+    """The integer nearest to 2^(15 + i/1024): ten square roots are the root of order 1024, rounded down."""
+    power = 1 << (16 * OCTAVE + i)
+    for _ in range(10):
+        power = math.isqrt(power)
+    return (power + 1) >> 1
+
+
+EXP2: Final[I8] = np.array([_nearest_exp2(i) for i in range(OCTAVE)], np.int64)
+"""2^(i/1024) with 15 bits behind the binary point, (1024,)."""
+
+EXP2_FLOAT: Final[F4] = EXP2.astype(np.float32)
+
+
+def exp2(v: ArrayLike, bits: int) -> Any:
+    """2^(v/1024) with so many bits behind the binary point, rounded down (15-2); integers of any shape, |v| < 2^15."""
+    exponent = np.asarray(v, np.int64)
+    shift = (exponent >> 10) - 15 + bits
+    mantissa = EXP2[exponent & (OCTAVE - 1)]
+    return (mantissa << np.maximum(shift, 0)) >> np.minimum(np.maximum(-shift, 0), 62)
+
+
+def power_of_two(v: I8) -> F4:
+    """2^(v/1024) of integers (N,) as exact binary32 numbers, |v| < 2^15."""
+    scaled: F4 = np.ldexp(EXP2_FLOAT[v & (OCTAVE - 1)], ((v >> 10) - 15).astype(np.int32))
+    return scaled
+
+
+def _distribution(lower: NDArray[np.int64]) -> I8:
+    return np.concatenate([[0], lower, 2**16 - lower[-2::-1], [2**16]]).astype(np.int64)
+
+
+_TAIL: Final = exp2(96 * (128 - np.arange(1, 129)), 15)
+
+FAMILIES: Final[tuple[I8, I8]] = _distribution(2**31 // (2**15 + _TAIL)), _distribution(2**30 // _TAIL)
+"""The logistic and the Laplace distribution function in 2^-16, 257 places a sixteenth of a scale apart (15-3)."""
+
+STEPS: Final = tuple(int(EXP2[128 * (q % 8)] << (q // 8)) >> 12 for q in range(QUANTIZERS))
+
+
+def step_of(quantizer: int) -> int:
+    """D in 1/16 of a unit of n (15-4).
+
+    Raises
+    ------
+    UsageError
+        The quantizer is not in 0..79.
+    """
+    if not 0 <= quantizer < QUANTIZERS:
+        raise UsageError(f"quantizer is {quantizer}; it must be in 0..{QUANTIZERS - 1}")
+    return STEPS[quantizer]
