@@ -67,6 +67,9 @@ STARTS: Final = {
 }  # fmt: skip
 """The models by name (R-15.11-1)."""
 
+SUM_BITS: Final = 17
+"""The counts of a context are shifted until their sum has no more bits, so that 32 bits do."""
+
 GAIN: Final = 64
 """What one symbol adds to a count (15-11)."""
 
@@ -74,7 +77,9 @@ GAIN: Final = 64
 def distributions(counts: I8) -> Distributions:
     """The distribution of each context of a model with these counts (contexts, K)."""
     contexts, symbols = counts.shape
-    frequencies = 1 + (ONE - symbols) * counts // counts.sum(axis=1, keepdims=True)
+    excess = np.frexp(counts.sum(axis=1, keepdims=True).astype(np.float64))[1].astype(np.int64) - SUM_BITS
+    counts = counts >> np.maximum(excess, 0)
+    frequencies = 1 + (ONE - symbols) * counts // counts.sum(axis=1, keepdims=True)  # (15-14)
     frequencies[np.arange(contexts), frequencies.argmax(axis=1)] += ONE - frequencies.sum(axis=1)
     cumulative = np.zeros((contexts, symbols + 1), np.int64)
     np.cumsum(frequencies, axis=1, out=cumulative[:, 1:])
