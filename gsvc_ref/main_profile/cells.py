@@ -59,11 +59,11 @@ def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, 
         return np.concatenate([[0], inner, [ONE]]), 0
     r = max(0, n.bit_length() - 9)
     m, b = n >> r, 256 * first // (first + second)
-    weight = (m * b * (256 - b) >> 16) * (2 * alpha + m) * 1245 // (2 * alpha + 1)
-    e = max(weight, 1).bit_length() - 1
-    scale_code = 2 * e + (weight >> (e - 1) & 1 if e > 0 else 0)
+    v = m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16)
+    e = max(v, 1).bit_length() - 1
+    scale_code = 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)
     edges = 64 * (2 * np.arange(1, m + 1) - 1)
-    return cumulative(edges, 64 * (m * b // 256), 0, scale_code, 0), r
+    return cumulative(edges, m * b // 4, 0, scale_code, 0), r
 
 
 def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int, ...], cells: I8 | None = None) -> I8:
