@@ -54,7 +54,7 @@ _EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
 
 
-# ---- the definitions --------------------------------------------------------------------------------------------------
+# ---- the definitions ----
 def to_coordinates_plain(parameters: F4) -> F8:
     """The definition of `to_coordinates`."""
     p = np.asarray(parameters, np.float64)  # (N, 8) f8
@@ -126,7 +126,7 @@ def units_plain(z: F8, quantizer: float) -> F8:
     return out
 
 
-# ---- the compiled twins -----------------------------------------------------------------------------------------------
+# ---- the compiled twins ----
 def to_coordinates(parameters: F4) -> F8:
     """The coordinates of splats.
 
