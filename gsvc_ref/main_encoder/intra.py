@@ -1,12 +1,11 @@
 """I-frames of profile `main`: from a picture to the codes of its splats.
 
-Three stages share one metric (`coordinates`). `fit` grows splats and descends by L-BFGS without rounding. `tune`
-descends through the rounding that a decoder will see, with momentum in the metric, a term for the bits, and weak
-splats moved to where the picture is worst. Then the codes' densities are chosen by code length.
+Three stages share one metric (`coordinates`) and one optimiser (`descent`). `fit` grows splats where the picture is
+worst, then weighs their bits and removes the weakest. `settle` rounds them to codes part by part: after each part the
+others, which are still free, make good for its rounding errors. Last, the codes' densities are chosen by code length.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -20,9 +19,6 @@ from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder.coordinates import (
     HALF,
-    LEAST_ENERGY,
-    ROOT,
-    exp_kernel,
     gradient_by_coordinates,
     log_kernel,
     moved,
@@ -41,10 +37,6 @@ LEAST_SIZE: Final = 0.27
 """Smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centres."""
 MOST_SIZE: Final = 400.0
 
-MOMENTUM: Final = 0.9
-MOST_STEP: Final = 1.5
-"""Longest step of a coordinate while tuning, in units of the metric; that of position and shape is at most SHAPE."""
-MOST_SHAPE_STEP: Final = 0.4
 RISE: Final = 1.01
 """L-BFGS goes back to its best point where the error is this many times as large."""
 
@@ -61,40 +53,35 @@ class IntraSettings:
 
     Attributes
     ----------
-    fit
-        Evaluations of the fit without rounding, beside one for each addition of splats.
-    tune
-        Iterations through the rounding.
+    grow
+        Evaluations while splats are added, beside one for each addition, and until they have found their places.
+    weigh
+        Evaluations after that, with the term of the bits.
     growth
-        How splats come during the fit.
+        How splats come in the first of these.
     surplus
-        Splats of the fit for each splat that is asked for; the weakest go while tuning.
-    rate
-        Step of tuning at its begin, as a share of the Newton step that each splat alone would make.
-    last_rate
-        The same at its end, as a share of `rate`; a cosine lies between.
-    moves
-        At which parts of tuning the weakest splats move to where the picture is worst.
-    moved_share
-        How many move each time, as a share of all.
+        Splats of the fit for each splat that is asked for.
     removals
-        At which parts of tuning splats whose energy is below D go.
+        At which parts of the second splats go whose energy is below `least_energy` D.
+    parts
+        The shares of the splats that are rounded one after the other.
+    settle
+        Evaluations before the first part is rounded and after each but the last.
     """
 
-    fit: int = 80
-    tune: int = 100
+    grow: int = 100
+    weigh: int = 80
     growth: Growth = Growth(end=0.45)
     surplus: float = 1.2
-    rate: float = 0.2
-    last_rate: float = 0.05
-    moves: tuple[float, ...] = (0.125, 0.2, 0.333)
-    moved_share: float = 0.08
-    removals: tuple[float, ...] = (0.02, 0.25, 0.5, 0.7)
+    removals: tuple[float, ...] = (0.6, 0.8, 0.95)
+    least_energy: float = 1.5
+    parts: tuple[float, ...] = (0.3, 0.25, 0.2, 0.15, 0.1)
+    settle: int = 8
 
     def __post_init__(self) -> None:
         check_types(self)
-        if self.fit < 1 or self.tune < 4 or self.surplus < 1:
-            raise UsageError(f"{self}: fit must be at least 1, tune at least 4 and surplus at least 1")
+        if self.grow < 1 or self.weigh < 0 or self.settle < 1 or self.surplus < 1 or not self.parts:
+            raise UsageError(f"{self}: grow and settle must be at least 1, weigh 0 and surplus 1, and parts be given")
 
     @classmethod
     def quick(cls) -> "IntraSettings":
@@ -103,8 +90,8 @@ class IntraSettings:
 
     @classmethod
     def slow(cls) -> "IntraSettings":
-        """Ten times the time of `quick`."""
-        return cls(fit=400, tune=1200)
+        """Several times the time of `quick`."""
+        return cls(grow=400, weigh=600, settle=30)
 
 
 class IntraFrame(NamedTuple):
@@ -158,8 +145,7 @@ def encode_intra(
     target = Target(picture, threads, precision)
     step = codec.step_D(quantizer)
     z = fit(target, max(1, round(settings.surplus * splats)), step / 16, rng, settings)
-    best = tune(target, z, step, rng, settings)
-    return coded(best, step, target.width, target.height)
+    return coded(settle(target, z, step, rng, settings), step, target.width, target.height)
 
 
 def coded(result: Rounded, step: int, width: int, height: int) -> IntraFrame:
@@ -184,11 +170,21 @@ class Target:
         self.height, self.width = self.picture.shape[:2]
         self.edges = Edges(self.picture)
         self._scale = self.height * self.width * 255.0**2
+        self._held, self._frozen = np.zeros((0, 8), np.float32), 0
+
+    def hold(self, parameters: F4) -> None:
+        """From now on splats (n, 8) f4 are in every picture, beside those that are evaluated."""
+        self._held = parameters
 
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
-        loss, gradient = self.objective.evaluate(parameters)
-        return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
+        held = len(self._held)
+        every = np.concatenate([self._held, parameters]) if held else parameters
+        if held != self._frozen:
+            self.objective.freeze(every, np.arange(len(every)) < held)
+            self._frozen = held
+        loss, gradient = self.objective.evaluate(every)
+        return loss * self._scale, gradient_by_coordinates(parameters, gradient[held:] * np.float32(self._scale))
 
     def new_splats(self, count: int, total: int, rng: Generator) -> F8:
         """Coordinates (count, 8) of splats where the splats evaluated last, of `total`, leave the most."""
@@ -196,24 +192,34 @@ class Target:
 
 
 def fit(target: Target, total: int, quantizer: float, rng: Generator, settings: IntraSettings) -> F8:
-    """Coordinates (N, 8) of splats that are close to a picture, without rounding.
+    """Coordinates (N, 8) of splats that are close to a picture and will take few bits, without rounding.
 
     Parameters
     ----------
     target
         The picture.
     total
-        N.
+        How many splats there are before the weakest are removed.
     quantizer
-        D; splats with less energy than LEAST_ENERGY of it make shorter steps.
+        D, which says what a bit is worth.
     rng, settings
         As in `encode_intra`.
     """
     z = to_coordinates(image_start(target.picture, settings.growth.start(total), rng).to_array())
-    plan = settings.growth.counts(total, settings.fit)
+    z = _grown(target, z, quantizer, rng, settings.growth.counts(total, settings.grow), settings.grow)
+    done = 0
+    for stop in (*(int(settings.weigh * part) for part in settings.removals), settings.weigh):
+        z = _descended(target, z, quantizer, stop - done)
+        z = z[_energies(z) > (settings.least_energy * quantizer) ** 2] if stop < settings.weigh else z
+        done = stop
+    return z
+
+
+def _grown(target: Target, z: F8, quantizer: float, rng: Generator, plan: dict[int, int], evaluations: int) -> F8:
+    """Descend the error alone; `plan` says to how many the splats are brought at which evaluation."""
     descent = LBFGS(len(z), quantizer)
     best: tuple[float, F8, F8] | None = None  # the error, the coordinates, and the gradient there
-    for i in range(settings.fit):
+    for i in range(evaluations):
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
         new = plan.get(i, 0) - len(z)
@@ -234,14 +240,29 @@ def fit(target: Target, total: int, quantizer: float, rng: Generator, settings: 
     return z if best is None else best[1]
 
 
-def tune(
-    target: Target, z: F8, quantizer: int, rng: Generator, settings: IntraSettings,
-    on_iteration: Callable[[int, float], None] | None = None,
-) -> Rounded:  # fmt: skip
-    """The best rounded splats that descent through the rounding finds in its last quarter.
+def _descended(target: Target, z: F8, quantizer: float, evaluations: int) -> F8:
+    """Descend the error of splats with the term of the bits; those that the objective holds are not in z."""
+    descent = LBFGS(len(z), quantizer)
+    best: tuple[float, F8, F8] | None = None
+    for _ in range(evaluations):
+        keep_inside(z, target.width, target.height)
+        error, gradient = target.evaluate(to_parameters(z))
+        error += add_bits(z, quantizer, BITS_WEIGHT, gradient)
+        if best is None or error < best[0]:
+            best = error, z, gradient
+        elif error > RISE * best[0]:
+            error, z, gradient = best
+            descent.restart()
+        z = moved(z, descent.step(z, error, gradient))
+    return z if best is None else best[1]
 
-    The error of rounded splats and its gradient stand for those of the splats before rounding (straight through). The
-    step is that of momentum in the metric: v <- 0.9 v - rate * (2 metric)^-1 gradient.
+
+def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: IntraSettings) -> Rounded:
+    """The codes of splats, rounded part by part.
+
+    Splats of a part are rounded, and held; the others go on descending, and make good for what rounding did. Which
+    splats are in a part is drawn at random, so that neighbours mostly are in different parts. The error that is left is
+    mostly that of the last parts.
 
     Parameters
     ----------
@@ -253,43 +274,21 @@ def tune(
         D in 1/16.
     rng, settings
         As in `encode_intra`.
-    on_iteration
-        Called with the number of each iteration and its squared error.
     """
-    d = quantizer / 16
-    iterations = settings.tune
-    moves = {int(iterations * part) for part in settings.moves}
-    removals = {int(iterations * part) for part in settings.removals}
-    rates = _cosine(settings.rate, settings.rate * settings.last_rate, iterations)
-    velocity = np.zeros_like(z)
-    best: tuple[float, Rounded] | None = None
-    for i in range(iterations):
-        keep_inside(z, target.width, target.height)
-        if i in removals:
-            kept = np.flatnonzero(_energies(z) > d * d)
-            z, velocity = z[kept], velocity[kept]
-        result = rounded(z, quantizer, target.width, target.height)
-        error, gradient = target.evaluate(result.parameters)
-        if on_iteration:
-            on_iteration(i, error)
-        if 4 * i >= 3 * iterations and (best is None or error < best[0]):
-            best = error, result
-        if i in moves and (count := int(settings.moved_share * len(z))):
-            kept = np.sort(np.argsort(_energies(z), kind="stable")[count:])
-            new = target.new_splats(count, len(z), rng)
-            step_kernel(z, velocity, gradient, d, BITS_WEIGHT, rates[i])
-            z, velocity = np.concatenate([z[kept], new]), np.concatenate([velocity[kept], np.zeros_like(new)])
-        else:
-            step_kernel(z, velocity, gradient, d, BITS_WEIGHT, rates[i])
-    assert best is not None
-    return best[1]
-
-
-def _cosine(first: float, last: float, count: int) -> list[float]:
-    """Numbers from `first` to `last` along half a period of a cosine."""
-    from gsvc_ref.portable import cos
-
-    return [last + (first - last) * (1 + float(cos(math.pi * i / count))) / 2 for i in range(count)]
+    order = rng.permutation(len(z))
+    ends = np.cumsum(np.round(np.array(settings.parts) * len(z)).astype(np.int64))
+    ends[-1] = len(z)
+    z = _descended(target, z, quantizer / 16, settings.settle)
+    result = rounded(z, quantizer, target.width, target.height)
+    for first, end in zip((0, *ends[:-1]), ends, strict=True):
+        part, free = order[first:end], order[end:]
+        for whole, now in zip(result, rounded(z[part], quantizer, target.width, target.height), strict=True):
+            whole[part] = now
+        if len(free):
+            target.hold(result.parameters[order[:end]])
+            z[free] = _descended(target, z[free], quantizer / 16, settings.settle)
+    target.hold(result.parameters[:0])
+    return result
 
 
 def _energies(z: F8) -> F8:
@@ -298,28 +297,16 @@ def _energies(z: F8) -> F8:
 
 
 @kernel()
-def step_kernel(z: F8, velocity: F8, gradient: F8, quantizer: float, weight: float, rate: float) -> None:
-    """One step of `tune`, in place; `gradient` is that of the error alone."""
+def add_bits(z: F8, quantizer: float, weight: float, gradient: F8) -> float:
+    """The term of the bits, W D^2 / 2 ln((E^2 + D^2) / D^2) of all splats; its gradient is added to the other."""
     d2 = quantizer * quantizer
+    total = 0.0
     for i in range(len(z)):
         energy = (z[i, 5] * z[i, 5] + z[i, 6] * z[i, 6]) + z[i, 7] * z[i, 7]
-        relative = 1 / math.sqrt(max(energy, LEAST_ENERGY * LEAST_ENERGY * d2))
-        bits = weight * d2 / (energy + d2)
-        for k in range(8):
-            unit = 1.0 if k > 4 else (2 * relative if k == 4 else ROOT * relative)  # for D = 1
-            slope = gradient[i, k] + (bits * z[i, k] if k > 4 else 0.0)
-            v = MOMENTUM * velocity[i, k] - rate * 0.5 * unit * unit * slope
-            most = MOST_STEP * unit * quantizer
-            if k < 5:
-                most = min(most, MOST_SHAPE_STEP)
-            velocity[i, k] = min(max(v, -most), most)
-        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * HALF), exp_kernel((z[i, 2] - z[i, 3]) * HALF)
-        v = velocity[i]
-        z[i, 0] += l11 * v[0]
-        z[i, 1] += z[i, 4] * l22 * v[0] + l22 * v[1]
-        z[i, 4] = z[i, 4] * exp_kernel(ROOT * v[3]) + v[4]
-        for k in (2, 3, 5, 6, 7):
-            z[i, k] += v[k]
+        for k in range(5, 8):
+            gradient[i, k] += weight * d2 / (energy + d2) * z[i, k]
+        total += log_kernel((energy + d2) / d2)
+    return total * (0.5 * weight * d2)
 
 
 @kernel()
