@@ -62,18 +62,18 @@ def choose_densities(k: I8, g: I8, quantizer: int) -> dict[str, Density]:
         numbers = np.zeros((_CLASSES, _CLASSES), np.int64)  # of each class, by the one that is known
         np.add.at(numbers, (known, classes[:, c]), 1)
 
-        def length(x: Density, numbers: I8 = numbers) -> int:
+        def of_classes(x: Density, numbers: I8 = numbers) -> int:
             return _class_length(numbers, *x)
 
-        chosen[name] = _search(length, 16 * classes[:, c], known, 1, 4, (512, 127 if c else 0))
+        chosen[name] = _search(of_classes, 16 * classes[:, c], known, 1, 4, (512, 127 if c else 0))
     planes = (("size", codec.H_SIZE, 127), ("aspect", codec.H_SIZE, 127), ("shear", codec.H_SHEAR, 0))
     for c, (name, step, slopes) in enumerate(planes):
         codes = np.ascontiguousarray(g[:, c])
 
-        def length(x: Density, codes: I8 = codes, step: I8 = step) -> int:
+        def of_plane(x: Density, codes: I8 = codes, step: I8 = step) -> int:
             return _plane_length(codes, level, step, *x)
 
-        chosen[name] = _search(length, codes * step[level], level, 64, 16, (256, slopes))
+        chosen[name] = _search(of_plane, codes * step[level], level, 64, 16, (256, slopes))
     return chosen
 
 
@@ -100,17 +100,23 @@ def _search(
     while least >= NO_CODE and best[1] < 31:  # the window must hold all values
         best = (best[0], best[1] + 1, best[2], best[3])
         least = length(best)
-    pivot = (sum_known // count) * 1  # a slope turns about the mean of what is known
+    pivot = sum_known // count  # a slope turns about the mean of what is known
     for step in (8, 4, 2, 1):
         while True:
             before = least
             turns = [(s, -(s * pivot) // 4) for s in (step, -step)] if limits[1] else []
-            moves = [(step, 0, 0), (-step, 0, 0), (0, min(step, 4), 0), (0, -min(step, 4), 0), *((c, 0, s) for s, c in turns)]
+            moves = [
+                (step, 0, 0),
+                (-step, 0, 0),
+                (0, min(step, 4), 0),
+                (0, -min(step, 4), 0),
+                *((c, 0, s) for s, c in turns),
+            ]
             for centre, sigma, slope in moves:
                 trial = (best[0] + centre, best[1] + sigma, best[2], best[3] + slope)
-                if abs(trial[0]) < limits[0] and 0 <= trial[1] < 32 and abs(trial[3]) <= limits[1]:
-                    if (bits := length(trial)) < least:
-                        best, least = trial, bits
+                legal = abs(trial[0]) < limits[0] and 0 <= trial[1] < 32 and abs(trial[3]) <= limits[1]
+                if legal and (bits := length(trial)) < least:
+                    best, least = trial, bits
             if step == 1 or least == before:
                 for sigma in range(-1, 2):
                     trial = (best[0], min(max(best[1] + sigma, 0), 31), 1 - best[2], best[3])
@@ -133,7 +139,7 @@ def _cumulative(i: int, bins: int, edge: int, centre: int, sigma: int, unit: int
     x = min(max(x, 0), 65535)
     at, part = x >> 8, x & 255
     t = _FAMILIES[family, at] + (((_FAMILIES[family, at + 1] - _FAMILIES[family, at]) * part) >> 8)
-    return i + (((_ONE - bins) * t) >> 16)
+    return int(i + (((_ONE - bins) * t) >> 16))
 
 
 @kernel()

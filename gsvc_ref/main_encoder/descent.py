@@ -44,17 +44,16 @@ class LBFGS:
         self._step: F8 | None = None  # (N, 8) f8, the last one made
         self._gradient = np.zeros((0, 8))
 
-    def take(self, kept: np.ndarray, new: int = 0) -> None:
-        """Forget splats that are not `kept` (indices), and append others; the next gradient makes no pair."""
-        steps, changes = (np.concatenate([a[:, kept], np.zeros((MEMORY, new, 8))], 1) for a in (self._steps, self._changes))
-        self._steps, self._changes, self._step = np.ascontiguousarray(steps), np.ascontiguousarray(changes), None
-        self._error = math.inf
+    def append(self, new: int) -> None:
+        """Let splats follow the others; the next gradient makes no pair."""
+        zeros = np.zeros((MEMORY, new, 8))
+        self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
+        self._step, self._error = None, math.inf
 
     def step(self, z: F8, error: float, gradient: F8) -> F8:
         """The step (N, 8) from coordinates z (N, 8), given the error there and its gradient (N, 8)."""
-        if self._step is not None:
-            self._learn(z, gradient)
-            self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
+        self._learn(z, gradient)
+        self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
         self._error, self._gradient = error, gradient.copy()
         self._step = np.empty_like(z)
         _direction(
@@ -69,6 +68,8 @@ class LBFGS:
 
     def _learn(self, z: F8, gradient: F8) -> None:
         """Keep the pair of the last step, if its curvature is positive."""
+        if self._step is None:
+            return
         at = (self._last + 1) % MEMORY
         change = gradient - self._gradient
         product, square = _curvature(z, self._step, change, self._quantizer)
@@ -109,7 +110,7 @@ def _inverse_metric(z: F8, g: F8, quantizer: float, scale: float, out: F8) -> No
 
 @kernel()
 def _curvature(z: F8, step: F8, change: F8, quantizer: float) -> tuple[float, float]:
-    """step . change, and change . metric^-1 change."""
+    """The products step . change, and change . metric^-1 change."""
     out = np.empty_like(change)
     _inverse_metric(z, change, quantizer, 1.0, out)
     return _dot(step, change), _dot(change, out)

@@ -1,12 +1,13 @@
 """I-frames of profile `main`: from a picture to the codes of its splats.
 
-Three stages share one metric (`coordinates`) and one optimiser (`descent`). `fit` grows splats where the picture is
-worst, then weighs their bits and removes the weakest. `settle` rounds them to codes part by part: after each part the
-others, which are still free, make good for its rounding errors. Last, the codes' densities are chosen by code length.
+Three stages share one metric (`coordinates`) and one optimiser (`descent`). `grow` adds splats where the picture is
+worst. `weigh` goes on with a term for their bits, and removes the weakest. `settle` rounds them to codes part by part:
+after each part the others, which are still free, make good for its rounding errors. Last, the densities of the codes
+are chosen by their length.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import codec
@@ -27,8 +28,9 @@ from gsvc_ref.main_encoder.coordinates import (
 )
 from gsvc_ref.main_encoder.density_choice import Density, choose_alphas, choose_densities
 from gsvc_ref.main_encoder.descent import LBFGS
-from gsvc_ref.main_encoder.new_splats import Edges
+from gsvc_ref.main_encoder.edges import Edges
 from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounded
+from gsvc_ref.portable import exp, log2, log10
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
 from gsvc_ref.training.settings import Growth
@@ -39,6 +41,19 @@ MOST_SIZE: Final = 400.0
 
 RISE: Final = 1.01
 """L-BFGS goes back to its best point where the error is this many times as large."""
+
+MEDIAN_ENERGY: Final = 8.0
+"""Median energy of grown splats in D, `quantizer_for`; measured."""
+
+GROWTH_QUANTIZER: Final = 16.0
+"""D for the metric of growth, where it only bounds steps of the faintest splats."""
+
+QUANTIZERS: Final = 80
+DB_PER_DOUBLING: Final = 4.5
+"""First guess of what twice the splats gain."""
+AIM: Final = 0.05
+"""By how many dB a search for a PSNR aims higher than it must, and half of what it is content with."""
+TRIES: Final = 5
 
 BITS_WEIGHT: Final = 1.5
 """W in the term of the bits, W D^2 / 2 ln(E^2 + D^2) of each splat.
@@ -71,7 +86,7 @@ class IntraSettings:
 
     grow: int = 100
     weigh: int = 80
-    growth: Growth = Growth(end=0.45)
+    growth: Growth = field(default_factory=lambda: Growth(end=0.45))
     surplus: float = 1.2
     removals: tuple[float, ...] = (0.6, 0.8, 0.95)
     least_energy: float = 1.5
@@ -99,6 +114,8 @@ class IntraFrame(NamedTuple):
 
     Attributes
     ----------
+    quantizer
+        0..79.
     codes
         cx, cy, k, g, px, py in the order of cells, as `codec.code_splats` takes them.
     densities, alphas
@@ -107,6 +124,7 @@ class IntraFrame(NamedTuple):
         (N, 8) i8 and f4 in the same order: what a decoder has.
     """
 
+    quantizer: int
     codes: dict[str, I8]
     densities: dict[str, Density]
     alphas: list[int]
@@ -117,14 +135,15 @@ class IntraFrame(NamedTuple):
 def encode_intra(
     picture: F4,
     splats: int,
-    quantizer: int,
     rng: Generator,
+    quantizer: int | None = None,
     settings: IntraSettings | None = None,
     *,
+    base: F4 | None = None,
     threads: int | None = None,
     precision: Precision = "fast",
 ) -> IntraFrame:
-    """The codes of an I-frame.
+    """The codes of an I-frame, or of a layer.
 
     Parameters
     ----------
@@ -132,94 +151,195 @@ def encode_intra(
         (H, W, 3) f4, R'G'B' with 1.0 = full scale.
     splats
         About how many splats there shall be, at least 1; the frame has at most `settings.surplus` times as many.
-    quantizer
-        0..79, for D = 2^(quantizer / 8) / 2.
     rng
-        Draws the places of splats.
+        Draws the places of splats, and which are rounded first.
+    quantizer
+        0..79, for D = 2^(quantizer / 8) / 2; None: `quantizer_for` chooses it.
     settings
         None: `IntraSettings.quick()`.
+    base
+        (B, 8) f4, the decoded splats of the layers below.
     threads, precision
         As in `Objective`; the result does not depend on the threads, and with ``deterministic`` not on the CPU.
     """
     settings = settings or IntraSettings.quick()
-    target = Target(picture, threads, precision)
+    target = Target(picture, base, threads, precision)
+    z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
+    if quantizer is None:
+        quantizer = quantizer_for(z)
     step = codec.step_D(quantizer)
-    z = fit(target, max(1, round(settings.surplus * splats)), step / 16, rng, settings)
-    return coded(settle(target, z, step, rng, settings), step, target.width, target.height)
+    z = weigh(target, z, step / 16, settings)
+    return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)
 
 
-def coded(result: Rounded, step: int, width: int, height: int) -> IntraFrame:
+def quantizer_for(z: F8) -> int:
+    """The quantiser that goes with splats that a fit of the error alone has found: the one rule for N and D.
+
+    A bit is best spent either on a splat more or on finer steps of all. Both give the same where the median of the
+    splats' energies E, before any is removed for its bits, is MEDIAN_ENERGY times D: then some 10 to 30 % of them turn
+    out not to be worth their bits, whatever the picture and its quality. A finer D is waste on splats too few, a
+    coarser one removes more of them. For a quality that is asked for, N is what is searched (`encode_intra_psnr`).
+
+    Parameters
+    ----------
+    z
+        (N, 8) f8, coordinates.
+
+    Returns
+    -------
+    int
+        0..79; the middle quantiser of no splats is 40.
+    """
+    if len(z) == 0:
+        return 40
+    median = math.sqrt(float(np.sort(_energies(z))[len(z) // 2]))
+    steps = np.array([codec.step_D(quantizer) for quantizer in range(QUANTIZERS)])
+    return int(np.argmin(np.abs(steps - 16 * median / MEDIAN_ENERGY)))
+
+
+def encode_intra_psnr(
+    picture: F4,
+    psnr: float,
+    rng: Generator,
+    settings: IntraSettings | None = None,
+    *,
+    splats: int,
+    most_splats: int,
+    base: F4 | None = None,
+    threads: int | None = None,
+    precision: Precision = "fast",
+) -> IntraFrame:
+    """The I-frame with the fewest splats tried whose decoded picture has a PSNR; the best one, if none has.
+
+    The number of splats is searched by secants of the PSNR over its logarithm, at first with DB_PER_DOUBLING; the
+    quantiser follows from `quantizer_for`.
+
+    Parameters
+    ----------
+    psnr
+        In dB, of the decoded picture before it is rounded to integers.
+    splats, most_splats
+        The first number that is tried, and the largest.
+    picture, rng, settings, base, threads, precision
+        As in `encode_intra`; each try begins with the same draws.
+    """
+    seed = int(rng.integers(1 << 62))
+    target = Target(picture, base, threads, precision)
+    tried: list[tuple[float, float]] = []  # log2 of the number, and the PSNR that it gave
+    found: IntraFrame | None = None
+    best: IntraFrame | None = None
+    most = -math.inf
+    number = min(splats, most_splats)
+    for _ in range(TRIES):
+        frame = encode_intra(
+            picture, number, np.random.default_rng(seed), None, settings, base=base, threads=threads,
+            precision=precision,
+        )  # fmt: skip
+        got = target.psnr(frame.parameters)
+        tried.append((float(log2(number)), got))
+        if got >= psnr and (found is None or len(frame.state) < len(found.state)):
+            found = frame
+        if got > most:
+            best, most = frame, got
+        slope = DB_PER_DOUBLING
+        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
+            slope = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
+        doublings = (psnr + AIM - got) / min(max(slope, 2.0), 8.0)
+        following = min(max(1, round(number * float(exp(math.log(2) * min(max(doublings, -3.0), 3.0))))), most_splats)
+        if following == number or 0 <= got - psnr < 2 * AIM:
+            break
+        number = following
+    result = found or best
+    assert result is not None
+    return result
+
+
+def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFrame:
     """Rounded splats in the order of cells, with the densities of their codes; splats without colour are left out."""
     live = np.flatnonzero((result.k != 0).any(axis=1))
-    result = Rounded(*(part[live] for part in result))
+    result = result.take(live)
     columns, rows = -(-width // 4), -(-height // 4)
     cells = codec.morton(result.cell[:, 0], result.cell[:, 1], columns, rows)
     order = np.argsort(cells, kind="stable")
-    result = Rounded(*(part[order] for part in result))
-    densities = choose_densities(result.k, result.g, step) if len(order) else {}
+    result = result.take(order)
+    densities = choose_densities(result.k, result.g, codec.step_D(quantizer)) if len(order) else {}
     alphas = choose_alphas(cells[order], columns, rows)
-    return IntraFrame(codes_of(result), densities, alphas, result.state, result.parameters)
+    return IntraFrame(quantizer, codes_of(result), densities, alphas, result.state, result.parameters)
 
 
 class Target:
-    """A picture to be described, with the squared error of splats in units of 8 bits."""
+    """A picture to be described, with the squared error of splats in units of 8 bits.
 
-    def __init__(self, picture: F4, threads: int | None = None, precision: Precision = "fast") -> None:
-        self.objective = Objective(picture, threads, precision=precision)
-        self.picture = np.ascontiguousarray(picture, np.float32)  # (H, W, 3) f4
-        self.height, self.width = self.picture.shape[:2]
-        self.edges = Edges(self.picture)
+    Parameters
+    ----------
+    picture
+        (H, W, 3) f4.
+    base
+        (B, 8) f4, splats that are in every picture, such as those of a lower layer.
+    threads, precision
+        As in `Objective`.
+    """
+
+    def __init__(
+        self, picture: F4, base: F4 | None = None, threads: int | None = None, precision: Precision = "fast"
+    ) -> None:
+        self.height, self.width = picture.shape[:2]
+        self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
+        self._edges = Edges(picture)
         self._scale = self.height * self.width * 255.0**2
-        self._held, self._frozen = np.zeros((0, 8), np.float32), 0
+        self._base = np.zeros((0, 8), np.float32) if base is None else base
+        self._held, self._frozen = self._base, 0
+
+    def start(self, count: int, rng: Generator) -> F8:
+        """Coordinates (count, 8) of splats to begin with."""
+        if len(self._base):
+            self._objective.loss(self._base)
+            return self.new_splats(count, count + len(self._base), rng)
+        return to_coordinates(image_start(self._picture, count, rng).to_array())
+
+    def new_splats(self, count: int, total: int, rng: Generator) -> F8:
+        """Coordinates (count, 8) of splats where the splats evaluated last, of `total`, leave the most."""
+        return to_coordinates(self._edges.new_splats(-self._objective.residual(), count, total, rng))
 
     def hold(self, parameters: F4) -> None:
-        """From now on splats (n, 8) f4 are in every picture, beside those that are evaluated."""
-        self._held = parameters
+        """From now on splats (n, 8) f4 are in every picture, beside the base and those that are evaluated."""
+        self._held, self._frozen = np.concatenate([self._base, parameters]), 0
+        self._objective.thaw()
 
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
         held = len(self._held)
-        every = np.concatenate([self._held, parameters]) if held else parameters
-        if held != self._frozen:
-            self.objective.freeze(every, np.arange(len(every)) < held)
-            self._frozen = held
-        loss, gradient = self.objective.evaluate(every)
+        every = np.concatenate([self._held, parameters])
+        if held and len(every) != self._frozen:  # frozen splats are counted with the others
+            self._objective.freeze(every, np.arange(len(every)) < held)
+            self._frozen = len(every)
+        loss, gradient = self._objective.evaluate(every)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient[held:] * np.float32(self._scale))
 
-    def new_splats(self, count: int, total: int, rng: Generator) -> F8:
-        """Coordinates (count, 8) of splats where the splats evaluated last, of `total`, leave the most."""
-        return to_coordinates(self.edges.new_splats(-self.objective.residual(), count, total, rng))
+    def psnr(self, parameters: F4) -> float:
+        """The PSNR in dB of the picture of the base and splats (N, 8) f4."""
+        self.hold(parameters)
+        error = self._objective.loss(self._held)
+        return 10 * float(log10(3 / max(error, 1e-12)))
 
 
-def fit(target: Target, total: int, quantizer: float, rng: Generator, settings: IntraSettings) -> F8:
-    """Coordinates (N, 8) of splats that are close to a picture and will take few bits, without rounding.
+def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) -> F8:
+    """Coordinates (N, 8) of splats that are close to a picture, without rounding and whatever their bits.
 
     Parameters
     ----------
     target
         The picture.
     total
-        How many splats there are before the weakest are removed.
-    quantizer
-        D, which says what a bit is worth.
+        How many splats there are in the end.
     rng, settings
         As in `encode_intra`.
     """
-    z = to_coordinates(image_start(target.picture, settings.growth.start(total), rng).to_array())
-    z = _grown(target, z, quantizer, rng, settings.growth.counts(total, settings.grow), settings.grow)
-    done = 0
-    for stop in (*(int(settings.weigh * part) for part in settings.removals), settings.weigh):
-        z = _descended(target, z, quantizer, stop - done)
-        z = z[_energies(z) > (settings.least_energy * quantizer) ** 2] if stop < settings.weigh else z
-        done = stop
-    return z
-
-
-def _grown(target: Target, z: F8, quantizer: float, rng: Generator, plan: dict[int, int], evaluations: int) -> F8:
-    """Descend the error alone; `plan` says to how many the splats are brought at which evaluation."""
-    descent = LBFGS(len(z), quantizer)
+    z = target.start(settings.growth.start(total), rng)
+    plan = settings.growth.counts(total, settings.grow)
+    descent = LBFGS(len(z), GROWTH_QUANTIZER)
     best: tuple[float, F8, F8] | None = None  # the error, the coordinates, and the gradient there
-    for i in range(evaluations):
+    for i in range(settings.grow):
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
         new = plan.get(i, 0) - len(z)
@@ -230,14 +350,23 @@ def _grown(target: Target, z: F8, quantizer: float, rng: Generator, plan: dict[i
             descent.restart()
         step = descent.step(z, error, gradient)
         if new > 0:
-            descent.take(np.arange(len(z)), new)
+            descent.append(new)
             z = np.concatenate([z, target.new_splats(new, plan[i], rng)])
-            keep_inside(z, target.width, target.height)
             error, gradient = target.evaluate(to_parameters(z))
             best = error, z, gradient
             step = descent.step(z, error, gradient)
         z = moved(z, step)
     return z if best is None else best[1]
+
+
+def weigh(target: Target, z: F8, quantizer: float, settings: IntraSettings) -> F8:
+    """Coordinates (N, 8) after descent with the term of the bits, at a step D; the weakest splats go."""
+    done = 0
+    for stop in (*(int(settings.weigh * part) for part in settings.removals), settings.weigh):
+        z = _descended(target, z, quantizer, stop - done)
+        z = z[_energies(z) > settings.least_energy * settings.least_energy * quantizer * quantizer]
+        done = stop
+    return z
 
 
 def _descended(target: Target, z: F8, quantizer: float, evaluations: int) -> F8:
@@ -282,8 +411,7 @@ def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: Intr
     result = rounded(z, quantizer, target.width, target.height)
     for first, end in zip((0, *ends[:-1]), ends, strict=True):
         part, free = order[first:end], order[end:]
-        for whole, now in zip(result, rounded(z[part], quantizer, target.width, target.height), strict=True):
-            whole[part] = now
+        result.put(part, rounded(z[part], quantizer, target.width, target.height))
         if len(free):
             target.hold(result.parameters[order[:end]])
             z[free] = _descended(target, z[free], quantizer / 16, settings.settle)
@@ -311,7 +439,7 @@ def add_bits(z: F8, quantizer: float, weight: float, gradient: F8) -> float:
 
 @kernel()
 def keep_inside(z: F8, width: int, height: int) -> None:
-    """Move coordinates, in place, to where an I-frame can have them: inside the frame, neither too small nor too slanted."""
+    """Move coordinates, in place, to where an I-frame can have them: inside, neither too small nor too slanted."""
     low, high, shear = log_kernel(LEAST_SIZE), log_kernel(MOST_SIZE), MOST_SHEAR / 1024
     for i in range(len(z)):
         a = min(max((z[i, 2] + z[i, 3]) * HALF, low), high)

@@ -8,7 +8,7 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.main_encoder.coordinates import HALF, ROOT, exp_kernel, log_kernel
+from gsvc_ref.main_encoder.coordinates import HALF, ROOT, exp_kernel
 
 CELL: Final = 4
 """Side of a cell in pixels."""
@@ -50,6 +50,18 @@ class Rounded(NamedTuple):
     state: I8
     parameters: F4
 
+    def take(self, indices: I8) -> "Rounded":
+        """The splats of some indices, in their order."""
+        return Rounded(
+            self.k[indices], self.g[indices], self.cell[indices], self.place[indices], self.state[indices],
+            self.parameters[indices],
+        )  # fmt: skip
+
+    def put(self, indices: I8, others: "Rounded") -> None:
+        """Put others into the places of some indices."""
+        for mine, other in zip(self, others, strict=True):
+            mine[indices] = other
+
 
 def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
     """The codes nearest to coordinates, and what a decoder makes of them.
@@ -67,10 +79,8 @@ def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
     width, height
         The frame's size in pixels; splats outside are moved to its edge.
     """
-    count = len(z)
-    result = Rounded(
-        *(np.empty((count, columns), np.int64) for columns in (3, 3, 2, 2, 8)), np.empty((count, 8), np.float32)
-    )
+    k, g, cell, place, state = (np.empty((len(z), columns), np.int64) for columns in (3, 3, 2, 2, 8))
+    result = Rounded(k, g, cell, place, state, np.empty((len(z), 8), np.float32))
     cells = -(-width // CELL), -(-height // CELL)
     round_kernel(z, quantizer, cells[0], cells[1], LUMA_OFFSET, CHROMA_OFFSET, *result)
     return result
@@ -84,7 +94,7 @@ def _power_of_2(v: int) -> float:
 
 @kernel(inline=True)
 def _whole(x: float) -> int:
-    return int(math.floor(x + 0.5))
+    return math.floor(x + 0.5)
 
 
 @kernel()
@@ -97,7 +107,7 @@ def round_kernel(
         energy = 0
         for c in range(3):
             n = z[i, 5 + c] * 16 / quantizer
-            code = min(int(math.floor(abs(n) + (luma if c == 0 else chroma))), _K_MOST)
+            code = min(math.floor(abs(n) + (luma if c == 0 else chroma)), _K_MOST)
             energy += min(code, 1024) * min(code, 1024)
             k[i, c] = -code if n < 0 else code
             state[i, 5 + c] = k[i, c] * quantizer
@@ -114,12 +124,12 @@ def round_kernel(
         s = min(max(g[i, 2] * shear, -_S_MOST), _S_MOST)
         ex, ey = min(max((a >> 10) + 1 - j, -4), 2), min(max((b >> 10) + 1 - j, -4), 2)
         l11, l22 = _power_of_2(a), _power_of_2(b)
-        cx = min(max(int(math.floor(z[i, 0] / 4)), 0), columns - 1)
-        px = min(max(int(math.floor((z[i, 0] - 4 * cx) * math.ldexp(1.0, -ex))), 0), (1 << (2 - ex)) - 1)
+        cx = min(max(math.floor(z[i, 0] / 4), 0), columns - 1)
+        px = min(max(math.floor((z[i, 0] - 4 * cx) * math.ldexp(1.0, -ex)), 0), (1 << (2 - ex)) - 1)
         x = cx * 1024 + (px << (ex + 8)) + (1 << (ex + 7))
         wanted = z[i, 1] + s * l22 / (1024 * l11) * (x * (1 / 256) - z[i, 0])
-        cy = min(max(int(math.floor(wanted / 4)), 0), rows - 1)
-        py = min(max(int(math.floor((wanted - 4 * cy) * math.ldexp(1.0, -ey))), 0), (1 << (2 - ey)) - 1)
+        cy = min(max(math.floor(wanted / 4), 0), rows - 1)
+        py = min(max(math.floor((wanted - 4 * cy) * math.ldexp(1.0, -ey)), 0), (1 << (2 - ey)) - 1)
         y = cy * 1024 + (py << (ey + 8)) + (1 << (ey + 7))
         cell[i, 0], cell[i, 1], place[i, 0], place[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 4] = x, y, a, b, s
