@@ -42,7 +42,7 @@ MOST_SIZE: Final = 400.0
 RISE: Final = 1.01
 """L-BFGS goes back to its best point where the error is this many times as large."""
 
-MEDIAN_ENERGY: Final = 8.0
+MEDIAN_ENERGY: Final = 7.0
 """Median energy of grown splats in D, `quantizer_for`; measured."""
 
 GROWTH_QUANTIZER: Final = 16.0
@@ -76,8 +76,14 @@ class IntraSettings:
         How splats come in the first of these.
     surplus
         Splats of the fit for each splat that is asked for.
+    moves
+        At which parts of the second the weakest splats move to where the picture is worst.
+    moved_share
+        How many of them move each time, at least, as a share of all.
     removals
-        At which parts of the second splats go whose energy is below `least_energy` D.
+        At which parts of the second splats go whose energy is below `least_energy` D; they do at its end as well.
+    least_energy
+        In D.
     parts
         The shares of the splats that are rounded one after the other.
     settle
@@ -88,6 +94,8 @@ class IntraSettings:
     weigh: int = 80
     growth: Growth = field(default_factory=lambda: Growth(end=0.45))
     surplus: float = 1.2
+    moves: tuple[float, ...] = ()
+    moved_share: float = 0.04
     removals: tuple[float, ...] = (0.6, 0.8, 0.95)
     least_energy: float = 1.5
     parts: tuple[float, ...] = (0.3, 0.25, 0.2, 0.15, 0.1)
@@ -105,8 +113,8 @@ class IntraSettings:
 
     @classmethod
     def slow(cls) -> "IntraSettings":
-        """Several times the time of `quick`."""
-        return cls(grow=400, weigh=600, settle=30)
+        """Five times the time of `quick`, for some 10 % of the bits."""
+        return cls(grow=300, weigh=700, settle=25, moves=(0.1, 0.2, 0.3, 0.4, 0.5))
 
 
 class IntraFrame(NamedTuple):
@@ -168,7 +176,7 @@ def encode_intra(
     if quantizer is None:
         quantizer = quantizer_for(z)
     step = codec.step_D(quantizer)
-    z = weigh(target, z, step / 16, settings)
+    z = weigh(target, z, step / 16, rng, settings)
     return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)
 
 
@@ -359,13 +367,34 @@ def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) ->
     return z if best is None else best[1]
 
 
-def weigh(target: Target, z: F8, quantizer: float, settings: IntraSettings) -> F8:
-    """Coordinates (N, 8) after descent with the term of the bits, at a step D; the weakest splats go."""
+def weigh(target: Target, z: F8, quantizer: float, rng: Generator, settings: IntraSettings) -> F8:
+    """Coordinates (N, 8) after descent with the term of the bits, at a step D; the weakest splats move or go.
+
+    Parameters
+    ----------
+    target
+        The picture.
+    z
+        (N, 8) f8, `grow`.
+    quantizer
+        D, which says what a bit is worth.
+    rng, settings
+        As in `encode_intra`.
+    """
+    least = settings.least_energy * settings.least_energy * quantizer * quantizer
     done = 0
-    for stop in (*(int(settings.weigh * part) for part in settings.removals), settings.weigh):
+    for part in sorted({*settings.moves, *settings.removals, 1.0}):
+        stop = int(settings.weigh * part)
         z = _descended(target, z, quantizer, stop - done)
-        z = z[_energies(z) > settings.least_energy * settings.least_energy * quantizer * quantizer]
         done = stop
+        weak = int(np.count_nonzero(_energies(z) <= least))
+        moved_away = part in settings.moves
+        count = max(weak, int(settings.moved_share * len(z))) if moved_away else weak
+        total = len(z)
+        z = z[np.sort(np.argsort(_energies(z), kind="stable")[count:])]
+        if moved_away and count:
+            target.evaluate(to_parameters(z))
+            z = np.concatenate([z, target.new_splats(count, total, rng)])
     return z
 
 

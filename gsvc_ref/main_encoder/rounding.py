@@ -59,8 +59,9 @@ class Rounded(NamedTuple):
 
     def put(self, indices: I8, others: "Rounded") -> None:
         """Put others into the places of some indices."""
-        for mine, other in zip(self, others, strict=True):
-            mine[indices] = other
+        self.k[indices], self.g[indices] = others.k, others.g
+        self.cell[indices], self.place[indices] = others.cell, others.place
+        self.state[indices], self.parameters[indices] = others.state, others.parameters
 
 
 def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
