@@ -78,6 +78,16 @@ def test_a_quality_is_reached() -> None:
     assert 34.0 <= intra.Target(picture, threads=1).psnr(frame.parameters) < 37
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (3, 50), (24, 24)])
+def test_black_and_tiny_pictures(shape: tuple[int, int]) -> None:
+    for value in (0.0, 0.5):
+        picture = np.full((*shape, 3), value, np.float32)
+        frame = intra.encode_intra(picture, 1, np.random.default_rng(9), settings=FEW, threads=1)
+        assert len(frame.state) <= 1
+        if len(frame.state):
+            assert np.array_equal(written(frame, shape[1], shape[0])[0], frame.state)
+
+
 def test_rounding_is_close_and_keeps_its_limits() -> None:
     rng = np.random.default_rng(7)
     z = np.column_stack([
