@@ -1,0 +1,83 @@
+"""New splats where a picture is worst, stretched along its edges."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+
+from gsvc_ref.arrays import F4, F8
+from gsvc_ref.training.augmentation import residual_splats
+from gsvc_ref.training.events import NEW_SIZE
+
+STRETCH: Final = 4.0
+"""Length over width of a new splat on a straight edge; 1 where there is none."""
+
+LEAST_WIDTH: Final = 0.25
+"""Smallest l22 of a new splat in pixels."""
+
+
+class Edges:
+    """The directions of a picture's edges, from its structure tensor.
+
+    The tensor is that of central differences of the mean of the channels, smoothed with a deviation of 1 px.
+
+    Parameters
+    ----------
+    picture
+        (H, W, 3) f4.
+    """
+
+    def __init__(self, picture: F4) -> None:
+        grey = np.pad((picture[..., 0] + picture[..., 1] + picture[..., 2]).astype(np.float64) / 3, 1, mode="edge")
+        dx = (grey[1:-1, 2:] - grey[1:-1, :-2]) / 2
+        dy = (grey[2:, 1:-1] - grey[:-2, 1:-1]) / 2
+        self._tensor = np.stack([_smoothed(p) for p in (dx * dx, dx * dy, dy * dy)], axis=2)  # (H, W, 3) f8
+
+    def new_splats(self, missing: F4, count: int, total: int, rng: Generator) -> F4:
+        """Splats that are drawn in proportion to the cube of what is missing, coloured with half of it.
+
+        Parameters
+        ----------
+        missing
+            (H, W, 3) f4, target minus picture.
+        count
+            How many.
+        total
+            Of how many splats they will be a part, which makes their size.
+        rng
+            Draws the places.
+
+        Returns
+        -------
+        F4
+            (count, 8) parameters.
+        """
+        height, width = missing.shape[:2]
+        size = NEW_SIZE * math.sqrt(width * height / total)
+        p = residual_splats(missing, count, size, rng).to_array()
+        x = np.minimum(p[:, 0].astype(np.int64), width - 1)
+        y = np.minimum(p[:, 1].astype(np.int64), height - 1)
+        p[:, 2:5] = self._along(self._tensor[y, x], size)
+        return p
+
+    def _along(self, tensor: F8, size: float) -> F8:
+        """Cholesky factors (n, 3) of splats of one area, stretched where their tensor (n, 3) has one direction."""
+        xx, xy, yy = tensor.T
+        spread = np.sqrt((xx - yy) * (xx - yy) + 4 * xy * xy)
+        stretch = 1 + (STRETCH - 1) * (spread / (xx + yy + 1e-5))
+        across, along = size * size / stretch, size * size * stretch  # the eigenvalues of the covariance
+        mean, half = (across + along) / 2, (across - along) / (2 * np.maximum(spread, 1e-30))
+        l11 = np.sqrt(mean + half * (xx - yy))
+        l21 = half * (2 * xy) / l11
+        l22 = np.sqrt(np.maximum(mean - half * (xx - yy) - l21 * l21, LEAST_WIDTH * LEAST_WIDTH))
+        return np.stack([l11, l21, l22], axis=1)
+
+
+def _smoothed(plane: F8) -> F8:
+    """(1 2 1) / 4 twice along both axes: a deviation of 1 px; the edges are repeated."""
+    for _ in range(2):
+        p = np.pad(plane, 1, mode="edge")
+        p = (p[:-2] + 2 * p[1:-1] + p[2:]) / 4
+        plane = (p[:, :-2] + 2 * p[:, 1:-1] + p[:, 2:]) / 4
+    return plane
