@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-import codec
 import numpy as np
 from numpy.random import Generator
 
@@ -26,10 +25,13 @@ from gsvc_ref.main_encoder.coordinates import (
     to_coordinates,
     to_parameters,
 )
-from gsvc_ref.main_encoder.density_choice import Density, choose_alphas, choose_densities
+from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.descent import LBFGS
 from gsvc_ref.main_encoder.edges import Edges
 from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounded
+from gsvc_ref.main_profile.cells import cell_order
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.portable import exp, log2, log10
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
@@ -48,7 +50,6 @@ MEDIAN_ENERGY: Final = 7.0
 GROWTH_QUANTIZER: Final = 16.0
 """D for the metric of growth, where it only bounds steps of the faintest splats."""
 
-QUANTIZERS: Final = 80
 DB_PER_DOUBLING: Final = 4.5
 """First guess of what twice the splats gain."""
 AIM: Final = 0.05
@@ -122,20 +123,13 @@ class IntraFrame(NamedTuple):
 
     Attributes
     ----------
-    quantizer
-        0..79.
     codes
-        cx, cy, k, g, px, py in the order of cells, as `codec.code_splats` takes them.
-    densities, alphas
-        As `choose_densities` and `choose_alphas` give them; densities are empty where there is no splat.
+        Its codes.
     state, parameters
-        (N, 8) i8 and f4 in the same order: what a decoder has.
+        (N, 8) i8 and f4 in their order: what a decoder has.
     """
 
-    quantizer: int
-    codes: dict[str, I8]
-    densities: dict[str, Density]
-    alphas: list[int]
+    codes: MainCodes
     state: I8
     parameters: F4
 
@@ -175,7 +169,7 @@ def encode_intra(
     z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
     if quantizer is None:
         quantizer = quantizer_for(z)
-    step = codec.step_D(quantizer)
+    step = step_of(quantizer)
     z = weigh(target, z, step / 16, rng, settings)
     return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)
 
@@ -201,7 +195,7 @@ def quantizer_for(z: F8) -> int:
     if len(z) == 0:
         return 40
     median = math.sqrt(float(np.sort(_energies(z))[len(z) // 2]))
-    steps = np.array([codec.step_D(quantizer) for quantizer in range(QUANTIZERS)])
+    steps = np.array([step_of(quantizer) for quantizer in range(QUANTIZERS)])
     return int(np.argmin(np.abs(steps - 16 * median / MEDIAN_ENERGY)))
 
 
@@ -264,15 +258,11 @@ def encode_intra_psnr(
 
 def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFrame:
     """Rounded splats in the order of cells, with the densities of their codes; splats without colour are left out."""
-    live = np.flatnonzero((result.k != 0).any(axis=1))
-    result = result.take(live)
-    columns, rows = -(-width // 4), -(-height // 4)
-    cells = codec.morton(result.cell[:, 0], result.cell[:, 1], columns, rows)
-    order = np.argsort(cells, kind="stable")
-    result = result.take(order)
-    densities = choose_densities(result.k, result.g, codec.step_D(quantizer)) if len(order) else {}
-    alphas = choose_alphas(cells[order], columns, rows)
-    return IntraFrame(quantizer, codes_of(result), densities, alphas, result.state, result.parameters)
+    result = result.take(np.flatnonzero((result.k != 0).any(axis=1)))
+    result = result.take(cell_order(result.cell, width, height))
+    codes = codes_of(result)
+    densities = choose_densities(codes, step_of(quantizer), width, height) if len(codes) else None
+    return IntraFrame(MainCodes(quantizer, densities=densities, new=codes), result.state, result.parameters)
 
 
 class Target:

@@ -3,27 +3,25 @@
 import math
 from typing import Final, NamedTuple
 
-import codec
 import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.main_encoder.coordinates import HALF, ROOT, exp_kernel
-
-CELL: Final = 4
-"""Side of a cell in pixels."""
+from gsvc_ref.main_profile.cells import cell_counts
+from gsvc_ref.main_profile.codes import IntraCodes
+from gsvc_ref.main_profile.densities import LARGEST_MAGNITUDE
+from gsvc_ref.main_profile.state import A_LEAST, A_MOST, K1, K2, K3, S_MOST
+from gsvc_ref.main_profile.tables import EXP2
 
 LUMA_OFFSET: Final = 0.45
 CHROMA_OFFSET: Final = 0.4
 """A colour's code is floor(|n| / D + offset) with the sign of n."""
 
-_EXP2 = codec.EXP2
 MOST_SHEAR: Final = 12.0 * 1024
 """Largest |s| of an I-frame in 1/1024: what every density can hold."""
 
 _PER_NEPER: Final = 1024 / math.log(2)
-_A_LOW, _A_HIGH, _S_MOST, _K_MOST = codec.A_LOW, codec.A_HIGH, codec.S_MOST, codec.K_MOST
-_C_1, _C_2, _C_3 = codec.C_1, codec.C_2, codec.C_3
 
 
 class Rounded(NamedTuple):
@@ -76,13 +74,13 @@ def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
     z
         (N, 8) f8, `to_coordinates`.
     quantizer
-        D in 1/16, `codec.step_D`.
+        D in 1/16, `gsvc_ref.main_profile.tables.step_of`.
     width, height
         The frame's size in pixels; splats outside are moved to its edge.
     """
     k, g, cell, place, state = (np.empty((len(z), columns), np.int64) for columns in (3, 3, 2, 2, 8))
     result = Rounded(k, g, cell, place, state, np.empty((len(z), 8), np.float32))
-    cells = -(-width // CELL), -(-height // CELL)
+    cells = cell_counts(width, height)
     round_kernel(z, quantizer, cells[0], cells[1], LUMA_OFFSET, CHROMA_OFFSET, *result)
     return result
 
@@ -90,7 +88,7 @@ def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
 @kernel(inline=True)
 def _power_of_2(v: int) -> float:
     """2^(v / 1024) by the table, exact in binary32 and binary64."""
-    return math.ldexp(np.float64(_EXP2[v & 1023]), (v >> 10) - 15)
+    return math.ldexp(np.float64(EXP2[v & 1023]), (v >> 10) - 15)
 
 
 @kernel(inline=True)
@@ -108,7 +106,7 @@ def round_kernel(
         energy = 0
         for c in range(3):
             n = z[i, 5 + c] * 16 / quantizer
-            code = min(math.floor(abs(n) + (luma if c == 0 else chroma)), _K_MOST)
+            code = min(math.floor(abs(n) + (luma if c == 0 else chroma)), LARGEST_MAGNITUDE)
             energy += min(code, 1024) * min(code, 1024)
             k[i, c] = -code if n < 0 else code
             state[i, 5 + c] = k[i, c] * quantizer
@@ -118,11 +116,11 @@ def round_kernel(
         h, shear = 1477 >> j, 2048 >> j
         g[i, 0] = _whole(z[i, 2] * (HALF * _PER_NEPER) / h)
         g[i, 1] = _whole(z[i, 3] * (HALF * _PER_NEPER) / h)
-        a = min(max((g[i, 0] + g[i, 1]) * h, _A_LOW), _A_HIGH)
-        b = min(max((g[i, 0] - g[i, 1]) * h, _A_LOW), _A_HIGH)
+        a = min(max((g[i, 0] + g[i, 1]) * h, A_LEAST), A_MOST)
+        b = min(max((g[i, 0] - g[i, 1]) * h, A_LEAST), A_MOST)
         change = min(max((a - b) * (1 / _PER_NEPER) - ROOT * z[i, 3], -20.0), 20.0)
         g[i, 2] = _whole(min(max(z[i, 4] * exp_kernel(change) * 1024, -MOST_SHEAR), MOST_SHEAR) / shear)
-        s = min(max(g[i, 2] * shear, -_S_MOST), _S_MOST)
+        s = min(max(g[i, 2] * shear, -S_MOST), S_MOST)
         ex, ey = min(max((a >> 10) + 1 - j, -4), 2), min(max((b >> 10) + 1 - j, -4), 2)
         l11, l22 = _power_of_2(a), _power_of_2(b)
         cx = min(max(math.floor(z[i, 0] / 4), 0), columns - 1)
@@ -135,9 +133,9 @@ def round_kernel(
         cell[i, 0], cell[i, 1], place[i, 0], place[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 4] = x, y, a, b, s
         scale = np.float32(_power_of_2(-(a + b) >> 1))
-        grey = np.float32(state[i, 5]) * _C_1
-        across = np.float32(state[i, 6]) * _C_2
-        green = np.float32(state[i, 7]) * _C_3
+        grey = np.float32(state[i, 5]) * K1
+        across = np.float32(state[i, 6]) * K2
+        green = np.float32(state[i, 7]) * K3
         parameters[i, 0], parameters[i, 1] = np.float32(x) / np.float32(256), np.float32(y) / np.float32(256)
         parameters[i, 2], parameters[i, 4] = np.float32(l11), np.float32(l22)
         parameters[i, 3] = np.float32(s) / np.float32(1024) * np.float32(l22)
@@ -158,7 +156,6 @@ def coordinates_of_state(state: I8, z: F8) -> None:
             z[i, c] = state[i, c] / 16
 
 
-def codes_of(rounded: Rounded) -> dict[str, I8]:
-    """The codes of splats in the order of cells, as `codec.code_splats` takes them."""
-    (cx, cy), (px, py) = rounded.cell.T, rounded.place.T
-    return {"cx": cx, "cy": cy, "k": rounded.k, "g": rounded.g, "px": px, "py": py}
+def codes_of(rounded: Rounded) -> IntraCodes:
+    """The codes of splats in the order of cells."""
+    return IntraCodes(rounded.cell, rounded.k, rounded.g, rounded.place)

@@ -25,12 +25,17 @@ def halving_count(width: int, height: int) -> int:
     return 2 * (max(cell_counts(width, height)) - 1).bit_length()
 
 
+def cell_keys(cells: I8, width: int, height: int) -> I8:
+    """Numbers (N,) that grow with the order of cells (N, 2): the bits of row and column in turn."""
+    keys = np.zeros(len(cells), np.int64)
+    for bit in range(halving_count(width, height) // 2):
+        keys |= (cells[:, 0] >> bit & 1) << (2 * bit + 1) | (cells[:, 1] >> bit & 1) << (2 * bit)
+    return keys
+
+
 def cell_order(cells: I8, width: int, height: int) -> I8:
     """The order of splats by their cells (N, 2): indices (N,), equal cells as they are."""
-    key = np.zeros(len(cells), np.int64)
-    for bit in range(halving_count(width, height) // 2):
-        key |= (cells[:, 0] >> bit & 1) << (2 * bit + 1) | (cells[:, 1] >> bit & 1) << (2 * bit)
-    return np.argsort(key, kind="stable")
+    return np.argsort(cell_keys(cells, width, height), kind="stable")
 
 
 @lru_cache(maxsize=1 << 14)
