@@ -1,0 +1,1 @@
+"""The encoder of profile `main`: coordinates, I-frames, densities."""

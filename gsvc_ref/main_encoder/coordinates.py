@@ -1,0 +1,306 @@
+"""Coordinates of splats in which every change of the same length costs the picture about the same.
+
+A splat has the coordinates (x, y, m, r, s, n0, n1, n2), where x, y are its position in pixels and ::
+
+    a = ln l11,  b = ln l22
+    m = (a + b) / sqrt 2            log size
+    r = (a - b) / sqrt 2            log aspect
+    s = l21 / l22                   shear
+    n = 255 M c sqrt(pi l11 l22)    its colour in opponent axes, times the root of its energy for a colour of length 1
+
+The rows of M are orthonormal: (1, 1, 1) / sqrt 3, (1, 0, -1) / sqrt 2 and (1, -2, 1) / sqrt 6. A position changes in
+the splat's own axes (u, v): (dx, dy) = (l11 u, l21 u + l22 v). A change of size or aspect holds l21 / l11, so that s
+goes along with exp(sqrt 2 dr), before ds is added. With E = |n|, a change of one splat alone changes the picture, in
+units of 8 bits and summed over pixels and channels, to second order by the squared error ::
+
+    |dn|^2 + E^2 ((du^2 + dv^2) / 2 + (dm^2 + dr^2) / 2 + ds^2 / 4)                                         (metric)
+
+so that a step D of n, sqrt 2 D / E of u, v, m, r and 2 D / E of s are each worth D^2: they are the `units` of D.
+
+Every result is made of stated operations in binary64 and is the same on every machine. The functions whose names end
+in `_plain` are the definitions in NumPy; the others are compiled and give the same bits.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8
+from gsvc_ref.portable import exp, log
+
+THIRD: Final = 1 / math.sqrt(3.0)
+HALF: Final = 1 / math.sqrt(2.0)
+SIXTH: Final = 1 / math.sqrt(6.0)
+OPPONENT: Final = np.array([[THIRD, THIRD, THIRD], [HALF, 0.0, -HALF], [SIXTH, -2 * SIXTH, SIXTH]])
+"""M, (3, 3) f8: from R'G'B' to orthonormal opponent colours."""
+
+ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)
+"""|n| of a splat with l11 = l22 = 1 px and a colour of length 1."""
+
+LEAST_FACTOR: Final = 0.125
+"""Smallest l11 and l22 in pixels that a state can hold."""
+
+LEAST_ENERGY: Final = 1.5
+"""Splats with less energy than this many D have the units of one that has it."""
+
+ROOT: Final = math.sqrt(2.0)
+
+_LN2_HIGH: Final = 0.6931471803691238
+_LN2_LOW: Final = 1.9082149292705877e-10
+_PER_LN2: Final = 1 / math.log(2)
+_EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
+_LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
+
+
+# ---- the definitions --------------------------------------------------------------------------------------------------
+def to_coordinates_plain(parameters: F4) -> F8:
+    """The definition of `to_coordinates`."""
+    p = np.asarray(parameters, np.float64)  # (N, 8) f8
+    l11, l22 = np.maximum(p[:, 2], LEAST_FACTOR), np.maximum(p[:, 4], LEAST_FACTOR)
+    a, b = log(l11), log(l22)
+    scale = ENERGY_SCALE * np.sqrt(l11 * l22)
+    red, green, blue = p[:, 5], p[:, 6], p[:, 7]
+    z = np.empty(p.shape)
+    z[:, 0], z[:, 1] = p[:, 0], p[:, 1]
+    z[:, 2], z[:, 3] = (a + b) * HALF, (a - b) * HALF
+    z[:, 4] = p[:, 3] / l22
+    z[:, 5] = ((red + green) + blue) * THIRD * scale
+    z[:, 6] = (red - blue) * HALF * scale
+    z[:, 7] = ((red - 2 * green) + blue) * SIXTH * scale
+    return z
+
+
+def to_parameters_plain(z: F8) -> F4:
+    """The definition of `to_parameters`."""
+    p = np.empty(z.shape, np.float32)
+    l22 = exp((z[:, 2] - z[:, 3]) * HALF)
+    p[:, 0], p[:, 1] = z[:, 0], z[:, 1]
+    p[:, 2], p[:, 3], p[:, 4] = exp((z[:, 2] + z[:, 3]) * HALF), z[:, 4] * l22, l22
+    scale = exp(-(z[:, 2] * HALF)) / ENERGY_SCALE
+    grey, across, green = z[:, 5] * THIRD, z[:, 6] * HALF, z[:, 7] * SIXTH
+    p[:, 5] = ((grey + across) + green) * scale
+    p[:, 6] = (grey - 2 * green) * scale
+    p[:, 7] = ((grey - across) + green) * scale
+    return p
+
+
+def gradient_by_coordinates_plain(parameters: F4, gradient: F4) -> F8:
+    """The definition of `gradient_by_coordinates`."""
+    p, g = np.asarray(parameters, np.float64), np.asarray(gradient, np.float64)  # (N, 8) f8 each
+    l11, l21, l22 = p[:, 2], p[:, 3], p[:, 4]
+    by_scale = 0.5 * ((g[:, 5] * p[:, 5] + g[:, 6] * p[:, 6]) + g[:, 7] * p[:, 7])
+    by_a = (g[:, 2] * l11 + g[:, 3] * l21) - by_scale
+    by_b = g[:, 4] * l22 - by_scale
+    scale = 1 / (ENERGY_SCALE * np.sqrt(l11 * l22))
+    out = np.empty(p.shape)
+    out[:, 0] = g[:, 0] * l11 + g[:, 1] * l21
+    out[:, 1] = g[:, 1] * l22
+    out[:, 2], out[:, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
+    out[:, 4] = g[:, 3] * l22
+    out[:, 5] = ((g[:, 5] + g[:, 6]) + g[:, 7]) * THIRD * scale
+    out[:, 6] = (g[:, 5] - g[:, 7]) * HALF * scale
+    out[:, 7] = ((g[:, 5] - 2 * g[:, 6]) + g[:, 7]) * SIXTH * scale
+    return out
+
+
+def moved_plain(z: F8, step: F8) -> F8:
+    """The definition of `moved`."""
+    l22 = exp((z[:, 2] - z[:, 3]) * HALF)
+    out = z + step
+    out[:, 0] = z[:, 0] + exp((z[:, 2] + z[:, 3]) * HALF) * step[:, 0]
+    out[:, 1] = z[:, 1] + (z[:, 4] * l22 * step[:, 0] + l22 * step[:, 1])
+    out[:, 4] = z[:, 4] * exp(ROOT * step[:, 3]) + step[:, 4]
+    return out
+
+
+def units_plain(z: F8, quantizer: float) -> F8:
+    """The definition of `units`."""
+    energy = np.sqrt((z[:, 5] * z[:, 5] + z[:, 6] * z[:, 6]) + z[:, 7] * z[:, 7])
+    relative = quantizer / np.maximum(energy, LEAST_ENERGY * quantizer)  # (N,) f8
+    out = np.empty(z.shape)
+    out[:, :4] = (ROOT * relative)[:, None]
+    out[:, 4] = 2 * relative
+    out[:, 5:] = quantizer
+    return out
+
+
+# ---- the compiled twins -----------------------------------------------------------------------------------------------
+def to_coordinates(parameters: F4) -> F8:
+    """The coordinates of splats.
+
+    Parameters
+    ----------
+    parameters
+        (N, 8) f4 in the columns of `Splats.to_array`; l11 and l22 below LEAST_FACTOR count as that.
+
+    Returns
+    -------
+    F8
+        (N, 8): x, y, m, r, s, n0, n1, n2.
+    """
+    z = np.empty(parameters.shape)
+    to_coordinates_kernel(parameters, z)
+    return z
+
+
+def to_parameters(z: F8) -> F4:
+    """The parameters (N, 8) f4 of splats with the coordinates z (N, 8): the inverse of `to_coordinates`."""
+    parameters = np.empty(z.shape, np.float32)
+    to_parameters_kernel(z, parameters)
+    return parameters
+
+
+def gradient_by_coordinates(parameters: F4, gradient: F4) -> F8:
+    """The gradient by (u, v, m, r, s, n0, n1, n2), the positions' in the splats' own axes.
+
+    Parameters
+    ----------
+    parameters
+        (N, 8) f4.
+    gradient
+        (N, 8) f4, that by the parameters, of any loss.
+
+    Returns
+    -------
+    F8
+        (N, 8).
+    """
+    out = np.empty(parameters.shape)
+    gradient_kernel(parameters, gradient, out)
+    return out
+
+
+def moved(z: F8, step: F8) -> F8:
+    """The coordinates (N, 8) of splats after a step (N, 8) by (u, v, m, r, s, n0, n1, n2)."""
+    out = np.empty(z.shape)
+    moved_kernel(z, step, out)
+    return out
+
+
+def units(z: F8, quantizer: float) -> F8:
+    """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth the squared error D^2 (metric).
+
+    Parameters
+    ----------
+    z
+        (N, 8) f8.
+    quantizer
+        D, in units of 8 bits.
+
+    Returns
+    -------
+    F8
+        (N, 8).
+    """
+    out = np.empty(z.shape)
+    units_kernel(z, quantizer, out)
+    return out
+
+
+@kernel(inline=True)
+def exp_kernel(x: float) -> float:
+    """`portable.exp` of a number between -700 and 700."""
+    whole = np.rint(x * _PER_LN2)
+    rest = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
+    total = _EXP[0]
+    for i in range(1, 14):
+        total = total * rest + _EXP[i]
+    return math.ldexp(total, int(whole))
+
+
+@kernel(inline=True)
+def log_kernel(x: float) -> float:
+    """`portable.log` of a normal number above 0."""
+    part, exponent = math.frexp(x)
+    if part < math.sqrt(0.5):
+        part, exponent = 2 * part, exponent - 1
+    ratio = (part - 1) / (part + 1)
+    square = ratio * ratio
+    total = _LOG[0]
+    for i in range(1, 12):
+        total = total * square + _LOG[i]
+    return exponent * _LN2_HIGH + (ratio * total + exponent * _LN2_LOW)
+
+
+@kernel()
+def to_coordinates_kernel(parameters: F4, z: F8) -> None:
+    """`to_coordinates_plain`, written into z (N, 8)."""
+    for i in range(len(z)):
+        l11 = max(np.float64(parameters[i, 2]), LEAST_FACTOR)
+        l22 = max(np.float64(parameters[i, 4]), LEAST_FACTOR)
+        a, b = log_kernel(l11), log_kernel(l22)
+        scale = ENERGY_SCALE * math.sqrt(l11 * l22)
+        red, green, blue = np.float64(parameters[i, 5]), np.float64(parameters[i, 6]), np.float64(parameters[i, 7])
+        z[i, 0], z[i, 1] = parameters[i, 0], parameters[i, 1]
+        z[i, 2], z[i, 3] = (a + b) * HALF, (a - b) * HALF
+        z[i, 4] = np.float64(parameters[i, 3]) / l22
+        z[i, 5] = ((red + green) + blue) * THIRD * scale
+        z[i, 6] = (red - blue) * HALF * scale
+        z[i, 7] = ((red - 2 * green) + blue) * SIXTH * scale
+
+
+@kernel()
+def to_parameters_kernel(z: F8, parameters: F4) -> None:
+    """`to_parameters_plain`, written into parameters (N, 8)."""
+    for i in range(len(z)):
+        l22 = exp_kernel((z[i, 2] - z[i, 3]) * HALF)
+        parameters[i, 0], parameters[i, 1] = z[i, 0], z[i, 1]
+        parameters[i, 2], parameters[i, 3] = exp_kernel((z[i, 2] + z[i, 3]) * HALF), z[i, 4] * l22
+        parameters[i, 4] = l22
+        scale = exp_kernel(-(z[i, 2] * HALF)) / ENERGY_SCALE
+        grey, across, green = z[i, 5] * THIRD, z[i, 6] * HALF, z[i, 7] * SIXTH
+        parameters[i, 5] = ((grey + across) + green) * scale
+        parameters[i, 6] = (grey - 2 * green) * scale
+        parameters[i, 7] = ((grey - across) + green) * scale
+
+
+@kernel()
+def gradient_kernel(parameters: F4, gradient: F4, out: F8) -> None:
+    """`gradient_by_coordinates_plain`, written into out (N, 8)."""
+    for i in range(len(out)):
+        l11, l21 = np.float64(parameters[i, 2]), np.float64(parameters[i, 3])
+        l22 = np.float64(parameters[i, 4])
+        g0, g1, g2 = np.float64(gradient[i, 0]), np.float64(gradient[i, 1]), np.float64(gradient[i, 2])
+        g3, g4, g5 = np.float64(gradient[i, 3]), np.float64(gradient[i, 4]), np.float64(gradient[i, 5])
+        g6, g7 = np.float64(gradient[i, 6]), np.float64(gradient[i, 7])
+        by_scale = 0.5 * (
+            (g5 * np.float64(parameters[i, 5]) + g6 * np.float64(parameters[i, 6])) + g7 * np.float64(parameters[i, 7])
+        )
+        by_a = (g2 * l11 + g3 * l21) - by_scale
+        by_b = g4 * l22 - by_scale
+        scale = 1 / (ENERGY_SCALE * math.sqrt(l11 * l22))
+        out[i, 0] = g0 * l11 + g1 * l21
+        out[i, 1] = g1 * l22
+        out[i, 2], out[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
+        out[i, 4] = g3 * l22
+        out[i, 5] = ((g5 + g6) + g7) * THIRD * scale
+        out[i, 6] = (g5 - g7) * HALF * scale
+        out[i, 7] = ((g5 - 2 * g6) + g7) * SIXTH * scale
+
+
+@kernel()
+def moved_kernel(z: F8, step: F8, out: F8) -> None:
+    """`moved_plain`, written into out (N, 8), which may be z."""
+    for i in range(len(out)):
+        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * HALF), exp_kernel((z[i, 2] - z[i, 3]) * HALF)
+        out[i, 0] = z[i, 0] + l11 * step[i, 0]
+        out[i, 1] = z[i, 1] + (z[i, 4] * l22 * step[i, 0] + l22 * step[i, 1])
+        for k in range(2, 8):
+            if k != 4:
+                out[i, k] = z[i, k] + step[i, k]
+        out[i, 4] = z[i, 4] * exp_kernel(ROOT * step[i, 3]) + step[i, 4]
+
+
+@kernel()
+def units_kernel(z: F8, quantizer: float, out: F8) -> None:
+    """`units_plain`, written into out (N, 8)."""
+    for i in range(len(out)):
+        energy = math.sqrt((z[i, 5] * z[i, 5] + z[i, 6] * z[i, 6]) + z[i, 7] * z[i, 7])
+        relative = quantizer / max(energy, LEAST_ENERGY * quantizer)
+        for k in range(4):
+            out[i, k] = ROOT * relative
+        out[i, 4] = 2 * relative
+        for k in range(5, 8):
+            out[i, k] = quantizer
