@@ -31,9 +31,11 @@ LEAST_LOG: Final = -3072 * LN2 / 1024
 MOST_LOG: Final = 13311 * LN2 / 1024
 MOST_SHEAR: Final = 32767 / 1024
 
-POSITION, SHAPE, COLOR = 0, 1, 2
 FIRST: Final = (0, 2, 5, 8)
-"""The first component of each group, and the number of components."""
+"""The first component of each group - position, shape, colour -, and the number of components."""
+
+GROUPS: Final = ((0, 2), (2, 5), (5, 8))
+"""The first component of each group, and the one behind it."""
 
 
 def anchors(state: I8, shift: tuple[I8, I8], steps: tuple[I8, I8], level: I8, sizes: I8, shears: I8) -> F8:
@@ -108,8 +110,7 @@ def put_value(anchor: F8, q: F8, quantizer: float, row: F4) -> None:
 
 @kernel(inline=True)
 def put_gradient(anchor: F8, q: F8, row: F4, g: F4, quantizer: float, scale: float, out: F8) -> None:
-    """The gradient (8,) of f by q, given the parameters `row` and the gradient g of the loss by them; `scale` is
-    SSE / loss / (2 D^2)."""
+    """The gradient (8,) of f by q, given the parameters `row` and the gradient g by them of f / scale."""
     l11, l21, l22 = np.float64(row[2]), np.float64(row[3]), np.float64(row[4])
     g0, g1, g2, g3, g4 = np.float64(g[0]), np.float64(g[1]), np.float64(g[2]), np.float64(g[3]), np.float64(g[4])
     g5, g6, g7 = np.float64(g[5]), np.float64(g[6]), np.float64(g[7])
@@ -146,7 +147,7 @@ def gradients(anchor: F8, q: F8, parameters: F4, g: F4, quantizer: float, scale:
 @kernel()
 def proximal_step(
     anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float,
-    y: F8, q: F8, length: F8, beta: float, sparsity: float, price: F8,
+    y: F8, q: F8, length: F8, beta: float, sparsity: float, price: float,
 ) -> None:  # fmt: skip
     """One step of accelerated proximal descent, in place: q, the point y where the gradient is taken, its parameters.
 
@@ -159,7 +160,6 @@ def proximal_step(
         put_gradient(anchor[i], y[i], parameters[i], g[i], quantizer, scale, step)
         eta = length[i]
         shrink = eta * sparsity
-        live = False
         for group in range(3):
             square = 0.0
             for k in range(FIRST[group], FIRST[group + 1]):
@@ -168,7 +168,7 @@ def proximal_step(
                 value = value - shrink if value > shrink else (value + shrink if value < -shrink else 0.0)
                 step[k] = value
                 square += value * value
-            if square < 2 * eta * price[i, group]:
+            if square < 2 * eta * price:
                 for k in range(FIRST[group], FIRST[group + 1]):
                     step[k] = 0.0
         changed = False
@@ -186,8 +186,11 @@ def rounded_step(
     anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float, y: F8, q: F8, length: F8, offset: float,
     mask: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """One step with rounding, in place: q goes along the gradient at the rounded y where `mask` (N, 3) allows it; then
-    y is q rounded, away from 0 from 1 - offset on."""
+    """One step with rounding, in place.
+
+    q goes along the gradient at the rounded y in the groups that `mask` (N, 3) names; then y is q rounded, away from 0
+    from 1 - offset on.
+    """
     step = np.empty(8)
     for i in range(len(q)):
         if not (mask[i, 0] or mask[i, 1] or mask[i, 2]):
@@ -204,3 +207,43 @@ def rounded_step(
                     y[i, k] = whole
         if changed:
             put_value(anchor[i], y[i], quantizer, parameters[i])
+
+
+def crowding(parameters: F4) -> F8:
+    """How much every splat overlaps with all, (N,) f8 from 1: the sum of its normalised inner products with each.
+
+    It bounds the curvature of f along a splat's components by their row of J^T J, so 1 / crowding is a safe step.
+    """
+    low, high = parameters[:, 3].astype(np.float64), parameters[:, 4].astype(np.float64)
+    reach = 3 * np.sqrt(low * low + high * high)  # (N,) f8, along y
+    order = np.argsort(parameters[:, 1], kind="stable")
+    out = np.ones(len(parameters))
+    _crowding(parameters, order, reach, float(reach.max(initial=0.0)), out)
+    return out
+
+
+@kernel()
+def _crowding(parameters: F4, order: I8, reach: F8, most: float, out: F8) -> None:
+    """`crowding`, added to out; `order` sorts the splats by y."""
+    for first in range(len(order)):
+        i = order[first]
+        xi, yi = np.float64(parameters[i, 0]), np.float64(parameters[i, 1])
+        ai, bi, ci = np.float64(parameters[i, 2]), np.float64(parameters[i, 3]), np.float64(parameters[i, 4])
+        for second in range(first + 1, len(order)):
+            j = order[second]
+            dy = np.float64(parameters[j, 1]) - yi
+            if dy > reach[i] + most:
+                break
+            if dy > reach[i] + reach[j]:
+                continue
+            aj, bj, cj = np.float64(parameters[j, 2]), np.float64(parameters[j, 3]), np.float64(parameters[j, 4])
+            dx = np.float64(parameters[j, 0]) - xi
+            if abs(dx) > 3 * (ai + aj):
+                continue
+            xx, xy, yy = ai * ai + aj * aj, ai * bi + aj * bj, ((bi * bi + ci * ci) + bj * bj) + cj * cj
+            determinant = xx * yy - xy * xy
+            distance = ((yy * dx * dx - 2 * xy * dx * dy) + xx * dy * dy) / determinant
+            if distance < 18:
+                overlap = 2 * math.sqrt(ai * ci * (aj * cj) / determinant) * exp_kernel(-0.5 * distance)
+                out[i] += overlap
+                out[j] += overlap

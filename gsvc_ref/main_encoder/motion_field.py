@@ -43,7 +43,7 @@ LONGEST_STEP: Final = 8.0
 """Longest Gauss-Newton step of a component, in units."""
 
 FIRST_DAMPING: Final = 0.3
-"""Share of the curvature of splats that move alone that is added to H; a third after a step that helps, else times 4."""
+"""Share of the stiffness that is added to H; a third of it after a step that helps, else four times."""
 
 LEAST_DAMPING: Final = 1.0
 """What is added to the diagonal of H in any case."""
@@ -435,9 +435,7 @@ def _bits_around(field: I8, row: int, column: int, bits: F8) -> float:
 
 
 @kernel()
-def _choose(
-    matrix: F8, gradient: F8, damping: F8, field: I8, former: I8, price: float, sweeps: int, bits: F8
-) -> None:
+def _choose(matrix: F8, gradient: F8, damping: F8, field: I8, former: I8, price: float, sweeps: int, bits: F8) -> None:
     """Descent of the quadratic model plus price * bits from the field, vector by vector, in place."""
     rows, columns = field.shape[:2]
     start = field.copy()

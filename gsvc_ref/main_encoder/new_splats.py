@@ -88,7 +88,7 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
         layer = Candidates(size, spacing, np.zeros((rows, columns, 3)))
         _respond(rest, size, spacing, radius, weights, layer.response, 0, 0, rows, columns)
         layers.append((layer, radius, weights))
-    found = []
+    found: list[list[float]] = []
     while len(found) < most:
         best, where, which = least, (-1, -1), -1
         for k, (layer, _, _) in enumerate(layers):
@@ -248,8 +248,8 @@ def _respond(
         for y in range(max(0, cy - radius), min(height, cy + radius + 1)):
             w = weights[y - cy + middle]
             for x in range(start, end):
-                for c in range(3):
-                    column[x - start, c] += w * rest[y, x, c]
+                for k in range(3):
+                    column[x - start, k] += w * rest[y, x, k]
         for place in range(left, right):
             cx = place * spacing + spacing // 2
             a, b, c = 0.0, 0.0, 0.0
@@ -368,15 +368,15 @@ def _round(
 ) -> None:  # fmt: skip
     """`rounded`, written into the last five."""
     for i in range(len(z)):
-        energy = 0
+        square = 0
         for c in range(3):
             offset = LUMA_OFFSET if c == 0 else CHROMA_OFFSET
             size = int(min(math.floor(abs(z[i, 5 + c]) * 16 / step + offset), 1024.0))
             colors[i, c] = size if z[i, 5 + c] >= 0 else -size
             state[i, 5 + c] = colors[i, c] * step
-            energy += size * size
+            square += size * size
         j = 0
-        while j < 10 and energy >= 2 << 2 * j:
+        while j < 10 and square >= 2 << 2 * j:
             j += 1
         a, b = (z[i, 2] + z[i, 3]) * HALF, (z[i, 2] - z[i, 3]) * HALF
         h = sizes[j]
@@ -390,12 +390,12 @@ def _round(
         ex, ey = min(max((A >> 10) + 1 - j, -4), 2), min(max((B >> 10) + 1 - j, -4), 2)
         cx = min(max(int(z[i, 0]) // CELL, 0), columns - 1)
         wide = 2.0**ex
-        px = min(max(int(math.floor((z[i, 0] - CELL * cx) / wide)), 0), (1 << (2 - ex)) - 1)
+        px = min(max(math.floor((z[i, 0] - CELL * cx) / wide), 0), (1 << (2 - ex)) - 1)
         X = cx * 1024 + (px << (ex + 8)) + (1 << (ex + 7))
         y = z[i, 1] + S / 1024 * exp_kernel((B - A) * (LN2 / 1024)) * (X / 256 - z[i, 0])
-        cy = min(max(int(math.floor(y)) // CELL, 0), rows - 1)
+        cy = min(max(math.floor(y) // CELL, 0), rows - 1)
         high = 2.0**ey
-        py = min(max(int(math.floor((y - CELL * cy) / high)), 0), (1 << (2 - ey)) - 1)
+        py = min(max(math.floor((y - CELL * cy) / high), 0), (1 << (2 - ey)) - 1)
         cells[i, 0], cells[i, 1], places[i, 0], places[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1] = X, cy * 1024 + (py << (ey + 8)) + (1 << (ey + 7))
         state[i, 2], state[i, 3], state[i, 4] = A, B, S
