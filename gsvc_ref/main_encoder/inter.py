@@ -6,7 +6,7 @@
 3. A third of the way, new splats where they gain more than they cost (`new_splats`).
 4. Descent with rounding, over the groups that were not 0; the best iterate is kept.
 
-Splats that cover no pixel any more are removed.
+Splats outside the frame that cover no pixel any more are removed.
 """
 
 import math
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gsvc_ref.arrays import F4, F8
 from gsvc_ref.main_encoder import differences
 from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
-from gsvc_ref.main_encoder.new_splats import NewCodes, NewSplats, best_candidates, rounded, state_parameters
+from gsvc_ref.main_encoder.new_splats import REACH, NewCodes, NewSplats, best_candidates, rounded, state_parameters
 from gsvc_ref.rendering import Objective
 
 I8 = NDArray[np.int64]
@@ -303,6 +303,12 @@ class _Updates:
                 ROUNDING_OFFSET, mask,
             )  # fmt: skip
             self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
-        removed = (best_gradient == 0).all(axis=1) & (best == 0).all(axis=1)
+        removed = self._outside() & (best_gradient == 0).all(axis=1) & (best == 0).all(axis=1)
         visible = (best_new.colors != 0).any(axis=1)
         return InterCodes(field, best, removed, best_new.take(np.flatnonzero(visible)))
+
+    def _outside(self) -> NDArray[np.bool_]:
+        """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""
+        x, y, l11, l21, l22 = self.parameters[: self.count, :5].astype(np.float64).T
+        wide, high = REACH * l11, REACH * np.sqrt(l21 * l21 + l22 * l22)
+        return (x < -wide) | (x > self.width + wide) | (y < -high) | (y > self.height + high)

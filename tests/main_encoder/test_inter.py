@@ -113,7 +113,7 @@ def test_crowding_of_splats_alone_and_in_the_same_place(state):
 
 
 def test_the_field_finds_a_shift_and_none_where_nothing_moves(state):
-    before, shifted = picture(state), state + [600, -300, 0, 0, 0, 0, 0, 0]
+    before, shifted = picture(state), state + np.array([600, -300, 0, 0, 0, 0, 0, 0])
     for target, wanted in ((picture(shifted), (9.375, -4.6875)), (before, (0, 0))):
         flow = flow_at_points(before, target)
         field = best_field(Objective(target, threads=1), to_binary32(state), flow, None, 500, 2.4, (64, 32), 6, 6)
@@ -179,7 +179,7 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy():
 
 
 def test_codes_are_the_same_for_any_number_of_threads(state):
-    changed = state + [100, 60, 30, 0, 0, 200, 0, 0]
+    changed = state + np.array([100, 60, 30, 0, 0, 200, 0, 0])
     one, two = (encoded(state, picture(changed), threads=n, precision="deterministic") for n in (1, 2))
     np.testing.assert_array_equal(one.differences, two.differences)
     np.testing.assert_array_equal(one.field.vectors, two.field.vectors)
