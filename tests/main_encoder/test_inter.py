@@ -174,7 +174,7 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy():
     residual = (0.3 * blob[..., None] * np.ones(3)).astype(np.float32)
     z = best_candidates(residual, (2.0, 4.0, 8.0), 100.0, 5)
     np.testing.assert_allclose(z[0, :2], (40.5, 20.5), atol=1.5)
-    np.testing.assert_allclose((z[0, 5:] ** 2).sum(), ((255 * residual) ** 2).sum(), rtol=0.05)
+    np.testing.assert_allclose((z[0, 5:] ** 2).sum(), ((255 * residual) ** 2).sum(), rtol=0.1)  # on a grid of 2 px
     assert len(best_candidates(residual, (4.0,), 1e9, 5)) == 0
 
 
