@@ -311,4 +311,4 @@ class _Updates:
         """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""
         x, y, l11, l21, l22 = self.parameters[: self.count, :5].astype(np.float64).T
         wide, high = REACH * l11, REACH * np.sqrt(l21 * l21 + l22 * l22)
-        return (x < -wide) | (x > self.width + wide) | (y < -high) | (y > self.height + high)
+        return np.asarray((x < -wide) | (x > self.width + wide) | (y < -high) | (y > self.height + high))
