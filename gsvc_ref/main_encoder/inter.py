@@ -1,0 +1,314 @@
+"""P-frames of profile `main`: the codes that bring the splats of the frame before close to a new picture.
+
+1. The motion field, by `motion_field`.
+2. Proximal descent on the differences q (`differences`): the squared error, an L1 term, and a price for each group
+   (position, shape, colour) that has any difference. A splat whose groups stay 0 costs next to nothing.
+3. A third of the way, new splats where they gain more than they cost (`new_splats`).
+4. Descent with rounding, over the groups that were not 0; the best iterate is kept.
+
+Splats outside the frame that cover no pixel any more are removed.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.arrays import F4, F8
+from gsvc_ref.main_encoder import differences
+from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
+from gsvc_ref.main_encoder.new_splats import REACH, NewCodes, NewSplats, best_candidates, rounded, state_parameters
+from gsvc_ref.rendering import Objective
+
+I8 = NDArray[np.int64]
+
+LEAST_LENGTH: Final = 0.02
+MOST_LENGTH: Final = 0.3
+"""Limits of a splat's step in proximal descent."""
+
+NEW_RATE: Final = 0.25
+"""Adam's rate for new splats, in units of D."""
+
+NEW_SIZES: Final = (0.165, 0.33, 0.66)
+"""Deviations of new splats to try, in mean distances of splats."""
+
+FIRST_PRICE: Final = 0.3
+"""The price of a group begins with this share of it."""
+
+PRUNING_INTERVAL: Final = 5
+"""Weak new splats are dropped every so many iterations."""
+
+ROUNDING_OFFSET: Final = 0.4
+"""Differences are rounded away from 0 from 1 - offset on."""
+
+
+@dataclass(frozen=True)
+class InterSettings:
+    """How a P-frame is encoded; the defaults are preset `slow`.
+
+    Attributes
+    ----------
+    cells
+        The sides of the motion field's cells to choose from, in pixels, from large to small.
+    motion_steps
+        Gauss-Newton steps for each of them.
+    motion_rounds
+        How often the vectors of each are chosen by error and bits.
+    motion_price
+        Squared error that a bit of the field is worth, in D^2.
+    cell_gain
+        Bits that a splat is worth each time that the squared error halves, when cells are compared.
+    iterations, rounded_iterations
+        Of steps 2 and 4.
+    length
+        The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH.
+    momentum
+        Of the proximal descent.
+    sparsity
+        Weight of the L1 term.
+    price
+        What a group costs, in 2 D^2.
+    new_gain
+        A new splat must promise to take more than this off the squared error, in D^2.
+    new_energy
+        New splats with an energy below this many D are dropped.
+    new_share
+        Most new splats of a frame, as a share of the clip's number.
+    """
+
+    cells: tuple[int, ...] = (64, 32, 16)
+    motion_steps: int = 4
+    motion_rounds: int = 6
+    motion_price: float = 1.2
+    cell_gain: float = 2.4
+    iterations: int = 80
+    rounded_iterations: int = 30
+    length: float = 0.5
+    momentum: float = 0.9
+    sparsity: float = 0.8
+    price: float = 0.9
+    new_gain: float = 9.0
+    new_energy: float = 4.5
+    new_share: float = 0.1
+
+    @classmethod
+    def quick(cls) -> "InterSettings":
+        """About as long for a frame as preset `quick` of profile `paper`."""
+        return cls(motion_steps=3, motion_rounds=4, iterations=45, rounded_iterations=18)
+
+    @classmethod
+    def slow(cls) -> "InterSettings":
+        """About one and a half times as long."""
+        return cls()
+
+
+@dataclass(frozen=True)
+class InterCodes:
+    """The codes of a P-frame.
+
+    Attributes
+    ----------
+    field
+        The motion field.
+    differences
+        (N, 8) i8.
+    removed
+        (N,) bool.
+    new
+        The new splats, in the order in which they were found.
+    """
+
+    field: Field
+    differences: I8
+    removed: NDArray[np.bool_]
+    new: NewCodes
+
+
+class Reconstruction(Protocol):
+    """What the encoder uses of the profile's reconstruction; all of it is exact and in integers but `to_binary32`."""
+
+    H_SIZE: I8
+    """The steps of size and aspect of every class, in 1/1024 octave."""
+    H_SHEAR: I8
+    """The step of shear of every class, in 1/1024."""
+
+    def to_binary32(self, state: I8, /) -> F4:
+        """The parameters (N, 8) of a state (N, 8)."""
+
+    def level(self, n: I8, D: int, /) -> I8:
+        """The classes j (N,) of splats with the colours n (N, 3)."""
+
+    def steps(self, state: I8, j: I8, /) -> tuple[I8, I8]:
+        """The steps of positions along x and y, (N,) each, in 1/256 px."""
+
+    def moved(self, state: I8, field: I8, cell: int, /) -> Sequence[I8]:
+        """By how much splats move with the field, along x and y, (N,) each, in 1/256 px."""
+
+
+@dataclass(frozen=True)
+class PFrame:
+    """What a P-frame is made from.
+
+    Attributes
+    ----------
+    state
+        (N, 8) i8, the decoded splats of the frame before.
+    objective
+        Of the new picture.
+    before, after
+        (H, W, 3) f4, the pictures between which the optical flow is estimated: the source of the frame before, or its
+        decoded picture, and the new source.
+    step
+        D in 1/16.
+    limits
+        (3, classes, 2) i8, the codes of size, aspect and shear that new splats may have, as for `rounded`.
+    total
+        The clip's number of splats, of which new ones are a share.
+    """
+
+    state: I8
+    objective: Objective
+    before: F4
+    after: F4
+    step: int
+    limits: I8
+    total: int
+
+
+class InterEncoder:
+    """Encodes one P-frame after the other.
+
+    Parameters
+    ----------
+    codec
+        The profile's reconstruction.
+    settings
+        How.
+
+    Attributes
+    ----------
+    past
+        The field of the frame before; None at first, and to be set to None at every I-frame.
+    """
+
+    def __init__(self, codec: Reconstruction, settings: InterSettings) -> None:
+        self.codec, self.settings = codec, settings
+        self.past: Field | None = None
+
+    def encode(self, frame: PFrame) -> InterCodes:
+        """The codes of the next frame."""
+        codec, s = self.codec, self.settings
+        state, D = frame.state, frame.step / 16
+        self.past = field = best_field(
+            frame.objective, codec.to_binary32(state), flow_at_points(frame.before, frame.after), self.past,
+            s.motion_price * D * D, s.cell_gain, s.cells, s.motion_steps, s.motion_rounds,
+        )  # fmt: skip
+        right = down = np.zeros(len(state), np.int64)
+        if field.cell:
+            right, down = codec.moved(state, field.vectors, field.cell)
+        level = codec.level(state[:, 5:], frame.step)
+        anchor = differences.anchors(
+            state, (right, down), codec.steps(state, level), level, codec.H_SIZE, codec.H_SHEAR
+        )
+        return _Updates(frame, anchor, s, (codec.H_SIZE, codec.H_SHEAR)).codes(field)
+
+
+class _Updates:
+    """The differences and new splats of one frame in the making.
+
+    Attributes
+    ----------
+    q, y
+        (N, 8) f8, the differences, and those at which the gradient is taken.
+    new
+        The new splats.
+    parameters
+        (N + n, 8) f4, of the splats with the differences y and of the new ones.
+    length
+        (N,) f8, step lengths.
+    """
+
+    def __init__(self, frame: PFrame, anchor: F8, settings: InterSettings, sizes: tuple[I8, I8]) -> None:
+        self.frame, self.anchor, self.settings, self.sizes = frame, anchor, settings, sizes
+        self.count, self.D = len(anchor), frame.step / 16
+        self.width, self.height = frame.objective.width, frame.objective.height
+        self.scale = self.width * self.height * 255.0**2  # loss to squared error
+        self.by_q = self.scale / (2 * self.D * self.D)  # loss to f
+        self.q, self.y = np.zeros((self.count, 8)), np.zeros((self.count, 8))
+        self.parameters = np.empty((self.count, 8), np.float32)
+        differences.values(anchor, self.y, self.D, self.parameters)
+        crowding = differences.crowding(self.parameters)
+        self.length = np.clip(settings.length / crowding, LEAST_LENGTH, MOST_LENGTH)
+        self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
+
+    def codes(self, field: Field) -> InterCodes:
+        """Descend, add, descend, round."""
+        s = self.settings
+        for iteration in range(s.iterations):
+            if iteration == s.iterations // 3:
+                self._add()
+            if iteration > s.iterations // 2 and iteration % PRUNING_INTERVAL == 0:
+                self._prune()
+            self._descend(min(1.0, FIRST_PRICE + iteration / s.iterations))
+        self._prune()
+        return self._round(field)
+
+    def _descend(self, ramp: float) -> None:
+        """One iteration of step 2, with prices times `ramp`."""
+        s, count = self.settings, self.count
+        self.new.put_parameters(self.parameters[count:])
+        _, gradient = self.frame.objective.evaluate(self.parameters)
+        differences.proximal_step(
+            self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, self.length,
+            s.momentum, s.sparsity, s.price * ramp,
+        )  # fmt: skip
+        self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
+
+    def _add(self) -> None:
+        """New splats where the picture of the parameters is wrong."""
+        s, total = self.settings, self.frame.total
+        self.frame.objective.loss(self.parameters)
+        mean = math.sqrt(self.width * self.height / max(total, 1))
+        sizes = tuple(share * mean for share in NEW_SIZES)
+        least, most = s.new_gain * self.D * self.D, math.floor(s.new_share * total + 0.5)
+        z = best_candidates(-self.frame.objective.residual(), sizes, least, most)
+        self.new = NewSplats(z, self.D, self.width, self.height)
+        self.parameters = np.concatenate([self.parameters, np.empty((len(z), 8), np.float32)])
+
+    def _prune(self) -> None:
+        """Drop new splats that have become too weak."""
+        self.new.keep(self.settings.new_energy)
+        self.parameters = self.parameters[: self.count + len(self.new)]
+
+    def _round(self, field: Field) -> InterCodes:
+        """Step 4."""
+        count, last = self.count, self.settings.rounded_iterations
+        mask = np.stack([(self.q[:, first:end] != 0).any(axis=1) for first, end in differences.GROUPS], axis=1)
+        self.y = np.sign(self.q) * np.floor(np.abs(self.q) + ROUNDING_OFFSET)
+        differences.values(self.anchor, self.y, self.D, self.parameters[:count])
+        length, least = self.length / 2, math.inf
+        for iteration in range(last + 1):
+            if iteration % PRUNING_INTERVAL == 0 and 3 * iteration <= 2 * last:
+                self._prune()
+            codes = rounded(self.new.z, self.frame.step, self.width, self.height, *self.sizes, self.frame.limits)
+            state_parameters(codes.state, self.parameters[count:])
+            loss, gradient = self.frame.objective.evaluate(self.parameters)
+            if loss < least and 3 * iteration >= 2 * last:
+                least, best, best_new, best_gradient = loss, self.y.astype(np.int64), codes, gradient[:count]
+            differences.rounded_step(
+                self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, length,
+                ROUNDING_OFFSET, mask,
+            )  # fmt: skip
+            self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
+        removed = self._outside() & (best_gradient == 0).all(axis=1) & (best == 0).all(axis=1)
+        visible = (best_new.colors != 0).any(axis=1)
+        return InterCodes(field, best, removed, best_new.take(np.flatnonzero(visible)))
+
+    def _outside(self) -> NDArray[np.bool_]:
+        """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""
+        x, y, l11, l21, l22 = self.parameters[: self.count, :5].astype(np.float64).T
+        wide, high = REACH * l11, REACH * np.sqrt(l21 * l21 + l22 * l22)
+        return np.asarray((x < -wide) | (x > self.width + wide) | (y < -high) | (y > self.height + high))
