@@ -10,24 +10,38 @@ Splats outside the frame that cover no pixel any more are removed.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.main_encoder import differences
 from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
 from gsvc_ref.main_encoder.new_splats import REACH, NewCodes, NewSplats, best_candidates, rounded, state_parameters
+from gsvc_ref.main_profile.cells import cell_order
+from gsvc_ref.main_profile.codes import SIDES, IntraCodes, MainCodes, modes_of
+from gsvc_ref.main_profile.densities import PLANES, Densities, Density, windows_of
+from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.main_profile.motion import field_motion
+from gsvc_ref.main_profile.reconstruct import position_steps
+from gsvc_ref.main_profile.state import CLASSES, SHEAR_STEPS, SIZE_STEPS, classes
+from gsvc_ref.main_profile.tables import step_of
 from gsvc_ref.rendering import Objective
-
-I8 = NDArray[np.int64]
 
 LEAST_LENGTH: Final = 0.02
 MOST_LENGTH: Final = 0.3
 """Limits of a splat's step in proximal descent."""
+
+MOST_VECTOR: Final = 2047
+"""Longest vector in quarter pixels along x or y, so that every difference of two has a class."""
+
+MOST_DIFFERENCE: Final = 4095
+"""Largest difference, of the last class."""
+
+NO_DENSITIES: Final = Densities((Density(scale_code=20),) * len(PLANES), ())
+"""What new splats are held to where no densities are kept, and their own are chosen."""
 
 NEW_RATE: Final = 0.25
 """Adam's rate for new splats, in units of D."""
@@ -106,76 +120,35 @@ class InterSettings:
 
 
 @dataclass(frozen=True)
-class InterCodes:
-    """The codes of a P-frame.
-
-    Attributes
-    ----------
-    field
-        The motion field.
-    differences
-        (N, 8) i8.
-    removed
-        (N,) bool.
-    new
-        The new splats, in the order in which they were found.
-    """
-
-    field: Field
-    differences: I8
-    removed: NDArray[np.bool_]
-    new: NewCodes
-
-
-class Reconstruction(Protocol):
-    """What the encoder uses of the profile's reconstruction; all of it is exact and in integers but `to_binary32`."""
-
-    H_SIZE: I8
-    """The steps of size and aspect of every class, in 1/1024 octave."""
-    H_SHEAR: I8
-    """The step of shear of every class, in 1/1024."""
-
-    def to_binary32(self, state: I8, /) -> F4:
-        """The parameters (N, 8) of a state (N, 8)."""
-
-    def level(self, n: I8, D: int, /) -> I8:
-        """The classes j (N,) of splats with the colours n (N, 3)."""
-
-    def steps(self, state: I8, j: I8, /) -> tuple[I8, I8]:
-        """The steps of positions along x and y, (N,) each, in 1/256 px."""
-
-    def moved(self, state: I8, field: I8, cell: int, /) -> Sequence[I8]:
-        """By how much splats move with the field, along x and y, (N,) each, in 1/256 px."""
-
-
-@dataclass(frozen=True)
 class PFrame:
     """What a P-frame is made from.
 
     Attributes
     ----------
     state
-        (N, 8) i8, the decoded splats of the frame before.
+        The decoder's state behind the frame before.
     objective
         Of the new picture.
     before, after
         (H, W, 3) f4, the pictures between which the optical flow is estimated: the source of the frame before, or its
         decoded picture, and the new source.
-    step
-        D in 1/16.
-    limits
-        (3, classes, 2) i8, the codes of size, aspect and shear that new splats may have, as for `rounded`.
+    quantizer
+        0..79.
     total
         The clip's number of splats, of which new ones are a share.
     """
 
-    state: I8
+    state: MainState
     objective: Objective
     before: F4
     after: F4
-    step: int
-    limits: I8
+    quantizer: int
     total: int
+
+    @property
+    def step(self) -> int:
+        """D in 1/16."""
+        return step_of(self.quantizer)
 
 
 class InterEncoder:
@@ -183,8 +156,6 @@ class InterEncoder:
 
     Parameters
     ----------
-    codec
-        The profile's reconstruction.
     settings
         How.
 
@@ -194,26 +165,49 @@ class InterEncoder:
         The field of the frame before; None at first, and to be set to None at every I-frame.
     """
 
-    def __init__(self, codec: Reconstruction, settings: InterSettings) -> None:
-        self.codec, self.settings = codec, settings
+    def __init__(self, settings: InterSettings) -> None:
+        self.settings = settings
         self.past: Field | None = None
 
-    def encode(self, frame: PFrame) -> InterCodes:
+    def encode(self, frame: PFrame) -> MainCodes:
         """The codes of the next frame."""
-        codec, s = self.codec, self.settings
-        state, D = frame.state, frame.step / 16
+        s, values = self.settings, frame.state.values
+        D = frame.step / 16
         self.past = field = best_field(
-            frame.objective, codec.to_binary32(state), flow_at_points(frame.before, frame.after), self.past,
+            frame.objective, frame.state.splats.to_array(), flow_at_points(frame.before, frame.after), self.past,
             s.motion_price * D * D, s.cell_gain, s.cells, s.motion_steps, s.motion_rounds,
         )  # fmt: skip
-        right = down = np.zeros(len(state), np.int64)
+        motion = np.zeros((len(values), 2), np.int64)
+        vectors = np.clip(field.vectors, -MOST_VECTOR, MOST_VECTOR)
         if field.cell:
-            right, down = codec.moved(state, field.vectors, field.cell)
-        level = codec.level(state[:, 5:], frame.step)
-        anchor = differences.anchors(
-            state, (right, down), codec.steps(state, level), level, codec.H_SIZE, codec.H_SHEAR
-        )
-        return _Updates(frame, anchor, s, (codec.H_SIZE, codec.H_SHEAR)).codes(field)
+            motion = field_motion(values, vectors, field.cell)
+        level = classes(values[:, 5:], frame.step)
+        g_x, g_y, _ = position_steps(values, level)
+        right, down = (np.ascontiguousarray(column) for column in motion.T)
+        anchor = differences.anchors(values, (right, down), (g_x, g_y), level, SIZE_STEPS, SHEAR_STEPS)
+        found, removed, new = _Updates(frame, anchor, s).codes()
+        return MainCodes(
+            frame.quantizer, motion_cell=SIDES.index(field.cell), new=in_order(new, frame.state),
+            vectors=vectors if field.cell else np.zeros((0, 0, 2), np.int64),
+            modes=modes_of(found, removed), differences=np.where(removed[:, None], 0, found),
+        )  # fmt: skip
+
+
+def in_order(new: NewCodes, state: MainState) -> IntraCodes:
+    """The codes of new splats in the order of their cells."""
+    order = cell_order(new.cells, state.width, state.height)
+    return IntraCodes(new.cells, new.colors, new.shapes, new.places).take(order)
+
+
+def limits_of(densities: Densities | None) -> I8:
+    """The least and the greatest code of size, aspect and shear that new splats may have, (3, classes, 2)."""
+    limits = np.zeros((3, CLASSES, 2), np.int64)
+    for row, plane in enumerate(PLANES[3:]):
+        windows = windows_of(plane, (densities or NO_DENSITIES).of(plane))
+        bins = np.diff(windows.distributions.first) - 1
+        limits[row, :, 0] = windows.first << windows.low_bits
+        limits[row, :, 1] = ((windows.first + bins) << windows.low_bits) - 1
+    return limits
 
 
 class _Updates:
@@ -231,8 +225,9 @@ class _Updates:
         (N,) f8, step lengths.
     """
 
-    def __init__(self, frame: PFrame, anchor: F8, settings: InterSettings, sizes: tuple[I8, I8]) -> None:
-        self.frame, self.anchor, self.settings, self.sizes = frame, anchor, settings, sizes
+    def __init__(self, frame: PFrame, anchor: F8, settings: InterSettings) -> None:
+        self.frame, self.anchor, self.settings = frame, anchor, settings
+        self.limits = limits_of(frame.state.densities)
         self.count, self.D = len(anchor), frame.step / 16
         self.width, self.height = frame.objective.width, frame.objective.height
         self.scale = self.width * self.height * 255.0**2  # loss to squared error
@@ -244,8 +239,8 @@ class _Updates:
         self.length = np.clip(settings.length / crowding, LEAST_LENGTH, MOST_LENGTH)
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
 
-    def codes(self, field: Field) -> InterCodes:
-        """Descend, add, descend, round."""
+    def codes(self) -> tuple[I8, NDArray[np.bool_], NewCodes]:
+        """Descend, add, descend, round: the differences, which splats are removed, and the new ones."""
         s = self.settings
         for iteration in range(s.iterations):
             if iteration == s.iterations // 3:
@@ -254,7 +249,7 @@ class _Updates:
                 self._prune()
             self._descend(min(1.0, FIRST_PRICE + iteration / s.iterations))
         self._prune()
-        return self._round(field)
+        return self._round()
 
     def _descend(self, ramp: float) -> None:
         """One iteration of step 2, with prices times `ramp`."""
@@ -283,7 +278,7 @@ class _Updates:
         self.new.keep(self.settings.new_energy)
         self.parameters = self.parameters[: self.count + len(self.new)]
 
-    def _round(self, field: Field) -> InterCodes:
+    def _round(self) -> tuple[I8, NDArray[np.bool_], NewCodes]:
         """Step 4."""
         count, last = self.count, self.settings.rounded_iterations
         mask = np.stack([(self.q[:, first:end] != 0).any(axis=1) for first, end in differences.GROUPS], axis=1)
@@ -293,7 +288,9 @@ class _Updates:
         for iteration in range(last + 1):
             if iteration % PRUNING_INTERVAL == 0 and 3 * iteration <= 2 * last:
                 self._prune()
-            codes = rounded(self.new.z, self.frame.step, self.width, self.height, *self.sizes, self.frame.limits)
+            codes = rounded(
+                self.new.z, self.frame.step, self.width, self.height, SIZE_STEPS, SHEAR_STEPS, self.limits
+            )  # fmt: skip
             state_parameters(codes.state, self.parameters[count:])
             loss, gradient = self.frame.objective.evaluate(self.parameters)
             if loss < least and 3 * iteration >= 2 * last:
@@ -305,7 +302,7 @@ class _Updates:
             self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
         removed = self._outside() & (best_gradient == 0).all(axis=1) & (best == 0).all(axis=1)
         visible = (best_new.colors != 0).any(axis=1)
-        return InterCodes(field, best, removed, best_new.take(np.flatnonzero(visible)))
+        return np.clip(best, -MOST_DIFFERENCE, MOST_DIFFERENCE), removed, best_new.take(np.flatnonzero(visible))
 
     def _outside(self) -> NDArray[np.bool_]:
         """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""
