@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
+    from gsvc_ref.stream import read_main_stream as read_main_stream
     from gsvc_ref.stream import read_stream as read_stream
     from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
     from gsvc_ref.stream import seek as seek
@@ -117,6 +118,7 @@ _HOMES: Final = {
     "planes_to_frame": "gsvc_ref.video.color",
     "prune": "gsvc_ref.training.pruning",
     "pruning_plan": "gsvc_ref.training.pruning",
+    "read_main_stream": "gsvc_ref.stream",
     "read_stream": "gsvc_ref.stream",
     "reconstruct_inter": "gsvc_ref.reconstruction",
     "reconstruct_intra": "gsvc_ref.reconstruction",
@@ -174,6 +176,7 @@ __all__ = [
     "planes_to_frame",
     "prune",
     "pruning_plan",
+    "read_main_stream",
     "read_stream",
     "reconstruct_inter",
     "reconstruct_intra",
