@@ -1,7 +1,8 @@
 """The run of the entropy coder through a frame, in passes (spec.md section 15.6).
 
 A pass is handed the cumulative frequencies of its symbols, and the symbols themselves where a frame is written; it
-returns the symbols. So each structure of a frame stands once, and is read and written by the same lines.
+returns the symbols. So each structure of a frame stands once, and is read and written by the same lines. Symbol i of a
+pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0 (R-15.6-1).
 """
 
 from abc import ABC, abstractmethod
