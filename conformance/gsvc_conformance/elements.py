@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from gsvc_conformance.element_values import Number, Values, plane_values, values
 from gsvc_conformance.sets import read_sets, withdrawn
-from gsvc_conformance.spec import namespace
+from gsvc_conformance.spec import header_rows
 from gsvc_conformance.vector import MANIFEST, VECTORS, files_in, vector_in
 from gsvc_ref.syntax import named
 
@@ -88,8 +88,8 @@ def _of_header(name: str, size: int, lowest: int, highest: int) -> Syntax:
     return Syntax(lowest, highest, default=default, refused=(*beside, *_REFUSED_TOO.get(name, ())))
 
 
-_HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in namespace()["HEADER"]}
-"""The elements of the sequence header, with the ranges of spec.md's own table HEADER (section 6.3)."""
+_HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in header_rows("paper")}
+"""The elements of the sequence header of profile `paper`, with the ranges of spec.md's own tables (section 6.3)."""
 
 ELEMENTS: Final[Mapping[str, Syntax]] = {
     "magic": Syntax(),
