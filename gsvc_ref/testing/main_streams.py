@@ -60,9 +60,7 @@ class RandomRun(Run):
         return self._rng.integers(np.zeros(len(ends), np.int64), ends)
 
 
-def random_main_stream(
-    seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS
-) -> Stream:
+def random_main_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
     """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
 
     Parameters
@@ -91,12 +89,9 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
 def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
     """A legal sequence header of profile `main`; all elements but the size take their whole range."""
     paper = make_header(choices, max_pixels=max_pixels)
-    common = {name: getattr(paper, name) for name in header_elements(MAIN) if name not in ("profile", "flags")}
-    return SequenceHeader(
-        **common | {"layer_count": choices.integer(1, 4)},
-        profile=MAIN,
-        parameter_checksum_flag=paper.parameter_checksum_flag,
-    )
+    kept = {name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"}
+    own = {"profile": MAIN, "layer_count": choices.integer(1, 4)}
+    return SequenceHeader(**kept | own, parameter_checksum_flag=paper.parameter_checksum_flag)
 
 
 def make_main_frame(
