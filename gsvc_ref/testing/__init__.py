@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from gsvc_ref.testing.frame_codes import headers as headers
     from gsvc_ref.testing.frame_codes import main_streams as main_streams
     from gsvc_ref.testing.frame_codes import streams as streams
-    from gsvc_ref.testing.main_streams import random_main_stream as random_main_stream
+    from gsvc_ref.testing.random_main_streams import random_main_stream as random_main_stream
     from gsvc_ref.testing.random_streams import Stream as Stream
     from gsvc_ref.testing.random_streams import Wishes as Wishes
     from gsvc_ref.testing.random_streams import random_stream as random_stream
@@ -87,7 +87,7 @@ _HOMES: Final = {
     "main_streams": "frame_codes",
     "overview_frames": "examples",
     "planes": "strategies",
-    "random_main_stream": "main_streams",
+    "random_main_stream": "random_main_streams",
     "random_stream": "random_streams",
     "rich_frames": "examples",
     "splat_sets": "strategies",

@@ -14,7 +14,7 @@ from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing.choices import Choices
 from gsvc_ref.testing.examples import RICH_HEADER, rich_frames
 from gsvc_ref.testing.faults import write_stream
-from gsvc_ref.testing.main_streams import make_main_stream, random_main_stream
+from gsvc_ref.testing.random_main_streams import make_main_stream, random_main_stream
 from gsvc_ref.testing.random_streams import MAX_PIXELS, Stream, make_frame, make_header, make_stream
 
 FEW: Final = 24
