@@ -21,13 +21,15 @@ IGNORED: Final = ("align", "payload", "unknown")
 def values(stream: bytes) -> Values:
     """The values of every element of a stream, up to its fault if it has one."""
     from gsvc_ref.errors import GsvcError
+    from gsvc_ref.reconstruction import FrameCodes
     from gsvc_ref.stream import StreamReader
 
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
     try:
         splats = 0
         for frame in StreamReader(stream, trace=_recorder(found)):
-            _note_codes(found, frame.codes, splats)
+            if isinstance(frame.codes, FrameCodes):
+                _note_codes(found, frame.codes, splats)
             splats = len(frame.splats)
     except GsvcError:
         pass

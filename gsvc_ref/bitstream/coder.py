@@ -164,8 +164,10 @@ class Coder(ABC):
 
     def divide(self, category: str, parts: Mapping[str, int]) -> None:
         """Count bits of a category to parts of it instead, of each part so many, as long as there are some."""
+        left = self.bits_by_category()[category]
         for part, wanted in parts.items():
-            bits = min(wanted, self.bits_by_category()[category])
+            bits = min(wanted, left)
+            left -= bits
             self.bits[part, "symbols"] += bits
             self.bits[category, "symbols"] -= bits
 

@@ -46,9 +46,9 @@ def frame(
     given
         The frame that a Writer writes; its blocks must fit `state`.
     """
-    given_number = frame_number if given is None else given.frame_number
-    head = frame_head(s, header, frame_number, given_number, given and given.parameter_checksum)
-    return Frame(*head, frame_codes(s, header, state, frame_type, given and given.codes))
+    told = given or Frame(frame_number, None, NO_FRAME)
+    head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)
+    return Frame(*head, frame_codes(s, header, state, frame_type, told.codes))
 
 
 def frame_head(
@@ -63,10 +63,9 @@ def frame_head(
 
 
 def frame_codes(
-    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, given: FrameCodes | None = None
+    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME
 ) -> FrameCodes:
-    """What follows `parameter_checksum` in a frame of profile `paper`; parameters as of `frame`."""
-    codes = given or NO_FRAME
+    """What follows `parameter_checksum` in a frame of profile `paper`; a Writer writes `codes`."""
     before = state.forget() if frame_type == "I" else state
     if frame_type == "I":
         splat_count = _splat_count(s, header, "splat_count", codes.intra_count)

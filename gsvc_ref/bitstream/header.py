@@ -135,6 +135,13 @@ class SequenceHeader:
         return {name: getattr(self, name) for name in header_elements(self.profile)}
 
     @property
+    def arguments(self) -> dict[str, int]:
+        """What makes this header again: `elements`, with the flags by their names."""
+        known = self.elements
+        flags = ("parameter_checksum_flag", "paced_flag")
+        return {part.name: getattr(self, part.name) for part in fields(self) if part.name in (*known, *flags)}
+
+    @property
     def flags(self) -> int:
         """The element `flags`."""
         return self.parameter_checksum_flag | self.paced_flag << 1

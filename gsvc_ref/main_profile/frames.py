@@ -18,14 +18,12 @@ from gsvc_ref.main_profile.densities import (
     Densities,
     Density,
     code_magnitudes,
-    code_signs,
     code_windowed,
-    magnitude_classes,
     windows_of,
 )
 from gsvc_ref.main_profile.models import Models
 from gsvc_ref.main_profile.motion import code_field, field_motion, field_shape, mode_contexts
-from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter
+from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter, magnitude_classes
 from gsvc_ref.main_profile.reconstruct import add_differences, colors_of, intra_state, place_bits
 from gsvc_ref.main_profile.state import classes, no_splats, to_splats
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
@@ -338,9 +336,8 @@ def _differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
                 contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
                 sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the last one cannot be 0
                 wanted = None if told is None else np.abs(told[:, i]) - sure
-                magnitude, _ = models.code_magnitudes(run, group, contexts, wanted)
-                magnitudes.append(magnitude + sure)
+                magnitudes.append(models.code_magnitudes(run, group, contexts, wanted) + sure)
                 before = before + magnitudes[-1]
             for i, magnitude in enumerate(magnitudes):
-                q[changed, first + i] = code_signs(run, magnitude, None if told is None else told[:, i])
+                q[changed, first + i] = run.signs(magnitude, None if told is None else told[:, i])
     return q

@@ -4,7 +4,7 @@ Every symbol of a pass can be decoded, so a random frame is what a run gives who
 """
 
 from dataclasses import replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -60,9 +60,7 @@ class RandomRun(Run):
         return self._rng.integers(np.zeros(len(ends), np.int64), ends)
 
 
-def random_main_stream(
-    seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS
-) -> Stream:
+def random_main_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
     """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
 
     Parameters
@@ -85,31 +83,41 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
         frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
         codes.append(frame)
         splats.append(state.splats)
+    header = replace(header, frame_count=len(codes))
     return Stream(write_stream(header, codes, index=choices.boolean()), header, codes, splats)
 
 
 def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
     """A legal sequence header of profile `main`; all elements but the size take their whole range."""
     paper = make_header(choices, max_pixels=max_pixels)
-    common = {name: getattr(paper, name) for name in header_elements(MAIN) if name not in ("profile", "flags")}
-    return SequenceHeader(
-        **common | {"layer_count": choices.integer(1, 4)},
-        profile=MAIN,
-        parameter_checksum_flag=paper.parameter_checksum_flag,
-    )
+    kept = {name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"}
+    own = {"profile": MAIN, "layer_count": choices.integer(1, 4)}
+    checksums: dict[str, Any] = {"parameter_checksum_flag": paper.parameter_checksum_flag}
+    return SequenceHeader(**kept | own | checksums)
 
 
 def make_main_frame(
-    choices: Choices, header: SequenceHeader, state: MainState, *, types: str = "IPR", max_count: int = 120
+    choices: Choices,
+    header: SequenceHeader,
+    state: MainState,
+    *,
+    types: str = "IPR",
+    max_count: int = 120,
+    count: int | None = None,
+    kind: Kind | None = None,
 ) -> tuple[MainCodes, MainState]:
-    """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state behind it."""
+    """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state behind it.
+
+    With `count` it has so many new splats, and with `kind` symbols of that kind.
+    """
     letters: tuple[FrameType, ...] = ("I", "P", "R")
     frame_type = choices.pick([letter for letter in letters if letter in types])
     if frame_type == "R":
         return MainCodes.repeated_frame(), state
     before = MainState.initial(header.width, header.height) if frame_type == "I" else state
     room = min(max_count, MAX_SPLATS - len(before.values))
-    count = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    count = drawn if count is None else count
     own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
     codes = MainCodes(
         type=frame_type,
@@ -121,7 +129,7 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    run = RandomRun(choices.generator(), choices.pick(KINDS))
+    run = RandomRun(choices.generator(), kind or choices.pick(KINDS))
     after, codes = code_run(run, before, codes, count)
     return codes, after
 
