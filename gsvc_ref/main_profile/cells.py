@@ -104,6 +104,28 @@ def _halves(
     return asked[:many], cumulative, first[: many + 1], low[:many]
 
 
+def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
+    """Of the number of n splats that are in the first half of a part (15-8), (15-9).
+
+    Parameters
+    ----------
+    n
+        The splats of the part, at least 1.
+    first, second
+        p and q, the cells of both halves inside of the frame along the side that is halved.
+    alpha
+        The shape, as in `_halves`.
+
+    Returns
+    -------
+    The cumulative frequencies, and how many low bits of the number are raw.
+    """
+    origin = np.zeros((1, 2), np.int64)
+    counts = np.array([n], np.int64)
+    _, cumulative, _, low = _halves(counts, origin, 0, first, first + second, alpha, EXP2, FAMILIES[0])
+    return cumulative, int(low[0])
+
+
 @kernel()
 def _halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I8) -> tuple[I8, I8]:
     """Counts and origins of the halves that have splats, each first half before the second one."""

@@ -85,8 +85,7 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
     """
     if min(count, first_half, second_half, alpha) < 1:
         raise UsageError("count, first_half, second_half and alpha must be at least 1")
-    table, low_bits = half_distribution(count, first_half, second_half, alpha)
-    return HalfFrequencies(table.copy(), low_bits)
+    return HalfFrequencies(*half_distribution(count, first_half, second_half, alpha))
 
 
 @door

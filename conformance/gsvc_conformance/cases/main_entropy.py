@@ -248,6 +248,14 @@ def unequal_halves(value: tuple[int, int]) -> Inputs:
     assert frequencies.argmax() == 7 * (256 * value[0] // sum(value)) // 256
 
 
+@case("core", "half_frequencies", flags=["ties"], each={"3_of_3": (3, 3), "5_of_20": (5, 20), "13_of_2": (13, 2)},
+      said={"3_of_3": "3 splats, alpha 3", "5_of_20": "5 splats, alpha 20", "13_of_2": "13 splats, alpha 2"})  # fmt: skip
+def weights_round_down(value: tuple[int, int]) -> Inputs:
+    """Each weight is rounded down before the next one is made of it: {key}."""
+    expected = yield half(value[0], alpha=value[1])
+    assert result(expected, "cumulative")[-1] == TOTAL
+
+
 @case("core", "half_frequencies")
 def one_splat_in_unequal_halves() -> Inputs:
     """One splat: w is 0 or 1, so e is 0 and has no second term."""
