@@ -48,7 +48,7 @@ def encoded(inputs: dict[str, Any]) -> Inputs:
 
 @case("core", "encode_run")
 def one_symbol() -> Inputs:
-    """c = 3000 and f = 1000 of one lane that begins at 2^16: 65 · 2^14 + 536 + 3000, and no word."""
+    """One lane that begins at 2^16, c = 3000 and f = 1000: 65 · 2^14 + 536 + 3000, and no word."""
     expected = yield run_of([[3000, 1000]], 1)
     assert result(expected, "lane_states").tolist() == [65 * 2**14 + 536 + 3000]
     assert len(result(expected, "words")) == 0
@@ -72,7 +72,7 @@ def run_at_the_bound() -> Inputs:
 
 @case("core", "encode_run")
 def certain_symbols() -> Inputs:
-    """f = 2^14 changes nothing: a symbol that is certain costs no bits."""
+    """A frequency of 2^14 changes nothing: a symbol that is certain costs no bits."""
     expected = yield run_of([[0, TOTAL], [5, 7], [0, TOTAL], [0, TOTAL]], 2, [0, 0, 1, 0])
     assert len(result(expected, "words")) == 0
     assert result(expected, "lane_states")[1] == MIN_STATE
