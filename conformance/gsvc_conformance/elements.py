@@ -134,6 +134,19 @@ ELEMENTS: Final[Mapping[str, Syntax]] = {
     "offset_step": Syntax(0, absent=("entry_count", 0)),
     "frame_count (end)": Syntax(1, MOST, refused=(0,)),
     "index_length": Syntax(0, default=0, refused=(1, MOST)),
+    **{name: _stated(name, refused=(0, 5)) for name in ("layer_count",)},
+    "quantizer": _stated("quantizer", refused=(80, 255)),
+    "lane_exponent": _stated("lane_exponent", refused=(7,)),
+    "motion_cell": _stated("motion_cell"),
+    "densities_present": _stated("densities_present"),
+    "frame_reserved": _stated("frame_reserved", refused=(1, 2)),
+    "splat_count (frame_body)": Syntax(0, refused=((1 << 14) + 1,)),
+    "new_splat_count (frame_body)": Syntax(0, refused=(1 << 14,)),
+    "lane_state (frame_body)": Syntax(1 << 16, refused=(65535, 0)),
+    "word (frame_body)": Syntax(),
+    **{name: _stated(name) for name in ("density_family", "scale_code", "centre", "slope", "halving_code")},
+    "layer": Syntax(),
+    "layer_type": Syntax(),
 }
 """All syntax elements, in the order of spec.md."""
 

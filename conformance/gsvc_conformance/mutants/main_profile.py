@@ -320,7 +320,7 @@ FAULTS: tuple[Mutant, ...] = (
         ("    if body[\"motion_cell\"] > 0 and len(main.splats) == 0:", "    if False:")),
     mutant(AREA, "quantizer-80-accepted", "quantizers above 79 accepted", ("    if body[\"quantizer\"] > 79:", "    if body[\"quantizer\"] > 255:")),
     mutant(AREA, "frame-reserved-ignored", "reserved bits of a frame ignored",
-        ("    body[\"densities_bit\"] = p.element\n    if p.u(2) != 0:", "    body[\"densities_bit\"] = p.element\n    if p.u(2) > 3:")),
+        ("    if frame_reserved != 0:", "    if frame_reserved > 3:")),
     mutant(AREA, "densities-without-splats-accepted", "densities of a frame without new splats accepted",
         ("    if present and count == 0 or not present and count > 0 and frame_type == \"I\":", "    if not present and count > 0 and frame_type == \"I\":")),
     mutant(AREA, "main-states-unchecked", "lane states of a run below 2^16 accepted",
