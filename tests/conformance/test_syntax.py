@@ -19,7 +19,8 @@ from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.syntax import elements, named, number, rules_of, syntax
 
 TEXT = SPEC.read_text(encoding="utf-8")
-SECTIONS = TEXT[TEXT.index("\n## 6 ") : TEXT.index("\n## 7 ")] + TEXT[TEXT.index("\n## 15 ") : TEXT.index("\n## Annex A")]
+PARTS = {"\n## 6 ": "\n## 7 ", "\n## 15 ": "\n## Annex A"}
+SECTIONS = "".join(TEXT[TEXT.index(first) : TEXT.index(end)] for first, end in PARTS.items())
 
 
 def structure(name):

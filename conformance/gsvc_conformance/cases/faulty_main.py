@@ -91,8 +91,8 @@ def main_faults() -> Iterator[Broken]:
     yield Broken("R-15.5-2", kind_of("R-15.5-2"), "field_behind_nothing",
                  "a P-frame behind a frame without splats has a motion field", "there is nothing that moves",
                  partial(streams, EMPTY, Lie("motion_cell", 3, 1)), 1)  # fmt: skip
-    yield Broken("R-3.1-4", kind_of("R-3.1-4"), "behind_densities", "a bit behind densities() is 1", "align() skips zeros",
-                 partial(streams, PLANS, Lie("align", 1), width=70))  # fmt: skip
+    yield Broken("R-3.1-4", kind_of("R-3.1-4"), "behind_densities", "a bit behind densities() is 1",
+                 "align() skips zeros", partial(streams, PLANS, Lie("align", 1), width=70))  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "no_densities_yet",
                  "new splats, and no frame since the I-frame has densities", "they need some",
                  partial(streams, EMPTY, Lie("densities_present", 0, 1)), 1)  # fmt: skip

@@ -249,7 +249,8 @@ def unequal_halves(value: tuple[int, int]) -> Inputs:
 
 
 @case("core", "half_frequencies", flags=["ties"], each={"3_of_3": (3, 3), "5_of_20": (5, 20), "13_of_2": (13, 2)},
-      said={"3_of_3": "3 splats, alpha 3", "5_of_20": "5 splats, alpha 20", "13_of_2": "13 splats, alpha 2"})  # fmt: skip
+      said={"3_of_3": "3 splats, alpha 3", "5_of_20": "5 splats, alpha 20",
+            "13_of_2": "13 splats, alpha 2"})  # fmt: skip
 def weights_round_down(value: tuple[int, int]) -> Inputs:
     """Each weight is rounded down before the next one is made of it: {key}."""
     expected = yield half(value[0], alpha=value[1])

@@ -95,7 +95,7 @@ def classes_of_nothing() -> Inputs:
 
 @case("stress", "splat_classes", flags=["overflow"])
 def classes_of_the_brightest() -> Inputs:
-    """n of 2^28 and D of 8: k is 1024 at most, so that squares fit into 32 bits."""
+    """N of 2^28 and D of 8: k is 1024 at most, so that squares fit into 32 bits."""
     most = spec.N_MOST
     rows = state({"n0": most}, {"n0": -most, "n1": most, "n2": -most}, {"n2": 1024 * 8 - 5}, {"n1": 724 * 8})
     expected = yield {"state": rows, "quantizer": 0}
@@ -139,7 +139,7 @@ def steps_by_class() -> Inputs:
     shapes = [[1, 0, -1]] * CLASSES
     expected = yield codes(Q, [[j, 0] for j in range(CLASSES)], colors, shapes, [[0, 0]] * CLASSES)
     A, S = column(result(expected, "state"), "A", "S")
-    assert (A, S) == (H, [-(2048 >> j) for j in range(CLASSES)])
+    assert (H, [-(2048 >> j) for j in range(CLASSES)]) == (A, S)
 
 
 @case("core", "main_intra", flags=["region"])
@@ -375,8 +375,8 @@ def position_steps_by_class() -> Inputs:
     rows = state(*({"A": 3072, "B": 2048, "n0": color_of_class(j)} for j in range(CLASSES)))
     expected = yield predicted(rows, [q(q0=1, q1=-1)] * CLASSES)
     X, Y = column(result(expected, "state"), "X", "Y")
-    assert X == [int(spec.exp2(3072 + 512 - 1024 * j, 8)) for j in range(CLASSES)]
-    assert Y == [-int(spec.exp2(2048 + 512 - 1024 * j, 8)) for j in range(CLASSES)]
+    assert [int(spec.exp2(3072 + 512 - 1024 * j, 8)) for j in range(CLASSES)] == X
+    assert [-int(spec.exp2(2048 + 512 - 1024 * j, 8)) for j in range(CLASSES)] == Y
 
 
 @case("core", "main_inter", flags=["region"])
@@ -441,7 +441,7 @@ def shear_changes() -> Inputs:
     rows = state({"S": 100}, {"S": 100, "n0": color_of_class(4)}, {"S": 100, "n0": color_of_class(4)})
     expected = yield predicted(rows, [q(q4=-1), q(q4=3), q(q3=4, q4=3)])
     S = column(result(expected, "state"), "S")[0]
-    assert S == [100 - 2048, 100 + 384, int(spec.sheared(ints([100]), ints([8 * 92]))[0]) + 384]
+    assert [100 - 2048, 100 + 384, int(spec.sheared(ints([100]), ints([8 * 92]))[0]) + 384] == S
 
 
 @case("core", "main_inter")
@@ -458,7 +458,7 @@ def class_of_the_reference() -> Inputs:
     rows = state({"n0": 0}, {"n0": color_of_class(5)})
     expected = yield predicted(rows, [q(q0=1, q2=1, q5=40), q(q0=1, q2=1, q5=-24)])
     X, A = column(result(expected, "state"), "X", "A")
-    assert (X, A) == ([362, 362 >> 5], [H[0], H[5]])
+    assert ([362, 362 >> 5], [H[0], H[5]]) == (X, A)
 
 
 @case("core", "main_inter", flags=["order"])
@@ -499,18 +499,18 @@ def every_range_is_clipped() -> Inputs:
 
 @case("uncommon", "main_inter", flags=["clamp", "order"])
 def shear_follows_the_clipped_sizes() -> Inputs:
-    """v is what A and B have changed by after they were clipped: none if both stay at their ends."""
+    """V is what A and B have changed by after they were clipped: none if both stay at their ends."""
     rows = state({"A": 13311, "B": 13311, "S": 500}, {"A": 13311, "B": 0, "S": 500}, {"A": -3072, "B": 0, "S": -500},
                  {"A": 13311, "B": -3072, "S": 700})  # fmt: skip
     expected = yield predicted(rows, [q(q2=5), q(q3=1), q(q3=-1), q(q3=3)])
     S = column(result(expected, "state"), "S")[0]
     stays = spec.sheared(ints([500]), ints([1477])).tolist()[0]
-    assert S == [500, stays, -int(spec.sheared(ints([500]), ints([-1477]))[0]), 700]
+    assert [500, stays, -int(spec.sheared(ints([500]), ints([-1477]))[0]), 700] == S
 
 
 @case("stress", "main_inter", flags=["overflow", "shear"])
 def sheared_by_all_octaves() -> Inputs:
-    """v from -32766 to 32766: S becomes 0 or 32767, and no product or shift leaves 64 bits."""
+    """V from -32766 to 32766: S becomes 0 or 32767, and no product or shift leaves 64 bits."""
     ends = [(-3072, 13311), (13311, -3072)]
     rows, differences = [], []
     for s in (32767, -32767, 1, -1, 0):

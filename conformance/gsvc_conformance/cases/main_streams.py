@@ -208,7 +208,7 @@ def main_nothing_changes(rng: Draws) -> Inputs:
 
 @on("core", *READ, flags=["survivors"])
 def main_past_of_splats(rng: Draws) -> Inputs:
-    """New splats, those that changed and those that did not have modes of other contexts; some are removed on the way."""
+    """New splats, those that changed and those that did not have modes of other contexts; some are removed."""
     p = Plan("P", 6, kind="any", own=False)
     expected = yield {"stream": main_stream(rng, Plan("I", 30), p, replace(p, count=0), p, Plan("R"), p)}
     assert len(result(expected, "counts")) == 6
@@ -261,6 +261,13 @@ def main_many_in_a_cell(rng: Draws) -> Inputs:
     """1200 splats in 2 x 1 cells: numbers of halves have raw low bits."""
     expected = yield {"stream": main_stream(rng, Plan("I", 1200, 60, 2), width=8, height=4)}
     assert result(expected, "counts").tolist() == [1200]
+
+
+@on("uncommon", *READ, flags=["clamp"])
+def main_number_above_n(rng: Draws) -> Inputs:
+    """600 splats, of which 601 are said to be in the first half: a number above n is read as n."""
+    expected = yield {"stream": main_stream(rng, Plan("I", 600, kind="last"))}
+    assert result(expected, "counts").tolist() == [600]
 
 
 @on("stress", *READ, flags=["clamp", "overflow"], each={kind: kind for kind in ("any", "first", "last")})
@@ -346,7 +353,7 @@ LAYERS: Final = (
 
 @case("core", "reconstruct_layers", each={str(layer): layer for layer in range(4)})
 def quality(value: int) -> Inputs:
-    """A stream of a base and three layers, in quality {key}: the splats of the layers stand behind those of the base."""
+    """A stream of a base and three layers, in quality {key}: splats of layers stand behind those of the base."""
     stream = with_layers(Draws(19), BASE, LAYERS)
     expected = yield {"stream": stream, "layer": value}
     assert result(expected, "error") == ""

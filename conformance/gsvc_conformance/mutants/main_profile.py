@@ -161,9 +161,6 @@ ENTROPY: tuple[Mutant, ...] = (
     mutant(AREA, "models-kept-over-i-frames", "models that an I-frame does not set back",
         ("        self.models = new_models()\n        self.densities = None\n",
          "        self.models = getattr(self, \"models\", None) or new_models()\n        self.densities = None\n")),
-    mutant(AREA, "models-adapted-at-once", "models that adapt within a frame",
-        ("    np.add.at(model[\"seen\"], (contexts, symbols), 1)\n",
-         "    np.add.at(model[\"seen\"], (contexts, symbols), 1)\n    adapt(model)\n")),
     mutant(AREA, "models-never-adapted", "models that stay as they are at the start",
         ("    for model in main.models.values():\n        adapt(model)\n", "")),
 )  # fmt: skip
