@@ -96,6 +96,9 @@ def main_faults() -> Iterator[Broken]:
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "no_densities_yet",
                  "new splats, and no frame since the I-frame has densities", "they need some",
                  partial(streams, EMPTY, Lie("densities_present", 0, 1)), 1)  # fmt: skip
+    yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame",
+                 "new splats, and only the frames before the I-frame have densities", "an I-frame forgets them",
+                 partial(streams, (Plan("I", 4), *EMPTY), Lie("densities_present", 0, 2)), 2)  # fmt: skip
     yield Broken("R-6.4-3", kind_of("R-6.4-3"), "main_checksum", "the checksum of an I-frame is 0",
                  "it is that of its parameters",
                  partial(streams, PLANS, Lie("parameter_checksum", 0), parameter_checksum_flag=True))  # fmt: skip

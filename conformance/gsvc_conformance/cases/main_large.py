@@ -9,7 +9,7 @@ import numpy as np
 
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
-from gsvc_conformance.cases.large_rows import EDGES, FLAGS, PERIOD, ROWS, repeated
+from gsvc_conformance.cases.large_rows import EDGES, FLAGS, PERIOD, repeated
 from gsvc_conformance.cases.main_entropy import random_symbols, run_of
 from gsvc_conformance.cases.main_states import Q, codes, painted, place_bits, predicted, random_codes
 from gsvc_ref.draws import Draws
@@ -103,7 +103,7 @@ def contexts_of_the_longest_fields(value: tuple[int, int], rng: Draws) -> Inputs
     nothing = np.zeros((CELLS, 2), np.int64)
     expected = yield {"width": width, "height": height, "state": rows, "past": np.zeros(CELLS, np.int64),
                       "motion": nothing, "vectors": vectors, "motion_cell": 3}  # fmt: skip
-    assert len(set(result(expected, "contexts").tolist())) == 3
+    assert {1, 2} <= set(result(expected, "contexts").tolist())
 
 
 @case("stress", "encode_run", flags=FLAGS)

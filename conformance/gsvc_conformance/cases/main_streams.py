@@ -263,13 +263,6 @@ def main_many_in_a_cell(rng: Draws) -> Inputs:
     assert result(expected, "counts").tolist() == [1200]
 
 
-@on("uncommon", *READ, flags=["clamp"])
-def main_number_above_n(rng: Draws) -> Inputs:
-    """600 splats, of which 601 are said to be in the first half: a number above n is read as n."""
-    expected = yield {"stream": main_stream(rng, Plan("I", 600, kind="last"))}
-    assert result(expected, "counts").tolist() == [600]
-
-
 @on("stress", *READ, flags=["clamp", "overflow"], each={kind: kind for kind in ("any", "first", "last")})
 def main_symbols(value: Kind, rng: Draws) -> Inputs:
     """Symbols of each pass: {key}. Magnitudes have up to 18 raw bits, states reach their ends, vectors wrap around."""
@@ -277,6 +270,15 @@ def main_symbols(value: Kind, rng: Draws) -> Inputs:
     plans = Plan("I", 20, 0, kind=value), p, replace(p, quantizer=79), replace(p, count=0, quantizer=0), p
     expected = yield {"stream": main_stream(rng, *plans)}
     assert len(result(expected, "counts")) == 5
+
+
+@on("stress", *READ, flags=["overflow"])
+def main_vectors_wrap_around(rng: Draws) -> Inputs:
+    """63 vectors, each 4095 less than the one to its left: the sums are reduced to 16 bits."""
+    plans = Plan("I", 3), Plan("P", motion_cell=3, kind="last")
+    expected = yield {"stream": main_stream(rng, *plans, width=1000, height=5)}
+    if "fields" in expected:
+        assert result(expected, "fields")[:, 0].max() > 2**14
 
 
 EXTREMES: Final = {

@@ -135,8 +135,6 @@ ENTROPY: tuple[Mutant, ...] = (
     mutant(AREA, "halves-y-first", "upper and lower halves before left and right ones",
         ("        axis = halving % 2\n", "        axis = 1 - halving % 2\n"), ("        if axis == 0:\n            size //= 2\n",
          "        if axis == 1:\n            size //= 2\n")),
-    mutant(AREA, "halves-not-limited", "a number in the first half above n that is taken as it is",
-        ("            k = min(first.get(place, n), n)\n", "            k = first.get(place, n)\n")),
     mutant(AREA, "rest-to-the-last", "what is left of 2^14 given to the last symbol of the greatest frequency",
         ("    f[np.argmax(f)] += TOTAL - np.sum(f)\n", "    f[len(f) - 1 - np.argmax(f[::-1])] += TOTAL - np.sum(f)\n")),
     mutant(AREA, "rest-to-the-end", "what is left of 2^14 given to the last symbol",
