@@ -121,7 +121,7 @@ DECODERS: Final[Mapping[str, str]] = {
     "unused-contexts-adapted": "core/adapt_model/contexts_that_were_used",
     "rest-to-the-last": "core/model_frequencies/rest_of_the_first_largest",
     "rest-to-the-largest-count": "core/model_frequencies/rest_of_the_first_of_equal_frequencies",
-    "counts-not-shifted": "core/model_frequencies/rest_of_the_first_of_equal_frequencies",
+    "counts-not-shifted": "core/model_frequencies/models_of_a_stream",
     "density-to-zero": "core/density_frequencies/negative_centres_logistic",
     "density-shift-rounded-down": "core/density_frequencies/scales_1",
     "halves-up-to-16": "core/half_frequencies/equal_halves_16",
@@ -136,7 +136,9 @@ DECODERS: Final[Mapping[str, str]] = {
     "last-component-may-be-zero": "core/read_main_stream/main_i_p_r",
 }
 """Wrong decoders of the catalogue, and a vector that finds each."""
-NAMED: Final = [name for name, found in DECODERS.items() if "read_main_stream" not in found]
+UNNAMED: Final = ("class-not-limited", "run-emits-late")
+"""One vector alone finds these, or they have no answer: too little for a name."""
+NAMED: Final = [name for name, found in DECODERS.items() if "read_main_stream" not in found and name not in UNNAMED]
 
 
 def mutant(name: str) -> Mutant:

@@ -48,7 +48,8 @@ def painted(rng: Draws, count: int, *, width: int = 352, height: int = 288, step
     shears = rng.normal(0, 500, (count, 1))
     n = rng.normal(0, 1, (count, 3)) * step * np.exp2(rng.uniform(-1, 7, (count, 1)))
     rows = np.concatenate([where, logs, shears, n], axis=1).astype(np.int64)
-    return spec.clipped(*rows[:, :5].T, rows[:, 5:])
+    found: Array = spec.clipped(*rows[:, :5].T, rows[:, 5:])
+    return found
 
 
 # --- Classes ---------------------------------------------------------------------------------------------------------
