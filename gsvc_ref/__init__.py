@@ -39,6 +39,17 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
+    from gsvc_ref.main_profile.operations import adapt_model as adapt_model
+    from gsvc_ref.main_profile.operations import density_frequencies as density_frequencies
+    from gsvc_ref.main_profile.operations import half_frequencies as half_frequencies
+    from gsvc_ref.main_profile.operations import main_inter as main_inter
+    from gsvc_ref.main_profile.operations import main_intra as main_intra
+    from gsvc_ref.main_profile.operations import mode_contexts as mode_contexts
+    from gsvc_ref.main_profile.operations import model_frequencies as model_frequencies
+    from gsvc_ref.main_profile.operations import motion_of_splats as motion_of_splats
+    from gsvc_ref.main_profile.operations import splat_classes as splat_classes
+    from gsvc_ref.main_profile.operations import state_parameters as state_parameters
+    from gsvc_ref.main_profile.passes import encode_run as encode_run
     from gsvc_ref.quantization import commitment as commitment
     from gsvc_ref.quantization import from_half as from_half
     from gsvc_ref.quantization import lsq_dequantize as lsq_dequantize
@@ -68,6 +79,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
+    from gsvc_ref.stream import read_main_stream as read_main_stream
     from gsvc_ref.stream import read_stream as read_stream
     from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
     from gsvc_ref.stream import seek as seek
@@ -93,6 +105,7 @@ _HOMES: Final = {
     "Splats": "gsvc_ref.splats",
     "UsageError": "gsvc_ref.errors",
     "adan_step": "gsvc_ref.training.operations",
+    "adapt_model": "gsvc_ref.main_profile.operations",
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.quantization",
     "compact": "gsvc_ref.training.pruning",
@@ -102,21 +115,30 @@ _HOMES: Final = {
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
     "decode_stream_deterministic": "gsvc_ref.stream",
+    "density_frequencies": "gsvc_ref.main_profile.operations",
     "encode": "gsvc_ref.encoder",
     "encode_plane": "gsvc_ref.bitstream.rans",
+    "encode_run": "gsvc_ref.main_profile.passes",
     "exact_gradients_with_bound": "gsvc_ref.rendering",
     "frame_to_planes": "gsvc_ref.video.color",
     "from_half": "gsvc_ref.quantization",
+    "half_frequencies": "gsvc_ref.main_profile.operations",
     "learning_rates": "gsvc_ref.training.operations",
     "loss": "gsvc_ref.rendering",
     "lsq_dequantize": "gsvc_ref.quantization",
     "lsq_gradients": "gsvc_ref.quantization",
     "lsq_quantize": "gsvc_ref.quantization",
+    "main_inter": "gsvc_ref.main_profile.operations",
+    "main_intra": "gsvc_ref.main_profile.operations",
+    "mode_contexts": "gsvc_ref.main_profile.operations",
+    "model_frequencies": "gsvc_ref.main_profile.operations",
+    "motion_of_splats": "gsvc_ref.main_profile.operations",
     "open": "gsvc_ref.stream",
     "parameter_checksum": "gsvc_ref.bitstream.crc",
     "planes_to_frame": "gsvc_ref.video.color",
     "prune": "gsvc_ref.training.pruning",
     "pruning_plan": "gsvc_ref.training.pruning",
+    "read_main_stream": "gsvc_ref.stream",
     "read_stream": "gsvc_ref.stream",
     "reconstruct_inter": "gsvc_ref.reconstruction",
     "reconstruct_intra": "gsvc_ref.reconstruction",
@@ -133,6 +155,8 @@ _HOMES: Final = {
     "scale_parameters": "gsvc_ref.splats",
     "seek": "gsvc_ref.stream",
     "select_key_frames": "gsvc_ref.encoder.key_frames",
+    "splat_classes": "gsvc_ref.main_profile.operations",
+    "state_parameters": "gsvc_ref.main_profile.operations",
     "to_frame": "gsvc_ref.rendering",
     "to_frame_deterministic": "gsvc_ref.rendering",
     "to_half": "gsvc_ref.quantization",
@@ -150,6 +174,7 @@ __all__ = [
     "Splats",
     "UsageError",
     "adan_step",
+    "adapt_model",
     "augment",
     "commitment",
     "compact",
@@ -159,21 +184,30 @@ __all__ = [
     "decode_plane",
     "decode_stream",
     "decode_stream_deterministic",
+    "density_frequencies",
     "encode",
     "encode_plane",
+    "encode_run",
     "exact_gradients_with_bound",
     "frame_to_planes",
     "from_half",
+    "half_frequencies",
     "learning_rates",
     "loss",
     "lsq_dequantize",
     "lsq_gradients",
     "lsq_quantize",
+    "main_inter",
+    "main_intra",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
     "open",
     "parameter_checksum",
     "planes_to_frame",
     "prune",
     "pruning_plan",
+    "read_main_stream",
     "read_stream",
     "reconstruct_inter",
     "reconstruct_intra",
@@ -190,6 +224,8 @@ __all__ = [
     "scale_parameters",
     "seek",
     "select_key_frames",
+    "splat_classes",
+    "state_parameters",
     "to_frame",
     "to_frame_deterministic",
     "to_half",

@@ -166,7 +166,7 @@ def _rules_about(name: str, heading: str, plain: str, section: str, rules: Json)
 
 
 def _structures(part: _Part, rules: Json) -> Iterator[Json]:
-    for rows in _tables(part.texts[""] if part.section.startswith("6.") else ()):
+    for rows in _tables(part.texts[""] if part.section.startswith(("6.", "15.")) else ()):
         head = re.fullmatch(r"(\w+)\((.*)\)", rows[0][0])
         if head is None or rows[0][1:] != ["descriptor"]:
             continue

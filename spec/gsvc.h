@@ -20,7 +20,7 @@
 #define GSVC_VERSION_MAJOR_MIN 129
 #define GSVC_VERSION_MAJOR_MAX 129
 #define GSVC_PROFILE_MIN 0
-#define GSVC_PROFILE_MAX 0
+#define GSVC_PROFILE_MAX 1
 #define GSVC_LEVEL_MIN 1
 #define GSVC_LEVEL_MAX 5
 #define GSVC_FLAGS_MIN 0
@@ -59,6 +59,26 @@
 #define GSVC_PLANE_MODE_MAX 2
 #define GSVC_LANE_STATE_MIN 0x10000u
 #define GSVC_LANE_STATE_MAX 0xFFFFFFFFu
+#define GSVC_LAYER_COUNT_MIN 1
+#define GSVC_LAYER_COUNT_MAX 4
+#define GSVC_QUANTIZER_MIN 0
+#define GSVC_QUANTIZER_MAX 79
+#define GSVC_LANE_EXPONENT_MIN 0
+#define GSVC_LANE_EXPONENT_MAX 6
+#define GSVC_MOTION_CELL_MIN 0
+#define GSVC_MOTION_CELL_MAX 3
+#define GSVC_DENSITIES_PRESENT_MIN 0
+#define GSVC_DENSITIES_PRESENT_MAX 1
+#define GSVC_DENSITY_FAMILY_MIN 0
+#define GSVC_DENSITY_FAMILY_MAX 1
+#define GSVC_SCALE_CODE_MIN 0
+#define GSVC_SCALE_CODE_MAX 31
+#define GSVC_CENTRE_MIN 0
+#define GSVC_CENTRE_MAX 1023
+#define GSVC_SLOPE_MIN 0
+#define GSVC_SLOPE_MAX 255
+#define GSVC_HALVING_CODE_MIN 0
+#define GSVC_HALVING_CODE_MAX 7
 
 /* Values with a name. */
 #define GSVC_FLAGS_PARAMETER_CHECKSUM_FLAG (1u << 0)
@@ -70,6 +90,8 @@
 #define GSVC_PLANE_MODE_CONSTANT 0
 #define GSVC_PLANE_MODE_RAW 1
 #define GSVC_PLANE_MODE_CODED 2
+#define GSVC_DENSITY_FAMILY_LOGISTIC 0
+#define GSVC_DENSITY_FAMILY_LAPLACE 1
 
 /* Limits of levels. */
 #define GSVC_LEVEL_1_PIXELS 0x20000u
@@ -138,5 +160,20 @@
 #define GSVC_WINDOW_DEVIATION 0x1.8p+0 /* its standard deviation */
 #define GSVC_LUMINANCE_K 0x1.47ae147ae147bp-7 /* of C1 in (11-6) */
 #define GSVC_STRUCTURE_K 0x1.eb851eb851eb8p-6 /* of C2 in (11-6) */
+#define GSVC_MAIN 1 /* profile main as a value of profile */
+#define GSVC_X_MOST 0x2000000u /* 2²⁵, largest magnitude of X and Y */
+#define GSVC_A_LEAST (-3072) /* least A and B */
+#define GSVC_A_MOST 13311 /* largest A and B */
+#define GSVC_S_MOST 32767 /* largest magnitude of S */
+#define GSVC_N_MOST 0x10000000u /* 2²⁸, largest magnitude of n0, n1 and n2 */
+#define GSVC_CLASS_MOST 10 /* largest class j */
+#define GSVC_MAIN_K1 0x1.4edc560000000p-14 /* 1/√3, in the unit of colours */
+#define GSVC_MAIN_K2 0x1.9a1e720000000p-14 /* 1/√2, in the unit of colours */
+#define GSVC_MAIN_K3 0x1.d990860000000p-15 /* 1/√6, in the unit of colours */
+#define GSVC_PRECISION 14 /* R of profile main */
+#define GSVC_TOTAL 16384 /* 2¹⁴, sum of the frequencies of a symbol */
+#define GSVC_MAGNITUDE_CLASSES 40 /* classes of magnitudes of colour codes */
+#define GSVC_REMOVED 8 /* the mode that removes a splat */
+#define GSVC_STEP_MOST 0x1FFFFu /* 2¹⁷ − 1, largest step of a position */
 
 #endif

@@ -66,12 +66,23 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("read_stream", "Q"): _ONE_BLOCK,
     ("read_stream", "M"): _ONE_BLOCK,
     ("read_stream", "W"): _CODEWORDS,
+    **{("density_frequencies", axis): (1 << 9, "there are at most 1,024 edges") for axis in "KM"},
+    ("half_frequencies", "M"): (1 << 8, "halves have at most 512 bins"),
+    **{(name, "C"): (0, "a model has at most 10 contexts") for name in ("model_frequencies", "adapt_model")},
+    **{(name, "K"): (0, "a model has at most 24 symbols") for name in ("model_frequencies", "adapt_model")},
+    ("model_frequencies", "M"): (0, "a model has at most 24 symbols"),
+    **{(name, axis): (1 << 11, "a frame has at most 4,096 rows and columns of cells")
+       for name in ("motion_of_splats", "mode_contexts") for axis in "rc"},
+    ("encode_run", "lane_count"): (0, "there are at most 64 lanes"),
+    **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMN"},
+    **{("reconstruct_layers", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TN"},
     **{("encode_video", axis): _ENCODER for axis in "THW"},
 }
 """The largest capacity that is demanded of a dimension, of one operation or of any (*), and why no larger one is."""
 
 LOCAL: Final[Mapping[tuple[str, str], tuple[str, ...]]] = {
     ("encode_plane", "count"): ("words",),  # the state of a lane forgets symbols that are far
+    ("encode_run", "K"): ("words",),
     ("rvq_update", "D"): ("sums", "codebooks"),  # the count of a codeword that is replaced is 1 whatever is drawn
 }
 """The outputs that depend on a dimension, where not all of them do."""

@@ -6,8 +6,8 @@ from typing import Final, get_args
 
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import OPTIONS, Group
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector import PROFILE
 from gsvc_ref.errors import UsageError
 
 DECLARED: Final = ("live",)
@@ -60,10 +60,10 @@ def read_claim(text: str) -> Claim:
     """
     parts = [part.strip() for part in text.split(",")]
     if len(parts) < 3:
-        raise UsageError(f"the claim {text!r} must have the form {FORM}: bitstream+rendering,{PROFILE},2")
+        raise UsageError(f"the claim {text!r} must have the form {FORM}: bitstream+rendering,paper,2")
     classes, profile, level, options = parts[0].split("+"), parts[1], parts[2], parts[3:]
     _check("class", classes, get_args(Group))
-    _check("profile", [profile], (PROFILE,))
+    _check("profile", [profile], PROFILES)
     _check("level", [level], [str(number) for number in LEVELS])
     _check("option", options, (*OPTIONS, *DECLARED))
     return Claim(tuple(classes), profile, int(level), tuple(options))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gsvc_conformance.profiles import stated_profile
+
 if TYPE_CHECKING:
     from gsvc_ref.bitstream.coder import Element
     from gsvc_ref.reconstruction import FrameCodes, SplatBlock
@@ -18,16 +20,22 @@ IGNORED: Final = ("align", "payload", "unknown")
 """Entries of a reader's trace that are no elements."""
 
 
+OF_BODIES: Final = ("splat_count", "new_splat_count", "lane_state", "word")
+"""Elements of frame_body() whose names other structures have, too."""
+
+
 def values(stream: bytes) -> Values:
     """The values of every element of a stream, up to its fault if it has one."""
     from gsvc_ref.errors import GsvcError
+    from gsvc_ref.reconstruction import FrameCodes
     from gsvc_ref.stream import StreamReader
 
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
     try:
         splats = 0
-        for frame in StreamReader(stream, trace=_recorder(found)):
-            _note_codes(found, frame.codes, splats)
+        for frame in StreamReader(stream, trace=_recorder(found, stated_profile(stream))):
+            if isinstance(frame.codes, FrameCodes):
+                _note_codes(found, frame.codes, splats)
             splats = len(frame.splats)
     except GsvcError:
         pass
@@ -63,7 +71,9 @@ def _note(found: defaultdict[str, tuple[int, set[Number]]], name: str, value: An
     found[name] = count + times, some
 
 
-def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[["Element"], None]:
+def _recorder(
+    found: defaultdict[str, tuple[int, set[Number]]], profile: str = "paper"
+) -> Callable[["Element"], None]:
     def record(element: "Element") -> None:
         name = element.name.rpartition(".")[2]
         if name == "frame_number_step, offset_step":
@@ -72,6 +82,7 @@ def _recorder(found: defaultdict[str, tuple[int, set[Number]]]) -> Callable[["El
         elif name not in IGNORED and element.value is not None:
             value = element.value
             end = " (end)" if (element.category, name) == ("end", "frame_count") else ""
+            end = " (frame_body)" if profile == "main" and name in OF_BODIES else end
             _note(found, name + end, int.from_bytes(value, "little") % 2**63 if isinstance(value, bytes) else value)
 
     return record

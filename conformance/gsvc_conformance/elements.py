@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from gsvc_conformance.element_values import Number, Values, plane_values, values
 from gsvc_conformance.sets import read_sets, withdrawn
-from gsvc_conformance.spec import namespace
+from gsvc_conformance.spec import header_rows
 from gsvc_conformance.vector import MANIFEST, VECTORS, files_in, vector_in
 from gsvc_ref.syntax import named
 
@@ -88,8 +88,8 @@ def _of_header(name: str, size: int, lowest: int, highest: int) -> Syntax:
     return Syntax(lowest, highest, default=default, refused=(*beside, *_REFUSED_TOO.get(name, ())))
 
 
-_HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in namespace()["HEADER"]}
-"""The elements of the sequence header, with the ranges of spec.md's own table HEADER (section 6.3)."""
+_HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in header_rows("paper")}
+"""The elements of the sequence header of profile `paper`, with the ranges of spec.md's own tables (section 6.3)."""
 
 ELEMENTS: Final[Mapping[str, Syntax]] = {
     "magic": Syntax(),
@@ -134,6 +134,19 @@ ELEMENTS: Final[Mapping[str, Syntax]] = {
     "offset_step": Syntax(0, absent=("entry_count", 0)),
     "frame_count (end)": Syntax(1, MOST, refused=(0,)),
     "index_length": Syntax(0, default=0, refused=(1, MOST)),
+    **{name: _stated(name, refused=(0, 5)) for name in ("layer_count",)},
+    "quantizer": _stated("quantizer", refused=(80, 255)),
+    "lane_exponent": _stated("lane_exponent", refused=(7,)),
+    "motion_cell": _stated("motion_cell"),
+    "densities_present": _stated("densities_present"),
+    "frame_reserved": _stated("frame_reserved", refused=(1, 2)),
+    "splat_count (frame_body)": Syntax(0, refused=((1 << 14) + 1,)),
+    "new_splat_count (frame_body)": Syntax(0, refused=(1 << 14,)),
+    "lane_state (frame_body)": Syntax(1 << 16, refused=(65535, 0)),
+    "word (frame_body)": Syntax(),
+    **{name: _stated(name) for name in ("density_family", "scale_code", "centre", "slope", "halving_code")},
+    "layer": Syntax(),
+    "layer_type": Syntax(),
 }
 """All syntax elements, in the order of spec.md."""
 

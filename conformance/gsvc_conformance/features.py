@@ -10,9 +10,10 @@ from typing import Any, Final, get_args
 from gsvc_conformance.claim import Claim
 from gsvc_conformance.level import LEVELS, splat_counts
 from gsvc_conformance.operation import Group, Operation, operations
-from gsvc_conformance.spec import namespace
+from gsvc_conformance.profiles import ANY, PROFILES, stated_profile
+from gsvc_conformance.spec import header_rows, namespace
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector import PROFILE, Vector
+from gsvc_conformance.vector import Vector
 from gsvc_ref.cli.text import plural
 from gsvc_ref.errors import UsageError
 
@@ -53,7 +54,7 @@ class Features:
     def _beside(self, vector: Vector) -> Iterator[str]:
         if not self._has(vector.operation):
             yield f"the operation {vector.operation.name}"
-        if self.profiles is not None and (profile := vector.manifest.get("profile", PROFILE)) not in self.profiles:
+        if self.profiles is not None and (profile := vector.manifest.get("profile", ANY)) not in (ANY, *self.profiles):
             yield f"profile {profile}"
         if self.level is not None and vector.level > self.level:
             yield f"level {vector.level}"
@@ -166,14 +167,14 @@ def _allowed(name: str) -> tuple[Container[Any], str]:
     if name in ranges:
         return ranges[name], f"a whole number of {ranges[name][0]} to {ranges[name][-1]}"
     texts: dict[str, Callable[[], tuple[str, ...]]] = {
-        "profiles": lambda: (PROFILE,), "classes": lambda: get_args(Group), "operations": lambda: (*operations(),),
+        "profiles": lambda: PROFILES, "classes": lambda: get_args(Group), "operations": lambda: (*operations(),),
     }  # fmt: skip
     return texts[name](), f"one of {', '.join(texts[name]())}"
 
 
 def _range(element: str) -> range:
     """The values of an element of the sequence header."""
-    ((lowest, highest),) = [(first, last) for name, _, first, last in namespace()["HEADER"] if name == element]
+    ((lowest, highest),) = [(first, last) for name, _, first, last in header_rows() if name == element]
     return range(lowest, highest + 1)
 
 
@@ -209,10 +210,11 @@ def stated_header(stream: bytes) -> dict[str, int]:
     with suppress(code["Fault"]):
         bits, _ = code["read_prefix"](stream)
         chunk_type, payload = code["read_chunk"](bits, code["LONGEST_HEADER"])
-        for name, size, lowest, highest in code["HEADER"] if chunk_type == "H" else ():
-            value = payload.le(size)
-            if lowest <= value <= highest:
-                found[name] = value
+        if chunk_type == "H":
+            for name, size, lowest, highest in header_rows(stated_profile(stream)):
+                value = payload.le(size)
+                if lowest <= value <= highest:
+                    found[name] = value
     return found
 
 

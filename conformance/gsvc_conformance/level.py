@@ -44,15 +44,20 @@ def level_of(operation: Operation, inputs: Values) -> int:
 
 def _stated_level(stream: bytes) -> int:
     """The element `level` of a sequence header that stands where it must; else 1."""
+    stated = header_payload(stream)[1:2]  # behind `profile`
+    return stated[0] if stated and stated[0] in LEVELS else 1
+
+
+def header_payload(stream: bytes) -> bytes:
+    """A stream from the payload of its sequence header on; empty if no such chunk stands where it must."""
     from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE
 
     if not stream.startswith(MAGIC) or stream[PREFIX_SIZE : PREFIX_SIZE + 1] != b"H":
-        return 1
+        return b""
     payload = PREFIX_SIZE + 2  # behind the type and the length, a uv
     while stream[payload - 1 : payload] >= b"\x80":
         payload += 1
-    stated = stream[payload + 1 : payload + 2]  # behind `profile`
-    return stated[0] if stated and stated[0] in LEVELS else 1
+    return stream[payload:]
 
 
 def _pixels(operation: Operation, inputs: Values) -> Iterator[int]:

@@ -15,6 +15,13 @@ BLOCK: Final = ("frame", "block (0 intra, 1 inter)", "splats", "positions_presen
                 "quantizer_present", "colors_present", "codebooks_present")  # fmt: skip
 """Columns of `blocks` of read_stream."""
 
+BODY: Final = ("frame", "quantizer", "lane_exponent", "motion_cell", "densities_present", "count")
+"""Columns of `bodies` of read_main_stream."""
+STATE: Final = ("X", "Y", "A", "B", "S", "n0", "n1", "n2")
+"""Columns of states (spec.md 15.4)."""
+DIFFERENCES: Final = tuple(f"q{i}" for i in range(8))
+"""Columns of `differences` (spec.md 15.11)."""
+
 ITEMS: Final = {
     "N": "splat", "n": "splat", "M": "splat", "P": "splat", "n or 0": "splat", "H": "row", "T": "frame",
     "count": "symbol", "lanes": "lane",
@@ -25,6 +32,7 @@ ITEMS_OF_PORTS: Final = {
     "values": "element", "bits": "element", "words": "word", "blocks": "block", "quantizers": "quantiser",
     "codebook_sizes": "codebook", "codewords": "codeword", "codebooks": "codeword", "sums": "codeword",
     "survivors": "survivor", "rates": "iteration", "key_frames": "entry", "counts": "entry", "iterations": "entry",
+    "modes": "splat", "differences": "splat", "fields": "vector", "bodies": "body", "cumulative": "symbol",
 }  # fmt: skip
 """The things that the first axis counts, of ports whose letter would be misleading."""
 
@@ -53,9 +61,9 @@ def columns(operation: Operation, output: str, size: int | None = None) -> tuple
     """The names of the last axis of an output, or none; `size` is needed where the port's shape has a letter."""
     letters = dimensions(operation, output)
     if output == "header":
-        from gsvc_conformance.operations.bitstream import HEADER_ELEMENTS
+        from gsvc_conformance.spec import header_rows
 
-        return tuple(HEADER_ELEMENTS)
+        return tuple(name for name, *_ in header_rows("main" if operation.name == "read_main_stream" else "paper"))
     if len(letters) < 2:
         return ()
     last = int(letters[-1]) if letters[-1].isdigit() else size
@@ -63,6 +71,14 @@ def columns(operation: Operation, output: str, size: int | None = None) -> tuple
         return BLOCK
     if output == "quantizers":
         return QUANTIZER
+    if output == "bodies":
+        return BODY
+    if output in ("state", "states"):
+        return STATE
+    if output == "differences":
+        return DIFFERENCES
+    if output in ("motion", "fields"):
+        return SPLAT[:2]
     if output == "positions":
         return SPLAT[:2]
     if last in (8, 9):

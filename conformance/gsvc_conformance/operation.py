@@ -16,11 +16,11 @@ Values = dict[str, Any]
 
 Group = Literal[
     "bitstream", "reconstruction", "rendering", "deterministic", "gradients", "training", "quantization", "colour",
-    "metrics", "seeking", "sizes", "encoder",
+    "metrics", "seeking", "sizes", "layers", "encoder",
 ]  # fmt: skip
 """The conformance class that an operation belongs to (spec.md section 13); `OPTIONS` are options of a claim."""
 
-OPTIONS: Final = ("seeking", "sizes")
+OPTIONS: Final = ("seeking", "sizes", "layers")
 """Classes that a claim names as options."""
 
 MODULES: Final = (
@@ -32,6 +32,7 @@ MODULES: Final = (
     "quantization",
     "color",
     "metrics",
+    "main_profile",
     "encoding",
 )
 """Where operations are defined, in gsvc_conformance.operations."""

@@ -12,6 +12,7 @@ import numpy as np
 from gsvc_conformance.expectations import Exact
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import Operation, Values, operations
+from gsvc_conformance.profiles import stated_profile
 from gsvc_conformance.spec import namespace
 
 Rule = tuple[str, Callable[[Values], Any]]
@@ -51,6 +52,18 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "key_frame_interval": (0, np.inf),
     "frame_rate_numerator": (1, 2**31 - 1),
     "frame_rate_denominator": (1, 2**31 - 1),
+    "quantizer": (0, 79),
+    "density_family": (0, 1),
+    "scale_code": (0, 63),
+    "unit_bits": (0, 4),
+    "motion_cell": (0, 3),
+    "layer": (0, 3),
+    "past": (0, 2),
+    "vectors": (-(2**15), 2**15 - 1),
+    "motion": (-(2**22) + 1, 2**22 - 1),
+    "differences": (-(2**12) + 1, 2**12 - 1),
+    "colors": (-(2**20) + 1, 2**20 - 1),
+    "seen": (0, 2**22 - 1),
 }
 """The range of inputs by name, whatever the operation; both ends are allowed."""
 
@@ -232,6 +245,75 @@ LEGAL: Final[Rule] = (
 SCALE: Final[Rule] = ("scale must be above 0", lambda i: np.all(i["scale"] > 0))
 BITS: Final[Rule] = ("bits must be 1 to 16", lambda i: 1 <= i["bits"] <= 16)
 
+def _of_main(inputs: Values) -> bool:
+    return stated_profile(inputs["stream"]) == "main"
+
+
+def _in_state(inputs: Values) -> bool:
+    """Whether states are in the ranges of section 15.4."""
+    code = namespace()
+    lowest = [-code["X_MOST"]] * 2 + [code["A_LEAST"]] * 2 + [-code["S_MOST"]] + [-code["N_MOST"]] * 3
+    highest = [code["X_MOST"]] * 2 + [code["A_MOST"]] * 2 + [code["S_MOST"]] + [code["N_MOST"]] * 3
+    return bool(np.all((inputs["state"] >= lowest) & (inputs["state"] <= highest)))
+
+
+def _classes_of(inputs: Values) -> tuple[Any, Any]:
+    """The class of each splat of main_intra, and the bits of its place (N, 2)."""
+    code = namespace()
+    D = code["step_of"](inputs["quantizer"])
+    j = code["classes"](code["coded_colors"](inputs["colors"], D), D)
+    bits = [2 - code["place_step"](inputs["shapes"].T, j, sign) for sign in (1, -1)]
+    return j, np.stack(bits, axis=1)
+
+
+def _in_windows(inputs: Values) -> bool:
+    """Whether a density has each code of size, aspect and shear in its window."""
+    code = namespace()
+    j, _ = _classes_of(inputs)
+    for plane, codes in enumerate(inputs["shapes"].T):
+        h = code["h_shear" if plane == SHEAR else "h_size"]
+        slopes = (0, 0) if plane == SHEAR else (-128, 127)
+        ends = [
+            [_end_of_window(64 * centre + 16 * slope * c, h(c), last) for c in range(code["CLASS_MOST"] + 1)]
+            for last, (centre, slope) in enumerate(zip((-512, 511), slopes, strict=True))
+        ]
+        if np.any((codes < np.array(ends[0])[j]) | (codes > np.array(ends[1])[j])):
+            return False
+    return True
+
+
+def _end_of_window(centre: int, h: int, last: int) -> int:
+    """The first or last code of the widest window (15-7) about a centre."""
+    bins, r, first = namespace()["window_density"](namespace()["LOGISTIC"], 31, centre, h)
+    return int(((first + len(bins) - 1) << r) - 1 if last else first << r)
+
+
+def _field_fits(inputs: Values) -> bool:
+    """Whether there are as many vectors as a frame has cells."""
+    rows, columns, _ = inputs["vectors"].shape
+    side = namespace()["SIDES"][inputs["motion_cell"]]
+    if side == 0:
+        return bool(rows * columns == 0)
+    if "width" in inputs:
+        return bool((columns, rows) == (-(-inputs["width"] // side), -(-inputs["height"] // side)))
+    return bool(min(rows, columns) >= 1 and max(rows, columns) <= -(-MAX_SIDE // side))
+
+
+SHEAR: Final = 2
+"""The column of shear in the codes of shapes."""
+
+STATES: Final[Rule] = ("states must be in the ranges of section 15.4", _in_state)
+COUNTS: Final[tuple[Rule, ...]] = (
+    ("there must be a context, and 2 to 24 symbols",
+     lambda i: len(i["counts"]) >= 1 and 2 <= i["counts"].shape[1] <= 24),
+    ("no count may be negative", lambda i: np.all(i["counts"] >= 0)),
+    ("each context must have counts that add up to 1 to 2^32 - 1",
+     lambda i: np.all((i["counts"].sum(axis=1) >= 1) & (i["counts"].sum(axis=1) < 2**32))),
+)  # fmt: skip
+FIELD: Final[Rule] = (
+    "there must be as many vectors as the frame has cells, or, where motion_cell is 0, none", _field_fits
+)
+
 ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
     "read_stream": (LEGAL,),
     "decode_stream": (LEGAL,),
@@ -315,6 +397,39 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
          "4:2:0, rounded up", lambda i: i["chroma_format"] not in (1, 2, 3) or _chroma_fits(i, *i["y"].shape)),
     ),
     "frame_to_planes": MATRIX,
+    "read_main_stream": (LEGAL, ("stream must be of profile main", _of_main)),
+    "encode_run": (
+        ("every frequency must be above 0", lambda i: np.all(i["frequencies"] >= 1)),
+        ("starts must be at least 0, and no start and its frequency may add up to more than 2^14",
+         lambda i: np.all((i["starts"] >= 0) & (i["starts"] + i["frequencies"] <= 2**14))),
+        ("every lane must be below lane_count", lambda i: np.all((i["lanes"] >= 0) & (i["lanes"] < i["lane_count"]))),
+    ),
+    "density_frequencies": (
+        ("edges must grow", lambda i: np.all(np.diff(i["edges"]) > 0)),
+        ("edges must be even or odd together", lambda i: len(set((i["edges"] & 1).tolist())) < 2),
+        ("there must be at most 2^10 edges", lambda i: len(i["edges"]) <= 2**10),
+        ("edges and centre must be below 2^16 in magnitude",
+         lambda i: max(abs(i["edges"]).max(initial=0), abs(i["centre"])) < 2**16),
+    ),
+    "half_frequencies": (
+        ("count must be 1 to 2^22 - 1", lambda i: 1 <= i["count"] < 2**22),
+        ("1 <= second_half <= first_half < 2^14 must hold, and first_half must be a power of two",
+         lambda i: 1 <= i["second_half"] <= i["first_half"] < 2**14 and i["first_half"].bit_count() == 1),
+        ("alpha must be one of those of section 15.7", lambda i: i["alpha"] in namespace()["ALPHAS"]),
+    ),
+    "model_frequencies": COUNTS,
+    "adapt_model": COUNTS,
+    "mode_contexts": (STATES, FIELD),
+    "motion_of_splats": (STATES, ("motion_cell must be 1 to 3", lambda i: i["motion_cell"] >= 1), FIELD),
+    "splat_classes": (STATES,),
+    "main_intra": (
+        ("cells must be 0 to 2^14 - 1", lambda i: np.all((i["cells"] >= 0) & (i["cells"] < 2**14))),
+        ("shapes must be in windows of section 15.7", _in_windows),
+        ("places must be in their bits",
+         lambda i: np.all((i["places"] >= 0) & (i["places"] < 1 << _classes_of(i)[1]))),
+    ),
+    "main_inter": (STATES,),
+    "state_parameters": (STATES,),
     "encode_video": (
         ("there must be a frame, and a splat", lambda i: min(len(i["frames"]), i["splats"]) >= 1),
         ("the level must allow so many pixels", lambda i: i["frames"][0, ..., 0].size <= LIMITS[i["level"]]["pixels"]),

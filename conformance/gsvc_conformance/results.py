@@ -11,9 +11,9 @@ from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.names import dimensions, element
 from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
-from gsvc_conformance.vector import PROFILE
 from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
@@ -314,7 +314,8 @@ class Report:
 
     def _quote(self, group: Summary) -> str:
         level = self.claim.level if self.claim else group.level
-        what = f"{self.vectors}, class {group.name}, profile {PROFILE}, level {level}"
+        profile = self.claim.profile if self.claim else PROFILES[0]
+        what = f"{self.vectors}, class {group.name}, profile {profile}, level {level}"
         if group.verdict in ("passed", "waived"):
             return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
         return f"does not pass {what}: {group.reason}"

@@ -48,6 +48,14 @@ def namespace(
     return names
 
 
+def header_rows(profile: str = "") -> tuple[tuple[str, int, int, int], ...]:
+    """The elements of the sequence header of a profile, or of all: name, bytes, lowest and highest accepted value."""
+    names = _original()
+    tools = {"paper": names["PAPER_HEADER"], "main": names["MAIN_HEADER"]}
+    rows = [*names["HEADER"], *(row for name, some in tools.items() if profile in ("", name) for row in some)]
+    return tuple({row[0]: row for row in rows}.values())
+
+
 def complexity(function: str) -> int:
     """The number of the code's functions that a function leads to, itself among them; 0 if it is none of them."""
     return len(leads_to(function))

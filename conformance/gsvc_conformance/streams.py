@@ -84,7 +84,7 @@ def write_streams(
             {
                 "name": name,
                 "sha256": hashlib.sha256(stream.data).hexdigest(),
-                "header": vars(stream.header),
+                "header": stream.header.arguments,
                 "elements": {element: times for element, (_, _, times) in used(stream.data).items()},
             }
         )

@@ -23,6 +23,7 @@ from gsvc_conformance.encoding import Task
 from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expectation, Rate, Refusal
 from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
+from gsvc_conformance.profiles import profile_of
 from gsvc_conformance.runs import pack, unpack
 from gsvc_ref.errors import UsageError
 
@@ -32,7 +33,6 @@ VECTORS: Final = PACKED if PACKED.exists() else Path(__file__).parents[2] / "vec
 SUMS: Final = "SHA256SUMS"
 MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.1"
-PROFILE: Final = "paper"
 ERROR_MODEL: Final = "fp32/1"
 CHECK_RULES: Final = {
     "decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4", "encoding": "R-13-7", "rate": "R-13-8",
@@ -80,7 +80,7 @@ def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) ->
     manifest: dict[str, Any] = {
         "id": case.id,
         "spec_version": SPEC_VERSION,
-        "profile": PROFILE,
+        "profile": profile_of(case.operation, inputs),
         "tier": case.tier,
         "level": level_of(case.operation, inputs),
         "operation": case.operation.name,

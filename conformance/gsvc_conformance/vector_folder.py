@@ -18,6 +18,7 @@ import numpy as np
 from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files
@@ -42,7 +43,7 @@ class Selection:
     """A selection of vectors: all kinds must hold, each by any of its values; an empty tuple selects everything.
 
     A pattern of a case is matched with the whole id and with its last part. Rules, equations and flags stand in
-    manifests.
+    manifests, and so does the profile: of those of a profile and those of any.
     """
 
     tiers: tuple[str, ...] = ()
@@ -52,6 +53,7 @@ class Selection:
     rules: tuple[str, ...] = ()
     equations: tuple[str, ...] = ()
     flags: tuple[str, ...] = ()
+    profile: str = ""
 
     def holds(self, name: str) -> bool:
         """Whether a vector is selected, as far as its id tells."""
@@ -192,6 +194,8 @@ class VectorFolder:
         chosen = [name for name in self.names if selection.holds(name)]
         for field, values in selection.of_manifests.items():
             chosen = self._having(field, values, chosen)
+        if selection.profile:
+            chosen = [name for name in chosen if self.manifest(name)["profile"] in (ANY, selection.profile)]
         if chosen:
             return chosen
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"

@@ -49,6 +49,12 @@ class Writer(Coder):
         """Raise the UsageError of a rule."""
         raise UsageError(f"{message} ({rule})")
 
+    def append(self, other: "Writer") -> None:
+        """Append all that another Writer has written, which must end at a byte boundary, as this one must."""
+        assert self._pending_bits == 0
+        self._bytes += other.getvalue()
+        self.bits.update(other.bits)
+
     def _put(self, value: int, bits: int) -> None:
         self._pending = self._pending << bits | value
         self._pending_bits += bits

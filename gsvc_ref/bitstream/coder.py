@@ -12,7 +12,7 @@ a Writer raises UsageError, since the caller asked for a stream that no decoder 
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, NoReturn
@@ -37,7 +37,46 @@ CATEGORIES: Final = (
     "end",
     "ancillary",  # payloads of chunks that this version does not know
 )
-"""Categories of bits, which add up to the size of a stream. Alignment counts to the category of its element."""
+"""Categories of bits of profile `paper`, which add up to the size of a stream. Alignment counts to its element's."""
+
+RUN_PARTS: Final = (
+    "cells",
+    "luma",
+    "chroma",
+    "size",
+    "aspect",
+    "shear",
+    "place",
+    "motion",
+    "modes",
+    "position",
+    "shape",
+    "color",
+)
+"""The parts of a run of profile `main`: categories that get the whole bits of the code length of their symbols."""
+
+ENTROPY_CODER: Final = "entropy_coder"
+"""The category of the bits of a run that belong to no symbol: the final states, and what was rounded down."""
+
+MAIN_CATEGORIES: Final = (
+    "container",
+    "header",
+    "frame_header",
+    "checksums",
+    "densities",
+    *RUN_PARTS,
+    ENTROPY_CODER,
+    "index",
+    "end",
+    "ancillary",
+)
+"""Categories of bits of profile `main`."""
+
+
+def categories_of(profile: int) -> tuple[str, ...]:
+    """The categories of bits that a stream of a profile may have."""
+    return (CATEGORIES, MAIN_CATEGORIES)[profile]
+
 
 UV_LIMIT: Final = 1 << 32
 
@@ -55,7 +94,7 @@ class Element:
     bits
         Its size in bits.
     category
-        One of `CATEGORIES`.
+        One of `CATEGORIES` or `MAIN_CATEGORIES`.
     name
         Its name in spec.md, after that of the plane or channel that it is part of, if any.
     value
@@ -122,6 +161,15 @@ class Coder(ABC):
         for (category, _), bits in self.bits.items():
             counts[category] += bits
         return counts
+
+    def divide(self, category: str, parts: Mapping[str, int]) -> None:
+        """Count bits of a category to parts of it instead, of each part so many, as long as there are some."""
+        left = self.bits_by_category()[category]
+        for part, wanted in parts.items():
+            bits = min(wanted, left)
+            left -= bits
+            self.bits[part, "symbols"] += bits
+            self.bits[category, "symbols"] -= bits
 
     def _record(self, name: str, start: int, value: Any) -> None:
         self.element_bit = start

@@ -46,20 +46,34 @@ def frame(
     given
         The frame that a Writer writes; its blocks must fit `state`.
     """
-    codes = NO_FRAME if given is None else given.codes
+    told = given or Frame(frame_number, None, NO_FRAME)
+    head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)
+    return Frame(*head, frame_codes(s, header, state, frame_type, told.codes))
+
+
+def frame_head(
+    s: Coder, header: SequenceHeader, due: int, given_number: int = 0, given_checksum: int | None = None
+) -> tuple[int, int | None]:
+    """`frame_number`, which must be `due`, and `parameter_checksum`: what a frame of every profile begins with."""
+    number = frame_number_of(s, due, given_number)
+    if not header.parameter_checksum_flag:
+        return number, None
+    with s.part("checksums"):
+        return number, s.le("parameter_checksum", 4, given_checksum or 0)
+
+
+def frame_codes(
+    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME
+) -> FrameCodes:
+    """What follows `parameter_checksum` in a frame of profile `paper`; a Writer writes `codes`."""
     before = state.forget() if frame_type == "I" else state
-    number = frame_number_of(s, frame_number, frame_number if given is None else given.frame_number)
-    checksum = None
-    if header.parameter_checksum_flag:
-        with s.part("checksums"):
-            checksum = s.le("parameter_checksum", 4, (given and given.parameter_checksum) or 0)
     if frame_type == "I":
         splat_count = _splat_count(s, header, "splat_count", codes.intra_count)
         intra = splat_block(s, header, splat_count, "intra", before.intra, codes.intra) if splat_count else None
         codes = FrameCodes.intra_frame(intra)
     elif frame_type == "P":
         codes = _predicted(s, header, before, codes)
-    return Frame(number, checksum, codes)
+    return codes
 
 
 def frame_number_of(s: Coder, due: int, given: int = 0) -> int:

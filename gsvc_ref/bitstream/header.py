@@ -58,13 +58,39 @@ def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payloa
     )
 
 
+PAPER: Final = 0
+MAIN: Final = 1
+"""The values of `profile` that this decoder knows."""
+
+PROFILES: Final = ("paper", "main")
+"""The names of the profiles, by `profile`."""
+
+_OF_PROFILE: Final = (
+    (
+        ("cholesky_bits", 1, 1, 12),
+        ("color_stages", 1, 1, 8),
+        ("color_codewords", 2, 1, 1024),
+        ("entropy_precision", 1, 12, 16),
+        ("lane_count", 1, 1, 64),
+    ),
+    (
+        ("lane_count", 1, 1, 64),
+        ("layer_count", 1, 1, 4),
+    ),
+)
+"""Behind `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SequenceHeader:
-    """The sequence header, element by element as in spec.md section 6.3.
+    """The sequence header, element by element as in spec.md sections 6.3 and 15.2.
 
     `parameter_checksum_flag` and `paced_flag` are the flags of these names in `flags`; `frame_count` 0 is unknown.
     Descriptive elements are as the stream says them, also beyond their ranges: `sample_aspect_ratio` and
     `gsvc_ref.stream.formats.video_format` read them (R-6.3-3).
+
+    `layer_count` is an element of profile `main` alone, and `cholesky_bits` to `entropy_precision` of profile `paper`
+    alone: in the other one they keep the value that they have here.
 
     Raises
     ------
@@ -72,7 +98,7 @@ class SequenceHeader:
         A value is not allowed; the message names the rule.
     """
 
-    profile: int = 0
+    profile: int = PAPER
     level: int
     parameter_checksum_flag: bool = False
     paced_flag: bool = False
@@ -95,9 +121,25 @@ class SequenceHeader:
     color_codewords: int = 8
     entropy_precision: int = 14
     lane_count: int = 1
+    layer_count: int = 1
 
     def __post_init__(self) -> None:
-        _header_elements(Writer(), self)
+        written = _header_elements(Writer(), self)
+        for other in fields(self):
+            if other.name not in written and getattr(self, other.name) != other.default:
+                raise UsageError(f"`{other.name}` is no element of profile {PROFILES[self.profile]}; leave it out")
+
+    @property
+    def elements(self) -> dict[str, int]:
+        """The elements that a stream of the profile has by name, in their order."""
+        return {name: getattr(self, name) for name in header_elements(self.profile)}
+
+    @property
+    def arguments(self) -> dict[str, int]:
+        """What makes this header again: `elements`, with the flags by their names."""
+        known = self.elements
+        flags = ("parameter_checksum_flag", "paced_flag")
+        return {part.name: getattr(self, part.name) for part in fields(self) if part.name in (*known, *flags)}
 
     @property
     def flags(self) -> int:
@@ -127,8 +169,13 @@ class SequenceHeader:
         return LEVELS[self.level]
 
 
-HEADER_ELEMENTS: Final = ("profile", "level", "flags", *[field.name for field in fields(SequenceHeader)][4:])
-"""The names of the elements of the sequence header, in their order; `SequenceHeader` has each."""
+_COMMON: Final = tuple(field.name for field in fields(SequenceHeader)[4:-6])
+"""The names of the elements from `width` to `chroma_sample_loc_type`."""
+
+
+def header_elements(profile: int) -> tuple[str, ...]:
+    """The names of the elements of the sequence header of a profile, in their order; `SequenceHeader` has each."""
+    return ("profile", "level", "flags", *_COMMON, *(name for name, *_ in _OF_PROFILE[profile]))
 
 
 def sequence_header(
@@ -151,7 +198,7 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
             s.fail(rule, f"`{name}` is {value}; it must be in {lowest}..{highest}")
         return value
 
-    element("profile", 1, 0, 0, others_reserved=True)
+    profile = element("profile", 1, 0, len(PROFILES) - 1, others_reserved=True)
     level = element("level", 1, 1, HIGHEST_LEVEL, others_reserved=True)
     if level > max_level:
         s.fail("R-5-6", f"the stream is of level {level}; this decoder was told to read level {max_level} at most")
@@ -175,11 +222,8 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
     element("matrix_coefficients", 1, 0, 0xFF)
     element("video_full_range_flag", 1, 0, 0xFF)
     element("chroma_sample_loc_type", 1, 0, 0xFF)
-    element("cholesky_bits", 1, 1, 12)
-    element("color_stages", 1, 1, 8)
-    element("color_codewords", 2, 1, 1024)
-    element("entropy_precision", 1, 12, 16)
-    element("lane_count", 1, 1, 64)
+    for name, size, lowest, highest in _OF_PROFILE[profile]:
+        element(name, size, lowest, highest)
     return elements
 
 

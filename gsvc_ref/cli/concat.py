@@ -98,5 +98,5 @@ def report_object(arguments: Namespace, report: "ConcatReport") -> dict[str, Any
             {"input": name, "first_frame": part.first_frame, "frame_count": part.frame_count} for name, part in parts
         ],
         "left_out": report.left_out,
-        "header": report.header,
+        "header": report.header.arguments,
     }

@@ -264,7 +264,7 @@ def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFor
         "seconds_by_stage": report.seconds_by_stage,
         "interrupted": report.interrupted,
         "fault": report.fault,
-        "header": report.header,
+        "header": report.header.arguments,
         "frames": report.frames,
         "notes": report.notes,
         "settings": to_json(report.settings),

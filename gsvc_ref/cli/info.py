@@ -108,7 +108,7 @@ def info_object(summary: "StreamSummary", *, salvage: bool) -> dict[str, Any]:
     """The summary for ``--json``; `gaps` is there with ``--salvage``, else `error` when the stream is damaged."""
     rate = summary.header.frame_rate
     info = {
-        "header": summary.header,
+        "header": summary.header.arguments,
         "frame_rate": rate,
         "time_base": 1 / rate,
         "frame_count": len(summary.frames),
@@ -141,6 +141,7 @@ def describe(
 
 
 def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
+    from gsvc_ref.bitstream.header import PROFILES
     from gsvc_ref.video.format import SITING_NAMES
 
     color = video.color
@@ -151,7 +152,19 @@ def _header_lines(header: "SequenceHeader", video: "VideoFormat") -> list[str]:
     return [
         f"  video       {describe_format(replace(video, frame_count=None))}",
         f"  colour      primaries {color.primaries}, transfer {color.transfer}, matrix {color.matrix} (H.273){siting}",
-        f"  header      profile {header.profile}, level {header.level}{paced}, {promised}{checksums}",
+        f"  header      profile {PROFILES[header.profile]}, level {header.level}{paced}, {promised}{checksums}",
+        *_tool_lines(header),
+    ]
+
+
+def _tool_lines(header: "SequenceHeader") -> list[str]:
+    """What the header says of the tools of its profile."""
+    from gsvc_ref.bitstream.header import MAIN
+
+    if header.profile == MAIN:
+        layers = f"{plural(header.layer_count, 'layer')}" if header.layer_count > 1 else "one layer"
+        return [f"  tools       up to {plural(header.lane_count, 'lane')} of the entropy coder, {layers}"]
+    return [
         f"  quantisers  Cholesky {header.cholesky_bits} bits; colours up to {plural(header.color_stages, 'stage')} of "
         f"up to {plural(header.color_codewords, 'codeword')}",
         f"  entropy     {header.entropy_precision}-bit frequencies, {plural(header.lane_count, 'lane')}",

@@ -230,7 +230,7 @@ def report_object(arguments: Namespace, report: "EncodeReport", lost: list[str])
         "seconds": report.seconds,
         "interrupted": report.interrupted,
         "fault": report.fault,
-        "header": report.header,
+        "header": report.header.arguments,
         "frames": report.frames,
         "settings": to_json(report.settings),
     }

@@ -187,7 +187,7 @@ class InterEncoder:
         anchor = differences.anchors(values, (right, down), (g_x, g_y), level, SIZE_STEPS, SHEAR_STEPS)
         found, removed, new = _Updates(frame, anchor, s).codes()
         return MainCodes(
-            frame.quantizer, motion_cell=SIDES.index(field.cell), new=in_order(new, frame.state),
+            frame.quantizer, type="P", motion_cell=SIDES.index(field.cell), new=in_order(new, frame.state),
             vectors=vectors if field.cell else np.zeros((0, 0, 2), np.int64),
             modes=modes_of(found, removed), differences=np.where(removed[:, None], 0, found),
         )  # fmt: skip

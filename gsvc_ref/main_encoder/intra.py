@@ -262,7 +262,7 @@ def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFram
     result = result.take(cell_order(result.cell, width, height))
     codes = codes_of(result)
     densities = choose_densities(codes, step_of(quantizer), width, height) if len(codes) else None
-    return IntraFrame(MainCodes(quantizer, densities=densities, new=codes), result.state, result.parameters)
+    return IntraFrame(MainCodes(quantizer, type="I", densities=densities, new=codes), result.state, result.parameters)
 
 
 class Target:

@@ -1,12 +1,13 @@
 """The codes of a frame of profile `main`, before arithmetic (spec.md section 15)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 import numpy as np
 
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.densities import Densities
+from gsvc_ref.reconstruction import FrameType
 
 REMOVED: Final = 8
 """The mode of a splat that is removed."""
@@ -43,6 +44,14 @@ class IntraCodes:
     def __len__(self) -> int:
         return len(self.cells)
 
+    def __eq__(self, other: object) -> bool:
+        """Equality of all codes."""
+        return isinstance(other, IntraCodes) and all(
+            np.array_equal(getattr(self, part.name), getattr(other, part.name)) for part in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
     def take(self, indices: I8) -> "IntraCodes":
         """The codes of some splats, in another order."""
         return IntraCodes(self.cells[indices], self.colors[indices], self.shapes[indices], self.places[indices])
@@ -50,10 +59,12 @@ class IntraCodes:
 
 @dataclass(frozen=True, eq=False)
 class MainCodes:
-    """The codes of an I- or P-frame.
+    """The codes of a frame.
 
     Attributes
     ----------
+    type
+        ``I``, ``P`` or ``R``; an R-frame has no other code.
     quantizer
         0..79, which gives D.
     lane_exponent
@@ -73,7 +84,8 @@ class MainCodes:
         (N, 8), q.
     """
 
-    quantizer: int
+    type: FrameType = field(kw_only=True)
+    quantizer: int = 0
     lane_exponent: int = 0
     densities: Densities | None = None
     new: IntraCodes = field(default_factory=IntraCodes)
@@ -81,6 +93,37 @@ class MainCodes:
     vectors: I8 = field(default_factory=lambda: _none(0, 0, 2))
     modes: I8 = field(default_factory=lambda: _none(0))
     differences: I8 = field(default_factory=lambda: _none(0, 8))
+
+    @classmethod
+    def repeated_frame(cls) -> "MainCodes":
+        """An R-frame: the splats of the frame before."""
+        return cls(type="R")
+
+    @property
+    def intra_count(self) -> int:
+        """`splat_count` of an I-frame, `new_splat_count` of a P-frame."""
+        return len(self.new)
+
+    @property
+    def survivor_count(self) -> int:
+        """The number of splats that stay; 0 unless this is a P-frame."""
+        return int(np.count_nonzero(self.modes != REMOVED))
+
+    @property
+    def origins(self) -> I8 | None:
+        """For each splat of a P-frame the index of the one before that it continues, or -1, (N,) i8; else None."""
+        if self.type != "P":
+            return None
+        return np.concatenate([np.flatnonzero(self.modes != REMOVED), np.full(len(self.new), -1)])
+
+    def __eq__(self, other: object) -> bool:
+        """Equality of all codes."""
+        if not isinstance(other, MainCodes):
+            return False
+        pairs = [(getattr(self, part.name), getattr(other, part.name)) for part in fields(self)]
+        return all(np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b for a, b in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))

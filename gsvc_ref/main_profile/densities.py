@@ -7,6 +7,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.passes import ONE, Distributions, Run
 from gsvc_ref.main_profile.state import CLASSES, SHEAR_STEPS, SIZE_STEPS
@@ -81,28 +82,30 @@ def cumulative(edges: I8, centre: int, family: int, scale_code: int, unit_bits: 
     -------
     (K + 1,) from 0 to 2^14.
     """
-    bins, table = len(edges) + 1, FAMILIES[family]
-    shift = 15 + -(-scale_code // 4) - 11 + unit_bits
-    u = 2**15 + ((edges - 2 * centre) * EXP2[-256 * scale_code & 1023] >> shift)
-    u = np.clip(u, 0, 2**16 - 1)
-    place, rest = u >> 8, u & 255
-    v = table[place] + ((table[place + 1] - table[place]) * rest >> 8)
-    result = np.empty(bins + 1, np.int64)
-    result[0], result[bins] = 0, ONE
-    result[1:bins] = np.arange(1, bins) + ((ONE - bins) * v >> 16)
+    result = np.empty(len(edges) + 2, np.int64)
+    _cumulative(edges, centre, scale_code, unit_bits, EXP2, FAMILIES[family], result)
     return result
 
 
-def magnitude_classes(magnitudes: I8) -> I8:
-    """The class of each magnitude below 2^20: 0, 1, 2, 3, then two classes an octave."""
-    exponent = np.frexp(magnitudes.astype(np.float64))[1] - 1  # exact
-    low = np.maximum(exponent - 1, 0)
-    return np.where(magnitudes < 4, magnitudes, 2 * exponent + (magnitudes >> low & 1)).astype(np.int64)
+@kernel()
+def _cumulative(
+    edges: I8, centre: int, scale_code: int, unit_bits: int, exp2_table: I8, family: I8, result: I8
+) -> None:
+    bins = len(edges) + 1
+    result[0], result[bins] = 0, ONE
+    for i in range(1, bins):
+        v = density_at(edges[i - 1], centre, scale_code, unit_bits, exp2_table, family)
+        result[i] = i + ((ONE - bins) * v >> 16)
 
 
-def low_bits(classes: I8) -> I8:
-    """How many low bits a class of magnitudes has."""
-    return np.where(classes < 4, 0, classes // 2 - 1)
+@kernel(inline=True)
+def density_at(edge: int, centre: int, scale_code: int, unit_bits: int, exp2_table: I8, family: I8) -> int:
+    """V of (15-6) at a doubled edge: the distribution function in 2^-16."""
+    shift = 15 - (-scale_code // 4) - 11 + unit_bits
+    u = 2**15 + ((edge - 2 * centre) * exp2_table[-256 * scale_code & 1023] >> shift)
+    u = min(max(u, 0), 2**16 - 1)
+    place = u >> 8
+    return int(family[place] + ((family[place + 1] - family[place]) * (u & 255) >> 8))
 
 
 @lru_cache(maxsize=64)
@@ -120,28 +123,9 @@ def magnitude_distributions(density: Density) -> Distributions:
 
 def code_magnitudes(run: Run, density: Density, context: I8, codes: I8 | None) -> I8:
     """Signed codes of a colour channel: passes of classes, of low bits and of signs (spec.md section 15.7)."""
-    magnitudes = classes = None
-    if codes is not None:
-        magnitudes = np.abs(codes)
-        classes = magnitude_classes(magnitudes)
     which = context if density.slope else np.zeros(len(context), np.int64)
-    classes = run.symbols(magnitude_distributions(density), which, classes)
-    return code_signs(run, code_low_bits(run, classes, magnitudes), codes)
-
-
-def code_low_bits(run: Run, classes: I8, magnitudes: I8 | None) -> I8:
-    """A pass of the low bits of magnitudes whose classes are known: the magnitudes."""
-    sizes = low_bits(classes)
-    low = None if magnitudes is None else np.where(classes < 4, 0, magnitudes & ((1 << sizes) - 1))
-    low = run.raw_bits(sizes, low)
-    return np.where(classes < 4, classes, ((2 + (classes & 1)) << sizes) + low)
-
-
-def code_signs(run: Run, magnitudes: I8, values: I8 | None) -> I8:
-    """A pass of the signs of magnitudes that are not 0: the signed values."""
-    negative = None if values is None else (values < 0).astype(np.int64)
-    negative = run.raw_bits(np.minimum(magnitudes, 1), negative)
-    return np.where(negative == 1, -magnitudes, magnitudes)
+    magnitudes = run.magnitudes(magnitude_distributions(density), which, None if codes is None else np.abs(codes))
+    return run.signs(magnitudes, codes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
 from gsvc_ref.arrays import I8
-from gsvc_ref.bitstream.coder import Coder
+from gsvc_ref.bitstream.coder import ENTROPY_CODER, Coder
 from gsvc_ref.bitstream.rans import LOWEST_STATE
+from gsvc_ref.errors import UsageError
 from gsvc_ref.main_profile.cells import code_cells, halving_count
 from gsvc_ref.main_profile.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import (
@@ -18,14 +18,12 @@ from gsvc_ref.main_profile.densities import (
     Densities,
     Density,
     code_magnitudes,
-    code_signs,
     code_windowed,
-    magnitude_classes,
     windows_of,
 )
 from gsvc_ref.main_profile.models import Models
 from gsvc_ref.main_profile.motion import code_field, field_motion, field_shape, mode_contexts
-from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter
+from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter, magnitude_classes
 from gsvc_ref.main_profile.reconstruct import add_differences, colors_of, intra_state, place_bits
 from gsvc_ref.main_profile.state import classes, no_splats, to_splats
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
@@ -69,16 +67,9 @@ class MainState:
         return to_splats(self.values)
 
 
-PARTS: Final = (
-    "cells", "luma", "chroma", "size", "aspect", "shear", "place",
-    "motion", "modes", "position", "shape", "color",
-)  # fmt: skip
-"""The parts of a frame's run that code lengths are counted by."""
-
-
 @dataclass(frozen=True, eq=False)
 class Body:
-    """The body of a frame: its codes, the state behind it, and the code length in bits of each part of its run."""
+    """The body of a frame: its codes, the state behind it, and the bits of each of `RUN_PARTS` of its run."""
 
     codes: MainCodes
     after: MainState
@@ -109,27 +100,70 @@ def frame_body(
         The splats that the level allows.
     given
         The codes that a Writer writes; they must fit `before`.
+
+    Raises
+    ------
+    UsageError
+        A Writer is given codes that no stream can have behind `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)
+    if given is not None:
+        _check_shapes(given, before)
     codes, count = _tools(s, frame_type, before, lane_count, most_splats, given)
     densities = codes.densities or before.densities
-    lengths: dict[str, float] = {}
-    state = replace(before, densities=densities)
+    state, lengths = replace(before, densities=densities), {}
     if count + len(before.values) > 0:
         run = RunWriter() if given is not None else _reader(s, codes.lane_exponent)
-        state, codes = _coded(s, run, frame_type, state, codes, count, given)
+        try:
+            state, codes = code_run(run, state, codes, count, given)
+        except MissingWordError:
+            s.fail("R-7-1", "the words of the frame end before its symbols do")
         if isinstance(run, RunWriter):
             _write(s, run, codes.lane_exponent)
+        else:
+            _check_finished(s, run, codes.lane_exponent)
         lengths = dict(run.lengths)
+        s.divide(ENTROPY_CODER, {part: int(length) for part, length in lengths.items()})
+    if given is not None and codes != given:
+        raise UsageError(
+            "a decoder would find other codes than these: cells must be in their order, vectors in 16 bits, slopes 0 "
+            "where a plane has none, and differences 0 where the mode has not their bit"
+        )
     return Body(codes, state, lengths)
+
+
+def _check_shapes(given: MainCodes, before: MainState) -> None:
+    """Refuse codes of another number of splats or cells than a frame behind `before` has."""
+    count, intra = len(before.values), len(given.new)
+    side = SIDES[given.motion_cell] if 0 <= given.motion_cell < len(SIDES) else 0
+    rows, columns = field_shape(before.width, before.height, side) if side else (0, 0)
+    expected = {
+        "vectors": (given.vectors, (rows, columns, 2)),
+        "modes": (given.modes, (count,)),
+        "differences": (given.differences, (count, 8)),
+        "colors": (given.new.colors, (intra, 3)),
+        "shapes": (given.new.shapes, (intra, 3)),
+        "places": (given.new.places, (intra, 2)),
+        "cells": (given.new.cells, (intra, 2)),
+    }
+    for name, (array, shape) in expected.items():
+        if array.shape != shape:
+            raise UsageError(f"`{name}` of a frame has the shape {array.shape}; it must be {shape} here")
+    if given.densities is not None:
+        halvings = halving_count(before.width, before.height)
+        numbers = len(given.densities.planes), len(given.densities.halving_codes)
+        if numbers != (len(PLANES), halvings):
+            raise UsageError(
+                f"the densities have {numbers} planes and halvings; there are {len(PLANES)} and {halvings}"
+            )
 
 
 def _tools(
     s: Coder, frame_type: FrameType, before: MainState, lane_count: int, most_splats: int, given: MainCodes | None
 ) -> tuple[MainCodes, int]:
     """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
-    told = given or MainCodes(0)
+    told = given or MainCodes(type=frame_type)
     with s.part("frame_header"):
         quantizer = s.le("quantizer", 1, told.quantizer)
         if quantizer >= QUANTIZERS:
@@ -153,7 +187,7 @@ def _tools(
     if count and not present and before.densities is None:
         s.fail("R-15.5-4", "new splats need densities, and none are kept since the last I-frame", bit=present_bit)
     densities = _densities(s, before, told.densities) if present else None
-    return MainCodes(quantizer, lane_exponent, densities, motion_cell=motion_cell), count
+    return MainCodes(quantizer, lane_exponent, densities, motion_cell=motion_cell, type=frame_type), count
 
 
 def _densities(s: Coder, before: MainState, given: Densities | None) -> Densities:
@@ -175,7 +209,7 @@ def _densities(s: Coder, before: MainState, given: Densities | None) -> Densitie
 
 
 def _reader(s: Coder, lane_exponent: int) -> RunReader:
-    with s.part("entropy_coder"):
+    with s.part(ENTROPY_CODER):
         states = s.array("lane_state", 1 << lane_exponent, "u4")
         if (states < LOWEST_STATE).any():
             lane = int(np.argmax(states < LOWEST_STATE))
@@ -187,33 +221,41 @@ def _reader(s: Coder, lane_exponent: int) -> RunReader:
 
 def _write(s: Coder, run: RunWriter, lane_exponent: int) -> None:
     states, words = run.finish(1 << lane_exponent)
-    with s.part("entropy_coder"):
+    with s.part(ENTROPY_CODER):
         s.array("lane_state", len(states), "u4", states)
         s.array("word", len(words), "u2", words)
 
 
-def _coded(
-    s: Coder, run: Run, frame_type: FrameType, before: MainState, codes: MainCodes, count: int, given: MainCodes | None
+def code_run(
+    run: Run, before: MainState, codes: MainCodes, count: int, given: MainCodes | None = None
 ) -> tuple[MainState, MainCodes]:
-    """The passes of a frame, and the state that they lead to."""
-    state = before
-    try:
-        if len(before.values):
-            state, codes = _predicted(run, before, codes, given)
-        if count:
-            assert before.densities is not None
-            new = _intra(run, before, before.densities, count, step_of(codes.quantizer), given.new if given else None)
-            codes = replace(codes, new=new)
-            past = np.full(count, 0 if frame_type == "I" else 2, np.int64)
-            state = replace(
-                state,
-                values=np.concatenate([state.values, intra_state(new, step_of(codes.quantizer))]),
-                past=np.concatenate([state.past, past]),
-            )
-        if isinstance(run, RunReader):
-            _check_finished(s, run, codes.lane_exponent)
-    except MissingWordError:
-        s.fail("R-7-1", "the words of the frame end before its symbols do")
+    """The passes of a frame that has symbols: the state behind it, and its codes.
+
+    Parameters
+    ----------
+    run
+        Reads, writes or makes the symbols.
+    before
+        The state behind the frame before, that of an I-frame being without splats, with the densities of this frame.
+    codes
+        The elements in front of the run.
+    count
+        `splat_count` or `new_splat_count`.
+    given
+        The codes that are written.
+    """
+    state, step = before, step_of(codes.quantizer)
+    if len(before.values):
+        state, codes = _predicted(run, before, codes, given)
+    if count:
+        assert before.densities is not None
+        new = _intra(run, before, before.densities, count, step, given.new if given else None)
+        codes = replace(codes, new=new)
+        state = replace(
+            state,
+            values=np.concatenate([state.values, intra_state(new, step)]),
+            past=np.concatenate([state.past, np.full(count, 0 if codes.type == "I" else 2, np.int64)]),
+        )
     return state, codes
 
 
@@ -294,9 +336,8 @@ def _differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
                 contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
                 sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the last one cannot be 0
                 wanted = None if told is None else np.abs(told[:, i]) - sure
-                magnitude, _ = models.code_magnitudes(run, group, contexts, wanted)
-                magnitudes.append(magnitude + sure)
+                magnitudes.append(models.code_magnitudes(run, group, contexts, wanted) + sure)
                 before = before + magnitudes[-1]
             for i, magnitude in enumerate(magnitudes):
-                q[changed, first + i] = code_signs(run, magnitude, None if told is None else told[:, i])
+                q[changed, first + i] = run.signs(magnitude, None if told is None else told[:, i])
     return q

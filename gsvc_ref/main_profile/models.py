@@ -4,8 +4,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main_profile.densities import code_low_bits, magnitude_classes
 from gsvc_ref.main_profile.passes import ONE, Distributions, Run
 
 
@@ -77,13 +77,51 @@ GAIN: Final = 64
 def distributions(counts: I8) -> Distributions:
     """The distribution of each context of a model with these counts (contexts, K)."""
     contexts, symbols = counts.shape
-    excess = np.frexp(counts.sum(axis=1, keepdims=True).astype(np.float64))[1].astype(np.int64) - SUM_BITS
-    counts = counts >> np.maximum(excess, 0)
-    frequencies = 1 + (ONE - symbols) * counts // counts.sum(axis=1, keepdims=True)  # (15-14)
-    frequencies[np.arange(contexts), frequencies.argmax(axis=1)] += ONE - frequencies.sum(axis=1)
-    cumulative = np.zeros((contexts, symbols + 1), np.int64)
-    np.cumsum(frequencies, axis=1, out=cumulative[:, 1:])
+    cumulative = np.empty((contexts, symbols + 1), np.int64)
+    _distributions(counts, cumulative)
     return Distributions(cumulative.ravel(), np.arange(contexts + 1) * (symbols + 1))
+
+
+@kernel()
+def _distributions(counts: I8, cumulative: I8) -> None:
+    contexts, symbols = counts.shape
+    for context in range(contexts):
+        total, shift, sum_of_frequencies, largest, at = 0, 0, 0, 0, 0
+        for s in range(symbols):
+            total += counts[context, s]
+        while total >> shift >= 1 << SUM_BITS:
+            shift += 1
+        total = 0
+        for s in range(symbols):
+            total += counts[context, s] >> shift
+        for s in range(symbols):
+            frequency = 1 + (ONE - symbols) * (counts[context, s] >> shift) // total  # (15-14)
+            sum_of_frequencies += frequency
+            if frequency > largest:
+                largest, at = frequency, s
+        cumulative[context, 0] = 0
+        for s in range(symbols):
+            frequency = 1 + (ONE - symbols) * (counts[context, s] >> shift) // total
+            frequency += ONE - sum_of_frequencies if s == at else 0
+            cumulative[context, s + 1] = cumulative[context, s] + frequency
+
+
+@kernel()
+def _note(contexts: I8, symbols: I8, seen: I8) -> None:
+    for i in range(len(symbols)):
+        seen[contexts[i], symbols[i]] += 1
+
+
+@kernel()
+def _note_classes(contexts: I8, magnitudes: I8, seen: I8) -> None:
+    for i in range(len(magnitudes)):
+        s = magnitudes[i]
+        if s >= 4:
+            exponent = 2
+            while s >> (exponent + 1):
+                exponent += 1
+            s = 2 * exponent + (s >> (exponent - 1) & 1)
+        seen[contexts[i], s] += 1
 
 
 def adapted(counts: I8, seen: I8) -> I8:
@@ -98,18 +136,24 @@ class Models:
     def __init__(self, counts: dict[str, I8] | None = None) -> None:
         self.counts = counts or {name: start.rows() for name, start in STARTS.items()}
         self._seen = {name: np.zeros_like(rows) for name, rows in self.counts.items()}
+        self._distributions: dict[str, Distributions] = {}
 
     def code(self, run: Run, name: str, contexts: I8, symbols: I8 | None = None) -> I8:
         """A pass of symbols by a model."""
-        symbols = run.symbols(distributions(self.counts[name]), contexts, symbols)
-        np.add.at(self._seen[name], (contexts, symbols), 1)
+        symbols = run.symbols(self._of(name), contexts, symbols)
+        _note(contexts, symbols, self._seen[name])
         return symbols
 
-    def code_magnitudes(self, run: Run, name: str, contexts: I8, magnitudes: I8 | None = None) -> tuple[I8, I8]:
-        """Passes of classes, by a model, and of low bits: magnitudes and their classes."""
-        told = None if magnitudes is None else magnitude_classes(magnitudes)
-        classes = self.code(run, name, contexts, told)
-        return code_low_bits(run, classes, magnitudes), classes
+    def code_magnitudes(self, run: Run, name: str, contexts: I8, magnitudes: I8 | None = None) -> I8:
+        """Passes of classes, by a model, and of low bits."""
+        magnitudes = run.magnitudes(self._of(name), contexts, magnitudes)
+        _note_classes(contexts, magnitudes, self._seen[name])
+        return magnitudes
+
+    def _of(self, name: str) -> Distributions:
+        if name not in self._distributions:
+            self._distributions[name] = distributions(self.counts[name])
+        return self._distributions[name]
 
     def adapted(self) -> "Models":
         """The models of the next frame."""

@@ -5,9 +5,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_ref.arrays import I8
-from gsvc_ref.main_profile.densities import code_signs
 from gsvc_ref.main_profile.models import Models
-from gsvc_ref.main_profile.passes import Run
+from gsvc_ref.main_profile.passes import Run, magnitude_classes
 
 X_CLASSES: Final = (0, 2, 7)
 """The largest class of a magnitude in x of each context of the magnitude in y but the last one."""
@@ -36,10 +35,10 @@ def code_field(run: Run, models: Models, shape: tuple[int, int], field: I8 | Non
         given = differences[:, 0], differences[:, 1]
     x, y = given
     none = np.zeros(rows * columns, np.int64)
-    magnitudes_x, classes = models.code_magnitudes(run, "vector", none, x if x is None else np.abs(x))
-    contexts = 1 + np.searchsorted(X_CLASSES, classes).astype(np.int64)
-    magnitudes_y, _ = models.code_magnitudes(run, "vector", contexts, y if y is None else np.abs(y))
-    x, y = code_signs(run, magnitudes_x, x), code_signs(run, magnitudes_y, y)
+    magnitudes_x = models.code_magnitudes(run, "vector", none, x if x is None else np.abs(x))
+    contexts = 1 + np.searchsorted(X_CLASSES, magnitude_classes(magnitudes_x)).astype(np.int64)
+    magnitudes_y = models.code_magnitudes(run, "vector", contexts, y if y is None else np.abs(y))
+    x, y = run.signs(magnitudes_x, x), run.signs(magnitudes_y, y)
     vectors = np.stack([x, y], axis=1).reshape(rows, columns, 2)
     vectors[:, 0] = np.cumsum(vectors[:, 0], axis=0)
     return _wrapped(np.cumsum(vectors, axis=1))

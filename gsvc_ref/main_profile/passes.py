@@ -1,7 +1,8 @@
 """The run of the entropy coder through a frame, in passes (spec.md section 15.6).
 
 A pass is handed the cumulative frequencies of its symbols, and the symbols themselves where a frame is written; it
-returns the symbols. So each structure of a frame stands once, and is read and written by the same lines.
+returns the symbols. So each structure of a frame stands once, and is read and written by the same lines. Symbol i of a
+pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0 (R-15.6-1).
 """
 
 from abc import ABC, abstractmethod
@@ -18,12 +19,19 @@ from gsvc_ref.arrays import I8, U2, U4
 from gsvc_ref.bitstream.rans import LOWEST_STATE
 from gsvc_ref.checks import door
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import log2
 
 PRECISION: Final = 14
 ONE: Final = 1 << PRECISION
 """The sum of the frequencies of a symbol's distribution."""
 
 MISSING_WORD: Final = -1
+
+LENGTH_UNIT: Final = 1 << 16
+"""The parts of a bit that code lengths are counted in: sums of integers are the same on every machine."""
+
+LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, ONE + 1)))).astype(np.int64)
+"""The code length of a symbol by its frequency less 1."""
 
 
 class Distributions(NamedTuple):
@@ -73,6 +81,19 @@ class Run(ABC):
     def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
         """A pass: symbol i has the distribution `which[i]`."""
 
+    def magnitudes(self, tables: Distributions, which: I8, magnitudes: I8 | None = None) -> I8:
+        """Passes of the classes of magnitudes below 2^20, class i with the distribution `which[i]`, and of low bits."""
+        classes = self.symbols(tables, which, None if magnitudes is None else magnitude_classes(magnitudes))
+        sizes = low_bits(classes)
+        low = None if magnitudes is None else np.where(classes < 4, 0, magnitudes & ((1 << sizes) - 1))
+        return np.where(classes < 4, classes, ((2 + (classes & 1)) << sizes) + self.raw_bits(sizes, low))
+
+    def signs(self, magnitudes: I8, values: I8 | None = None) -> I8:
+        """A pass of the signs of magnitudes that are not 0: the signed values."""
+        negative = None if values is None else (values < 0).astype(np.int64)
+        negative = self.raw_bits(np.minimum(magnitudes, 1), negative)
+        return np.where(negative == 1, -magnitudes, magnitudes)
+
     @abstractmethod
     def _uniform(self, sizes: I8, values: I8 | None) -> I8:
         """A pass of symbols of 2^sizes[i] values each, sizes at most 14; those of size 0 are left out."""
@@ -87,8 +108,7 @@ class Run(ABC):
         return (high << lower) + self._uniform(lower, None if values is None else values & ((1 << lower) - 1))
 
     def _count(self, frequencies: I8) -> None:
-        if len(frequencies):
-            self.lengths[self._part] += PRECISION * len(frequencies) - float(np.log2(frequencies).sum())
+        self.lengths[self._part] += int(LENGTHS[frequencies - 1].sum()) / LENGTH_UNIT
 
 
 class RunReader(Run):
@@ -117,21 +137,32 @@ class RunReader(Run):
 
     def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
         """A pass: symbol i has the distribution `which[i]`."""
-        found, frequencies = np.empty(len(which), np.int64), np.empty(len(which), np.int64)
-        self._take(_read_symbols(*tables, which, self.states, self._words, self.taken, found, frequencies))
-        self._count(frequencies)
+        found = np.empty(len(which), np.int64)
+        self._take(*_read_symbols(*tables, which, self.states, self._words, self.taken, LENGTHS, found))
+        return found
+
+    def magnitudes(self, tables: Distributions, which: I8, magnitudes: I8 | None = None) -> I8:
+        """Passes of the classes of magnitudes below 2^20, class i with the distribution `which[i]`, and of low bits."""
+        found = np.empty(len(which), np.int64)
+        self._take(*_read_magnitudes(*tables, which, self.states, self._words, self.taken, LENGTHS, found))
+        return found
+
+    def signs(self, magnitudes: I8, values: I8 | None = None) -> I8:
+        """A pass of the signs of magnitudes that are not 0: the signed values."""
+        found = np.empty(len(magnitudes), np.int64)
+        self._take(*_read_signs(magnitudes, self.states, self._words, self.taken, found))
         return found
 
     def _uniform(self, sizes: I8, values: I8 | None) -> I8:
-        found = np.zeros(len(sizes), np.int64)
-        self._take(_read_uniform(sizes, self.states, self._words, self.taken, found))
-        self.lengths[self._part] += int(sizes.sum())
+        found = np.empty(len(sizes), np.int64)
+        self._take(*_read_uniform(sizes, self.states, self._words, self.taken, found))
         return found
 
-    def _take(self, taken: int) -> None:
+    def _take(self, taken: int, length: int) -> None:
         if taken == MISSING_WORD:
             raise MissingWordError
         self.taken = taken
+        self.lengths[self._part] += length / LENGTH_UNIT
 
 
 class MissingWordError(Exception):
@@ -212,11 +243,24 @@ def encode_run(starts: ArrayLike, frequencies: ArrayLike, lanes: ArrayLike, lane
     return EncodedRun(states.astype(np.uint32), words[len(words) - used :].copy())
 
 
+def magnitude_classes(magnitudes: I8) -> I8:
+    """The class of each magnitude below 2^20: 0, 1, 2, 3, then two classes an octave (spec.md section 15.7)."""
+    exponent = np.frexp(magnitudes.astype(np.float64))[1] - 1  # exact
+    low = np.maximum(exponent - 1, 0)
+    return np.where(magnitudes < 4, magnitudes, 2 * exponent + (magnitudes >> low & 1)).astype(np.int64)
+
+
+def low_bits(classes: I8) -> I8:
+    """How many low bits a class of magnitudes has."""
+    return np.where(classes < 4, 0, classes // 2 - 1)
+
+
 @kernel()
 def _read_symbols(
-    cumulative: I8, first: I8, which: I8, states: I8, words: U2, taken: int, symbols: I8, frequencies: I8
-) -> int:
-    lanes = len(states)
+    cumulative: I8, first: I8, which: I8, states: I8, words: U2, taken: int, lengths: I8, symbols: I8
+) -> tuple[int, int]:
+    """A pass of symbols: the words taken since the run began, and the code length."""
+    lanes, length = len(states), 0
     for i in range(len(which)):
         lane = i % lanes
         x = states[lane]
@@ -233,20 +277,22 @@ def _read_symbols(
         x = frequency * (x >> PRECISION) + slot - cumulative[low]  # (7-1)
         if x < LOWEST_STATE:
             if taken == len(words):
-                return MISSING_WORD
+                return MISSING_WORD, 0
             x = (x << 16) | np.int64(words[taken])
             taken += 1
         states[lane] = x
         symbols[i] = low - begin
-        frequencies[i] = frequency
-    return taken
+        length += lengths[frequency - 1]
+    return taken, length
 
 
 @kernel()
-def _read_uniform(sizes: I8, states: I8, words: U2, taken: int, values: I8) -> int:
+def _read_uniform(sizes: I8, states: I8, words: U2, taken: int, values: I8) -> tuple[int, int]:
+    """A pass of raw bits: the words taken since the run began, and the code length."""
     lanes = len(states)
-    place = 0
+    place = length = 0
     for i in range(len(sizes)):
+        values[i] = 0
         if sizes[i] == 0:
             continue
         lane = place % lanes
@@ -258,11 +304,48 @@ def _read_uniform(sizes: I8, states: I8, words: U2, taken: int, values: I8) -> i
         x = ((x >> PRECISION) << bits) + (slot & ((1 << bits) - 1))
         if x < LOWEST_STATE:
             if taken == len(words):
-                return MISSING_WORD
+                return MISSING_WORD, 0
             x = (x << 16) | np.int64(words[taken])
             taken += 1
         states[lane] = x
-    return taken
+        length += sizes[i]
+    return taken, length * LENGTH_UNIT
+
+
+@kernel()
+def _read_magnitudes(
+    cumulative: I8, first: I8, which: I8, states: I8, words: U2, taken: int, lengths: I8, magnitudes: I8
+) -> tuple[int, int]:
+    """The passes of `Run.magnitudes`: the words taken since the run began, and the code length."""
+    taken, length = _read_symbols(cumulative, first, which, states, words, taken, lengths, magnitudes)
+    sizes, low = np.zeros(len(which), np.int64), np.zeros(len(which), np.int64)
+    for upper in (True, False):
+        if taken == MISSING_WORD:
+            return MISSING_WORD, 0
+        some = False
+        for i in range(len(which)):
+            bits = max(magnitudes[i] // 2 - 1, 0) if magnitudes[i] >= 4 else 0
+            sizes[i] = max(bits - PRECISION, 0) if upper else min(bits, PRECISION)
+            some |= sizes[i] > 0
+        if some:
+            values = np.empty(len(which), np.int64)
+            taken, more = _read_uniform(sizes, states, words, taken, values)
+            length += more
+            for i in range(len(which)):
+                low[i] = (low[i] << sizes[i]) | values[i]
+    for i in range(len(which)):
+        if magnitudes[i] >= 4:
+            magnitudes[i] = ((2 + (magnitudes[i] & 1)) << (magnitudes[i] // 2 - 1)) + low[i]
+    return taken, length
+
+
+@kernel()
+def _read_signs(magnitudes: I8, states: I8, words: U2, taken: int, values: I8) -> tuple[int, int]:
+    """The pass of `Run.signs`: the words taken since the run began, and the code length."""
+    taken, length = _read_uniform(np.minimum(magnitudes, 1), states, words, taken, values)
+    for i in range(len(magnitudes)):
+        values[i] = -magnitudes[i] if values[i] else magnitudes[i]
+    return taken, length
 
 
 @kernel()

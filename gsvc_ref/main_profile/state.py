@@ -1,7 +1,7 @@
 """The state of splats in integers, their classes, and their parameters (spec.md section 15.4).
 
 A state is an array (N, 8) i8 with the columns X, Y (1/256 pixel), A, B (log2 of l11 and l22 in 1/1024), S (l21 / l22 in
-1/1024) and n0, n1, n2 (1/16).
+1/1024) and n0, n1, n2 (1/16). In these coordinates the squared error of a picture changes alike with each (15-1).
 """
 
 import math

@@ -1,6 +1,7 @@
 """The integer tables of profile `main` (spec.md section 15.3), and the step of a quantiser."""
 
 import math
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -16,15 +17,22 @@ QUANTIZERS: Final = 80
 """`quantizer` is below this."""
 
 
-def _nearest_exp2(i: int) -> int:
-    """The integer nearest to 2^(15 + i/1024): ten square roots are the root of order 1024, rounded down."""
-    power = 1 << (16 * OCTAVE + i)
-    for _ in range(10):
-        power = math.isqrt(power)
-    return (power + 1) >> 1
+_GUARD: Final = 128
+"""Bits behind the binary point with which the powers of EXP2 are found: no rounding of theirs is in doubt."""
 
 
-EXP2: Final[I8] = np.array([_nearest_exp2(i) for i in range(OCTAVE)], np.int64)
+def _nearest_exp2() -> Iterator[int]:
+    """The integers nearest to 2^(15 + i/1024), i = 0 .. 1023."""
+    root = 2 << _GUARD
+    for _ in range(10):  # ten square roots are the root of order 1024
+        root = math.isqrt(root << _GUARD)
+    power = 1 << _GUARD
+    for _ in range(OCTAVE):
+        yield ((power << 16 >> _GUARD) + 1) >> 1
+        power = power * root >> _GUARD
+
+
+EXP2: Final[I8] = np.array([*_nearest_exp2()], np.int64)
 """2^(i/1024) with 15 bits behind the binary point, (1024,)."""
 
 EXP2_FLOAT: Final[F4] = EXP2.astype(np.float32)

@@ -15,6 +15,7 @@ from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.stream.whole_streams import (
     decode_stream,
     decode_stream_deterministic,
+    read_main_stream,
     read_stream,
     reconstruct_stream,
     seek,
@@ -34,6 +35,7 @@ __all__ = [
     "decode",
     "decode_stream",
     "decode_stream_deterministic",
+    "read_main_stream",
     "read_stream",
     "reconstruct_stream",
     "scaled_size",

@@ -7,16 +7,17 @@ from typing import Final
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
-from gsvc_ref.bitstream.coder import CATEGORIES, Bytes, Element, encode_uv
+from gsvc_ref.bitstream.coder import Bytes, Element, categories_of, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.bitstream.frames import Frame, frame
+from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import FrameType, State, reconstruct
+from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.pace import Pace
+from gsvc_ref.stream.profiles import AnyCodes, AnyState, Parsed, profile_of
 from gsvc_ref.stream.source import Source, SourceReader
 
 CRC_SIZE: Final = chunks.CRC_BITS // 8
@@ -47,7 +48,7 @@ class Place:
     """
 
     offset: int
-    state: State
+    state: AnyState
     next_number: int = 0
     index_length: int = 0
     frame_end: int = 0
@@ -108,7 +109,8 @@ class ChunkDecoder:
             with p.part("header"):
                 p.raw("unknown", p.bytes_left)
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
-        state, begin = State.initial(self.header.width, self.header.height), s.position // 8
+        self._profile = profile_of(self.header)
+        state, begin = self._profile.initial(self.header), s.position // 8
         self.first = Place(begin, state, frame_end=begin, pace=Pace() if self.header.paced_flag else None)
 
     def longest_payload(self, chunk_type: int) -> int:
@@ -137,13 +139,15 @@ class ChunkDecoder:
         s, chunk_type, p = self.read(place)
         size = s.position // 8 - place.offset
         after = replace(place, offset=place.offset + size, index_length=0)
-        parsed: Frame | None = None
+        codes: AnyCodes | None = None
         ancillary: tuple[str, Bytes] | None = None
         if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
-            parsed = frame(p, self.header, place.state, frame_type, place.next_number)
+            _, checksum = frame_head(p, self.header, place.next_number)
+            parsed = self._profile.read(p, self.header, place.state, frame_type)
             _check_filled(p)
-            state, work = self._reconstruct(parsed, place, p)
+            state, work = self._reconstruct(parsed, checksum, place, p)
+            codes = parsed.codes
             pace = self._pace(place, frame_type, len(state.splats), work, after.offset)
             after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace)
         elif chunk_type == chunks.INDEX_TYPE:
@@ -155,7 +159,7 @@ class ChunkDecoder:
             with p.part("ancillary"):
                 ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
         bits = s.bits_by_category() + p.bits_by_category()
-        decoded = None if parsed is None else _decoded_frame(parsed, bits, place, after)
+        decoded = None if codes is None else self._decoded_frame(codes, bits, place, after)
         return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary)
 
     def check_nothing_follows(self, place: Place) -> None:
@@ -195,10 +199,10 @@ class ChunkDecoder:
             chunk_type, payload = chunks.chunk(s, self.longest_payload)
         return chunk_type, payload_reader(s, payload)
 
-    def _reconstruct(self, parsed: Frame, place: Place, p: Reader) -> tuple[State, int]:
+    def _reconstruct(self, parsed: Parsed, checksum: int | None, place: Place, p: Reader) -> tuple[AnyState, int]:
         """The checks that follow parsing: R-8-1, R-5-4 and R-6.4-3; the state, and the rendering work in pairs."""
         try:
-            state = reconstruct(parsed.codes, place.state)
+            state = parsed.reconstruct()
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
         repeated = state is place.state  # an R-frame has the work of the frame before
@@ -206,10 +210,15 @@ class ChunkDecoder:
         if work > self.header.limits.work:
             message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
             raise broken("R-5-4", message, 8 * place.offset)
-        if parsed.parameter_checksum is not None and parsed.parameter_checksum != parameter_checksum(state.splats):
-            checksum_bit = p.first_bit + 8 * len(encode_uv(parsed.frame_number))
+        if checksum is not None and checksum != parameter_checksum(state.splats):
+            checksum_bit = p.first_bit + 8 * len(encode_uv(place.next_number))
             raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
         return state, work
+
+    def _decoded_frame(self, codes: AnyCodes, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
+        spent = {category: bits[category] for category in categories_of(self.header.profile) if bits[category]}
+        size, state = after.offset - place.offset, after.state
+        return DecodedFrame(place.next_number, codes.type, codes, state.splats, spent, place.offset, size, state)
 
     def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
         """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""
@@ -264,11 +273,3 @@ def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:
 def _check_filled(p: Reader) -> None:
     if p.bits_left:
         p.fail("R-6.2-3", f"{p.bytes_left} bytes of a payload are left over after its last element", bit=p.position)
-
-
-def _decoded_frame(parsed: Frame, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
-    spent = {category: bits[category] for category in CATEGORIES if bits[category]}
-    codes, splats = parsed.codes, after.state.splats
-    return DecodedFrame(
-        parsed.frame_number, codes.type, codes, splats, spent, place.offset, after.offset - place.offset
-    )

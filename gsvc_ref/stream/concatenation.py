@@ -17,7 +17,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
-from gsvc_ref.bitstream.header import SequenceHeader, sequence_header
+from gsvc_ref.bitstream.header import SequenceHeader, header_elements, sequence_header
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import opened_output
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
@@ -46,7 +46,7 @@ class Opening:
     header
         The sequence header.
     later
-        What follows `lane_count` in the sequence header of a later minor version.
+        What follows the last element in the sequence header of a later minor version.
     """
 
     version_minor: int
@@ -210,7 +210,8 @@ def _check_goes_with(first: _Part, part: _Part) -> None:
     for element in fields(SequenceHeader):
         if element.name not in MAY_DIFFER:
             pairs.append((element.name, getattr(ours.header, element.name), getattr(theirs.header, element.name)))
-    pairs.append(("what follows `lane_count`", ours.later.hex(" "), theirs.later.hex(" ")))
+    last = header_elements(ours.header.profile)[-1]
+    pairs.append((f"what follows `{last}`", ours.later.hex(" "), theirs.later.hex(" ")))
     for name, a, b in pairs:
         if a != b:
             element_name = name if " " in name else f"`{name}`"

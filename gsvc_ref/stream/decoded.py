@@ -5,8 +5,9 @@ from typing import Final
 
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import FrameCodes, FrameType
+from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import Splats
+from gsvc_ref.stream.profiles import AnyCodes, AnyState
 
 MAX_FAULTS: Final = 8
 """Maximum number of faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
@@ -23,22 +24,25 @@ class DecodedFrame:
     type
         ``I``, ``P`` or ``R``.
     codes
-        The codes that the bytes hold.
+        The codes that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of profile `main`.
     splats
         The splats that the codes stand for, bit for bit those of the encoder.
     bits
-        The number of bits of the chunk by category (`CATEGORIES`); together 8 · `size`.
+        The number of bits of the chunk by category (`categories_of` the profile); together 8 · `size`.
     offset, size
         The offset of the chunk in bytes from the start of the stream, and its size in bytes.
+    state
+        What the next frame is predicted from.
     """
 
     number: int
     type: FrameType
-    codes: FrameCodes
+    codes: AnyCodes
     splats: Splats
     bits: dict[str, int]
     offset: int
     size: int
+    state: AnyState = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -143,8 +147,8 @@ class StreamSummary:
     frames
         The complete frames.
     bits
-        The number of bits by category (`CATEGORIES`), and those ``unread``, which follow a fault, or when salvaging
-        ``skipped``. Together 8 · `file_bytes`.
+        The number of bits by category (`categories_of` the profile), and those ``unread``, which follow a fault, or
+        when salvaging ``skipped``. Together 8 · `file_bytes`.
     file_bytes
         Size of the stream in bytes.
     error

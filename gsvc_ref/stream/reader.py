@@ -6,7 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
-from gsvc_ref.bitstream.coder import CATEGORIES, Element
+from gsvc_ref.bitstream.coder import Element, categories_of
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, SequenceHeader
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
@@ -170,7 +170,7 @@ class StreamReader:
                 pass
             file_bytes = self._source.offset
         file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
-        counted = {category: bits[category] for category in CATEGORIES}
+        counted = {category: bits[category] for category in categories_of(self.header.profile)}
         counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
         return StreamSummary(self.header, frames, counted, file_bytes, error, gaps, kept)
 

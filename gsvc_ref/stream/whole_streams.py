@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.bitstream.header import HEADER_ELEMENTS
 from gsvc_ref.checks import door
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.reconstruction import SplatBlock
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.reconstruction import FrameCodes, SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.decoder import decode
 from gsvc_ref.stream.reader import StreamReader
@@ -57,7 +58,7 @@ class StreamSplats(NamedTuple):
 
 
 def read_stream(stream: bytes) -> StreamCodes:
-    """The codes that a stream consists of, frame by frame and block by block in the order of its bytes.
+    """The codes of a stream of profile `paper`, frame by frame and block by block in the order of its bytes.
 
     Parameters
     ----------
@@ -73,13 +74,19 @@ def read_stream(stream: bytes) -> StreamCodes:
     ------
     GsvcError
         The stream breaks a rule of spec.md.
+    UsageError
+        The stream is of another profile.
     """
     reader = StreamReader(stream)
     frames = list(reader)
     rows: list[tuple[int, ...]] = []
     blocks: list[SplatBlock] = []
+    survivors: list[Array | None] = []
     for frame in frames:
         codes = frame.codes
+        if not isinstance(codes, FrameCodes):
+            raise UsageError("the stream is of profile `main`; read_main_stream lists its codes")
+        survivors.append(codes.survivors)
         # A P-frame's inter block stands before its intra block.
         for kind, count, block in ((1, codes.survivor_count, codes.inter), (0, codes.intra_count, codes.intra)):
             if block is not None:
@@ -89,10 +96,10 @@ def read_stream(stream: bytes) -> StreamCodes:
     quantizers = [block.quantizer for block in blocks if block.quantizer is not None]
     books = [book for block in blocks for book in block.codebooks or ()]
     return StreamCodes(
-        header=np.array([getattr(reader.header, name) for name in HEADER_ELEMENTS], np.int64),
+        header=np.array(list(reader.header.elements.values()), np.int64),
         frame_types=np.frombuffer("".join(frame.type for frame in frames).encode(), np.uint8),
         counts=np.array([len(frame.splats) for frame in frames], np.int64),
-        survivors=_joined([frame.codes.survivors for frame in frames], np.zeros(0, np.uint8)),
+        survivors=_joined(survivors, np.zeros(0, np.uint8)),
         blocks=np.array(rows, np.int64).reshape(-1, 8),
         positions=_joined([block.positions for block in blocks], np.zeros((0, 2), np.uint16)),
         cholesky=_joined([block.cholesky for block in blocks], np.zeros((0, 3), np.uint16)),
@@ -102,6 +109,75 @@ def read_stream(stream: bytes) -> StreamCodes:
         color_indices=_joined(
             [None if block.colors is None else block.colors.T.ravel() for block in blocks], np.zeros(0, np.uint16)
         ),
+    )
+
+
+class MainStreamCodes(NamedTuple):
+    """The codes of a stream of profile `main`: T frames, of which B are not repeated."""
+
+    header: Array
+    """(19,) i8, the elements of the sequence header in the order of sections 6.3 and 15.2."""
+    frame_types: Array
+    """(T,) u1, I, P or R in ASCII."""
+    counts: Array
+    """(T,) i8, the number of splats."""
+    bodies: Array
+    """(B, 6) i8: `frame_number`, `quantizer`, `lane_exponent`, `motion_cell`, `densities_present`, and `splat_count` or
+    `new_splat_count`."""
+    fields: Array
+    """(V, 2) i8, the vectors of the motion fields row by row, in quarter pixels."""
+    modes: Array
+    """(M,) i8, those of the splats of the frame before."""
+    differences: Array
+    """(M, 8) i8, q of these splats."""
+    states: Array
+    """(N, 8) i8, the states of the splats of all frames."""
+
+
+def read_main_stream(stream: bytes) -> MainStreamCodes:
+    """The codes that a stream of profile `main` consists of, frame by frame (spec.md section 15.12).
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+
+    Returns
+    -------
+    MainStreamCodes
+        Flat arrays.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    UsageError
+        The stream is of another profile.
+    """
+    reader = StreamReader(stream)
+    types, counts, states = [], [], []
+    bodies: list[tuple[int, MainCodes]] = []
+    for frame in reader:
+        if not isinstance(frame.codes, MainCodes) or not isinstance(frame.state, MainState):
+            raise UsageError("the stream is of profile `paper`; read_stream lists its codes")
+        types.append(frame.type)
+        counts.append(len(frame.splats))
+        states.append(frame.state.values)
+        if frame.type != "R":
+            bodies.append((frame.number, frame.codes))
+    rows = [
+        (number, c.quantizer, c.lane_exponent, c.motion_cell, int(c.densities is not None), len(c.new))
+        for number, c in bodies
+    ]
+    return MainStreamCodes(
+        header=np.array(list(reader.header.elements.values()), np.int64),
+        frame_types=np.frombuffer("".join(types).encode(), np.uint8),
+        counts=np.array(counts, np.int64),
+        bodies=np.array(rows, np.int64).reshape(-1, 6),
+        fields=_joined([codes.vectors.reshape(-1, 2) for _, codes in bodies], np.zeros((0, 2), np.int64)),
+        modes=_joined([codes.modes for _, codes in bodies], np.zeros(0, np.int64)),
+        differences=_joined([codes.differences for _, codes in bodies], np.zeros((0, 8), np.int64)),
+        states=_joined(states, np.zeros((0, 8), np.int64)),
     )
 
 

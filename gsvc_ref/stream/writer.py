@@ -8,15 +8,15 @@ from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.bitstream.coder import CATEGORIES, Bytes
+from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.bitstream.frames import Frame, frame
+from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
 from gsvc_ref.errors import UsageError
-from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.pace import Pace
+from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10
 
@@ -93,7 +93,7 @@ class StreamWriter:
     state
         The state of a decoder after the frames so far: predict from `state.splats`.
     bits
-        The number of bits written by category (`CATEGORIES`).
+        The number of bits written by category (`categories_of` the profile).
     offset
         The number of bytes written.
     goes_back
@@ -108,7 +108,7 @@ class StreamWriter:
         index: bool = True,
         live: bool = False,
         least_level: bool = False,
-        make_writer: Callable[[int], Writer] = Writer,
+        make_writer: MakeWriter = Writer,
     ) -> None:
         self._target = target
         self._make_writer = make_writer
@@ -121,7 +121,9 @@ class StreamWriter:
         self.header = self._written = header if self.goes_back else replace(header, frame_count=0)
         self._least_level = least_level and self.goes_back
         self._most_splats = self._most_work = self._longest_frame = 0
-        self.state = State.initial(header.width, header.height)
+        self._profile = profile_of(header)
+        self._categories = categories_of(header.profile)
+        self.state = self._profile.initial(header)
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
         self.bits: Counter[str] = Counter()
@@ -134,16 +136,16 @@ class StreamWriter:
         self._write_chunk(chunks.HEADER_TYPE, lambda p: sequence_header(p, self.header))
         self._frame_end = self.offset
 
-    def write_frame(self, codes: FrameCodes, state: State | None = None) -> DecodedFrame:
-        """Write a frame: what a reader will make of it, with the bits that each of `CATEGORIES` took.
+    def write_frame(self, codes: AnyCodes, state: AnyState | None = None) -> DecodedFrame:
+        """Write a frame: what a reader will make of it, with the bits that each category took.
 
         Parameters
         ----------
         codes
             The codes of the frame.
         state
-            ``reconstruct(codes, self.state)`` where the caller has it already, as an encoder does; it is not computed
-            again.
+            The state behind the frame, ``reconstruct(codes, self.state)``, where the caller has it already, as an
+            encoder does; it is not computed again. Profile `main` finds it as it writes the codes.
 
         Raises
         ------
@@ -154,19 +156,21 @@ class StreamWriter:
         """
         if self.frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
-        if state is None:
-            state = reconstruct(codes, self.state)
+        prepared = self._profile.prepare(self._make_writer, self.header, self.state, codes, state)
+        state = prepared.state
         repeated = state is self.state
         work = self._work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"
             raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
         checksum = parameter_checksum(state.splats) if self.header.parameter_checksum_flag else None
-        given = Frame(self.frame_count, checksum, codes)
-        offset = self.offset
-        s, payload_bits = self._chunk(
-            ord(codes.type), lambda p: frame(p, self.header, self.state, codes.type, self.frame_count, given)
-        )
+        number, offset = self.frame_count, self.offset
+
+        def content(p: Writer) -> None:
+            frame_head(p, self.header, number, number, checksum)
+            prepared.write(p)
+
+        s, payload_bits = self._chunk(ord(codes.type), content)
         size = offset + len(s.getvalue()) - self._frame_end
         pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
         if self.header.paced_flag and (fault := pace.fault(self.header)) is not None:
@@ -176,12 +180,13 @@ class StreamWriter:
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offset))
         self.frame_count += 1
-        self._most_splats = max(self._most_splats, len(state.splats))
+        self._most_splats = max(self._most_splats, prepared.splats)
         self._most_work = max(self._most_work, work)
         self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
         self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
-        spent = {category: bits[category] for category in CATEGORIES if bits[category]}
-        return DecodedFrame(given.frame_number, codes.type, codes, state.splats, spent, offset, self.offset - offset)
+        spent = {category: bits[category] for category in self._categories if bits[category]}
+        size = self.offset - offset
+        return DecodedFrame(number, codes.type, codes, state.splats, spent, offset, size, state)
 
     def write_ancillary(self, chunk_type: str, payload: bytes) -> None:
         """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x.
@@ -222,7 +227,7 @@ class StreamWriter:
             self._write_chunk(chunks.END_TYPE, lambda p: chunks.end(p, self.frame_count, index_length))
             self._correct_header()
             self._finished = True
-        return {category: self.bits[category] for category in CATEGORIES}
+        return {category: self.bits[category] for category in self._categories}
 
     def _write_index(self) -> int:
         """Write the index, if there is one and the level has room for it; the bytes of its chunk."""

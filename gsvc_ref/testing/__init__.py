@@ -19,6 +19,7 @@ conforming decoder reconstructs, bit for bit.
 `splat_sets`, `planes`, `headers`, `frames`, `streams` and `videos` are strategies. What matters is drawn splat by splat
 and value by value, simple values first, so that a failure shrinks to the one splat that it needs, with round numbers.
 Nothing is compiled while Hypothesis draws. `random_stream` makes legal streams from a seed, without Hypothesis.
+`main_streams` and `random_main_stream` make streams of profile `main`.
 
 Bounds::
 
@@ -58,7 +59,9 @@ if TYPE_CHECKING:
     from gsvc_ref.testing.faults import write_stream as write_stream
     from gsvc_ref.testing.frame_codes import frames as frames
     from gsvc_ref.testing.frame_codes import headers as headers
+    from gsvc_ref.testing.frame_codes import main_streams as main_streams
     from gsvc_ref.testing.frame_codes import streams as streams
+    from gsvc_ref.testing.random_main_streams import random_main_stream as random_main_stream
     from gsvc_ref.testing.random_streams import Stream as Stream
     from gsvc_ref.testing.random_streams import Wishes as Wishes
     from gsvc_ref.testing.random_streams import random_stream as random_stream
@@ -81,8 +84,10 @@ _HOMES: Final = {
     "frames": "frame_codes",
     "headers": "frame_codes",
     "join_chunks": "faults",
+    "main_streams": "frame_codes",
     "overview_frames": "examples",
     "planes": "strategies",
+    "random_main_stream": "random_main_streams",
     "random_stream": "random_streams",
     "rich_frames": "examples",
     "splat_sets": "strategies",
@@ -109,8 +114,10 @@ __all__ = [
     "frames",
     "headers",
     "join_chunks",
+    "main_streams",
     "overview_frames",
     "planes",
+    "random_main_stream",
     "random_stream",
     "rich_frames",
     "splat_sets",

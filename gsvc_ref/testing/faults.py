@@ -15,8 +15,8 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.errors import UsageError
-from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.stream import StreamWriter
+from gsvc_ref.stream.profiles import AnyCodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class FaultyWriter(Writer):
 
 def write_stream(
     header: SequenceHeader,
-    frames: Iterable[FrameCodes],
+    frames: Iterable[AnyCodes],
     *,
     index: bool = True,
     ancillary: dict[int, tuple[str, bytes]] | None = None,

@@ -14,6 +14,7 @@ from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing.choices import Choices
 from gsvc_ref.testing.examples import RICH_HEADER, rich_frames
 from gsvc_ref.testing.faults import write_stream
+from gsvc_ref.testing.random_main_streams import make_main_stream, random_main_stream
 from gsvc_ref.testing.random_streams import MAX_PIXELS, Stream, make_frame, make_header, make_stream
 
 FEW: Final = 24
@@ -114,6 +115,36 @@ def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_
         return drawn()
 
     return st.deferred(compiled)  # Hypothesis asks for it when a test begins, before it measures a draw
+
+
+def main_streams(
+    *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS
+) -> st.SearchStrategy[Stream]:
+    """Legal streams of profile `main` with all that the syntax allows: those of `random_main_stream`.
+
+    Parameters
+    ----------
+    max_frames, max_count, max_pixels
+        As of `streams`.
+    """
+
+    @st.composite
+    def drawn(draw: st.DrawFn) -> Stream:
+        choices = DrawnChoices(draw)
+        return make_main_stream(choices, max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
+
+    def compiled() -> st.SearchStrategy[Stream]:
+        compile_main_streams()
+        return drawn()
+
+    return st.deferred(compiled)
+
+
+@cache
+def compile_main_streams() -> None:
+    """Compile all that writes a stream of profile `main` and reconstructs its splats: once a process."""
+    for seed in range(4):
+        reconstruct_stream(random_main_stream(seed, max_pixels=4096).data)
 
 
 @cache

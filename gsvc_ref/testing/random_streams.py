@@ -1,6 +1,6 @@
 """Random legal streams with what they stand for, from any `Choices`; nothing here needs Hypothesis."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -23,6 +23,7 @@ from gsvc_ref.reconstruction import (
     reconstruct,
 )
 from gsvc_ref.splats import Splats
+from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import Lie, write_stream
 
@@ -55,7 +56,7 @@ class Stream:
 
     data: bytes
     header: SequenceHeader
-    frames: list[FrameCodes]
+    frames: Sequence[AnyCodes]
     splats: list[Splats]
 
     def __repr__(self) -> str:

@@ -126,7 +126,7 @@ def test_a_claim_in_words():
     [
         ("bitstream", "must have the form"),
         ("bitstreem,paper,1", "did you mean|is it|bitstream"),
-        ("bitstream,main,1", "no profile 'main'"),
+        ("bitstream,studio,1", "no profile 'studio'"),
         ("bitstream,paper,6", "no level '6'"),
         ("bitstream,paper,1,quick", "no option 'quick'"),
         ("bitstream+bitstream,paper,1", "twice"),

@@ -16,8 +16,9 @@ from gsvc_ref.draws import Draws
 
 def test_elements_are_those_of_the_spec():
     text = SPEC.read_text(encoding="utf-8")
-    section = text[text.index("\n## 6 ") : text.index("\n## 7 ")]
-    headings = re.findall(r"^#### (.*)$", section, re.MULTILINE)
+    parts = {"\n## 6 ": "\n## 7 ", "\n## 15 ": "\n## Annex A"}
+    sections = "".join(text[text.index(first) : text.index(end)] for first, end in parts.items())
+    headings = re.findall(r"^#### (.*)$", sections, re.MULTILINE)
     names = [part.replace("`", "") for heading in headings for part in heading.split(", ")]
     assert sorted(names) == sorted(ELEMENTS)
 

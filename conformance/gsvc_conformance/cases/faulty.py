@@ -1,7 +1,7 @@
 """Faulty streams: each breaks one rule, its checksums being right, so that the fault itself is reached.
 
 The tables of faults are in `faulty_container`, `faulty_numbers`, `faulty_payload`, `faulty_blocks`, `faulty_limits`,
-`faulty_versions`, `faulty_order` and `pace`.
+`faulty_versions`, `faulty_order`, `faulty_main` and `pace`.
 """
 
 from typing import Final
@@ -12,6 +12,7 @@ from gsvc_conformance.cases.faults import Broken
 from gsvc_conformance.cases.faulty_blocks import block_faults
 from gsvc_conformance.cases.faulty_container import container_faults, truncations
 from gsvc_conformance.cases.faulty_limits import limit_faults
+from gsvc_conformance.cases.faulty_main import main_faults
 from gsvc_conformance.cases.faulty_numbers import number_faults
 from gsvc_conformance.cases.faulty_order import order_faults
 from gsvc_conformance.cases.faulty_payload import payload_faults
@@ -42,7 +43,7 @@ def faults() -> list[Broken]:
     """All faulty streams."""
     return [
         *container_faults(), *number_faults(), *payload_faults(), *block_faults(), *limit_faults(),
-        *pace_faults(), *version_faults(), *order_faults(), *truncations(),
+        *pace_faults(), *version_faults(), *order_faults(), *truncations(), *main_faults(),
     ]  # fmt: skip
 
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.level import LEVELS
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vector import PROFILE
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import GsvcError, UsageError
@@ -216,7 +216,8 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
     )  # fmt: skip
     return Finding(
         file, legal, decoders, first.error, first.element, last.message or _rule(first.error), other,
-        PROFILE if header else None, header.get("level"), bool(header["flags"] & 2) if header else None,
+        PROFILES[header["profile"]] if header else None, header.get("level"),
+        bool(header["flags"] & 2) if header else None,
         least_level(header, frames, max(size for _, size, _ in chunks)) if legal else None, len(data),
         tuple(number for number, frame in enumerate(frames) if frame.type == "I"), frames,
     )  # fmt: skip

@@ -250,7 +250,7 @@ def _selection(arguments: Namespace, claim: Claim | None) -> Selection:
         return chosen
     if str(chosen) or arguments.skip:
         raise UsageError("--claim says which vectors are judged: leave out --skip and what selects others")
-    return Selection(groups=claim.judged)
+    return Selection(groups=claim.judged, profile=claim.profile)
 
 
 def _check_claim(claim: Claim, names: Iterable[str]) -> None:

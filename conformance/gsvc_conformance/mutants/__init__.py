@@ -16,6 +16,7 @@ from gsvc_conformance.mutants import (
     color,
     errors,
     gradients,
+    main_profile,
     quantization,
     reconstruction,
     reductions,
@@ -38,5 +39,6 @@ MUTANTS: Final[tuple[Mutant, ...]] = (
     *training.MUTANTS,
     *quantization.MUTANTS,
     *color.MUTANTS,
+    *main_profile.MUTANTS,
 )
 """All mutants, area by area."""

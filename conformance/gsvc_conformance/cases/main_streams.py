@@ -1,0 +1,411 @@
+"""Streams of profile `main`: frames of all types, fields, lanes, densities and layers (spec.md section 15)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_conformance.case import Inputs, case
+from gsvc_conformance.cases.building import frames_of, on, operated, result
+from gsvc_ref import spec
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.draws import Draws
+from gsvc_ref.main_profile.cells import halving_count
+from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import PLANES, Densities, Density
+from gsvc_ref.main_profile.frames import MainState, code_run, frame_body
+from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing import write_stream
+from gsvc_ref.testing.random_main_streams import Kind, RandomRun
+
+MAIN_HEADER: Final = SequenceHeader(profile=1, level=1, width=43, height=29, lane_count=4)
+"""The header of most streams: a size that is no multiple of anything."""
+READ: Final = ("read_main_stream", "reconstruct_stream")
+"""The operations that most streams are cases of."""
+
+PLAUSIBLE: Final = Densities(
+    (Density(0, 8, 90), Density(1, 6, 10, 6), Density(1, 5, 8, 5), Density(0, 20, 20, -8), Density(1, 21, 2, 1),
+     Density(0, 24, -3)),
+    (),
+)  # fmt: skip
+"""Densities of luma, both chromas, size, aspect and shear, such as a fit has them."""
+
+
+def densities_for(header: SequenceHeader, planes: tuple[Density, ...] = PLAUSIBLE.planes) -> Densities:
+    """Densities of these planes; the shapes of the halves go through all that there are."""
+    return Densities(planes, tuple(3 * i % 8 for i in range(halving_count(header.width, header.height))))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a frame is to have: its type, new splats, elements, and the kind of its symbols.
+
+    Attributes
+    ----------
+    own
+        Whether it has densities of its own.
+    planes
+        The densities that it then has.
+    """
+
+    type: FrameType
+    count: int = 0
+    quantizer: int = 24
+    lane_exponent: int = 0
+    motion_cell: int = 0
+    own: bool = True
+    kind: Kind = "likely"
+    planes: tuple[Density, ...] = PLAUSIBLE.planes
+
+
+def codes_of(header: SequenceHeader, plans: Iterable[Plan], rng: Draws) -> list[MainCodes]:
+    """Frames as planned, whose symbols are random."""
+    state, found = MainState.initial(header.width, header.height), []
+    for plan in plans:
+        codes, state = frame_of(header, plan, state, rng)
+        found.append(codes)
+    return found
+
+
+def frame_of(header: SequenceHeader, plan: Plan, state: MainState, rng: Draws) -> tuple[MainCodes, MainState]:
+    """A frame as planned behind a state, and the state behind it."""
+    if plan.type == "R":
+        return MainCodes.repeated_frame(), state
+    before = MainState.initial(header.width, header.height) if plan.type == "I" else state
+    codes = MainCodes(
+        type=plan.type,
+        quantizer=plan.quantizer,
+        lane_exponent=plan.lane_exponent,
+        densities=densities_for(header, plan.planes) if plan.own and plan.count else None,
+        motion_cell=plan.motion_cell if len(before.values) else 0,
+    )
+    before = replace(before, densities=codes.densities or before.densities)
+    if plan.count + len(before.values) == 0:
+        return codes, before
+    after, codes = code_run(RandomRun(rng, plan.kind), before, codes, plan.count)
+    return codes, after
+
+
+def main_stream(rng: Draws, *plans: Plan, index: bool = False, **header: Any) -> bytes:
+    """A stream of frames as planned."""
+    made = replace(MAIN_HEADER, **header)
+    return write_stream(made, codes_of(made, plans, rng), index=index)
+
+
+def one() -> MainCodes:
+    """An I-frame of one splat of class 2 in the second cell of the first row."""
+    new = IntraCodes(cells=_rows(1, 0), colors=_rows(4, -1, 0), shapes=_rows(0, 0, 1), places=_rows(1, 0))
+    return MainCodes(type="I", quantizer=24, densities=densities_for(MAIN_HEADER), new=new)
+
+
+def _rows(*row: int) -> Any:
+    return np.array([row], np.int64)
+
+
+# --- Frames ----------------------------------------------------------------------------------------------------------
+
+
+@on("core", *READ)
+def main_one_splat() -> Inputs:
+    """An I-frame of one splat, one lane: n = (4, -1, 0) D, class 2, a step of its place is half a pixel."""
+    stream = write_stream(MAIN_HEADER, [one()], index=False)
+    expected = yield {"stream": stream}
+    if "states" in expected:
+        assert result(expected, "states").tolist() == [[1024 + 128 + 64, 64, 0, 0, 512, 256, -64, 0]]
+
+
+@on("core", *READ, rules=["R-15.5-3"], flags=["empty"])
+def main_without_splats(rng: Draws) -> Inputs:
+    """Frames I, P and R without a splat: nothing stands behind the counts."""
+    expected = yield {"stream": main_stream(rng, Plan("I"), Plan("P"), Plan("R"))}
+    assert result(expected, "counts").tolist() == [0, 0, 0]
+
+
+@on("core", *READ)
+def main_i_p_r(rng: Draws) -> Inputs:
+    """Frames I, P, R and P of 12 splats, some of which change, move or are removed."""
+    plans = Plan("I", 12), Plan("P", 2, motion_cell=3), Plan("R"), Plan("P", motion_cell=2)
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 4
+
+
+@on("core", *READ, each={"none": 0, "64_pixels": 1, "32_pixels": 2, "16_pixels": 3})
+def main_motion_cells(value: int, rng: Draws) -> Inputs:
+    """Two P-frames with cells of motion: {key}."""
+    plans = Plan("I", 30), Plan("P", motion_cell=value), Plan("P", motion_cell=value, kind="any")
+    expected = yield {"stream": main_stream(rng, *plans, width=150, height=70)}
+    assert len(result(expected, "counts")) == 3
+
+
+@on("core", *READ, flags=["lanes"], each={"1": 0, "2": 1, "64": 6}, said={"1": "1 lane"})
+def main_lanes(value: int, rng: Draws) -> Inputs:
+    """All passes by lanes, in number: {key}; many passes have fewer symbols than there are lanes."""
+    plans = [Plan("I", 40, lane_exponent=value), Plan("P", 3, lane_exponent=value, motion_cell=3)] * 2
+    expected = yield {"stream": main_stream(rng, *plans, lane_count=64)}
+    assert len(result(expected, "counts")) == 4
+
+
+@on("core", *READ, flags=["lanes"])
+def main_lanes_by_frame(rng: Draws) -> Inputs:
+    """Each frame has a number of lanes of its own, up to that of the header."""
+    plans = [Plan("I", 9, lane_exponent=2), *(Plan("P", lane_exponent=e, kind="any") for e in (0, 1, 2))]
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 4
+
+
+@on("core", *READ, flags=["kept"])
+def main_densities_kept(rng: Draws) -> Inputs:
+    """New splats by the densities of the I-frame, by those of a P-frame, and by these again; an I-frame has its own."""
+    other = tuple(Density(1 - d.family, 31 - d.scale_code, -d.centre, -d.slope) for d in PLAUSIBLE.planes)
+    plans = [Plan("I", 9), Plan("P", 4, own=False), Plan("P", 4, planes=other), Plan("R"), Plan("P", 4, own=False),
+             Plan("I", 3), Plan("P", 3, own=False)]  # fmt: skip
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 7
+
+
+@on("core", *READ, rules=["R-15.5-4"], flags=["kept"])
+def main_densities_behind_an_empty_i_frame(rng: Draws) -> Inputs:
+    """An I-frame without splats, and a P-frame with new ones, which has densities."""
+    expected = yield {"stream": main_stream(rng, Plan("I", 5), Plan("I"), Plan("P", 5), Plan("P", 2, own=False))}
+    assert result(expected, "counts")[1] == 0
+
+
+@on("core", *READ, flags=["kept"])
+def main_models_adapt(rng: Draws) -> Inputs:
+    """Models adapt behind each P-frame, not behind R-frames, and begin anew behind an I-frame."""
+    p = Plan("P", motion_cell=3, kind="any")
+    plans = [Plan("I", 25), p, p, Plan("R"), p, Plan("I", 25), p, p]
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 8
+
+
+@on("core", *READ, flags=["survivors"])
+def main_removed(rng: Draws) -> Inputs:
+    """All splats are removed, the next frame has none, and the one behind it new ones."""
+    state = MainState.initial(43, 29)
+    first, state = frame_of(MAIN_HEADER, Plan("I", 5), state, rng)
+    gone = MainCodes(type="P", quantizer=24, modes=np.full(5, 8), differences=np.zeros((5, 8), np.int64))
+    none = MainCodes(type="P", quantizer=3)
+    last = frame_of(MAIN_HEADER, Plan("P", 3), replace(state, values=state.values[:0], past=state.past[:0]), rng)[0]
+    expected = yield {"stream": write_stream(MAIN_HEADER, [first, gone, none, last], index=False)}
+    assert result(expected, "counts").tolist() == [5, 0, 0, 3]
+
+
+@on("core", *READ, flags=["prediction"])
+def main_nothing_changes(rng: Draws) -> Inputs:
+    """A P-frame whose modes are all 0: the splats are those of the frame before, to the bit."""
+    first, _ = frame_of(MAIN_HEADER, Plan("I", 9), MainState.initial(43, 29), rng)
+    same = MainCodes(type="P", quantizer=40, modes=np.zeros(9, np.int64), differences=np.zeros((9, 8), np.int64))
+    expected = yield {"stream": write_stream(MAIN_HEADER, [first, same, same], index=False)}
+    if "parameters" in expected:
+        a, b, c = frames_of(expected)
+        assert np.array_equal(a, b)
+        assert np.array_equal(b, c)
+
+
+@on("core", *READ, flags=["survivors"])
+def main_past_of_splats(rng: Draws) -> Inputs:
+    """New splats, those that changed and those that did not have modes of other contexts; some are removed."""
+    p = Plan("P", 6, kind="any", own=False)
+    expected = yield {"stream": main_stream(rng, Plan("I", 30), p, replace(p, count=0), p, Plan("R"), p)}
+    assert len(result(expected, "counts")) == 6
+
+
+@on("core", *READ, rules=["R-6.4-3"])
+def main_checksums(rng: Draws) -> Inputs:
+    """Frames I, P and R with checksums of their parameters."""
+    stream = main_stream(rng, Plan("I", 7), Plan("P", 1), Plan("R"), parameter_checksum_flag=True)
+    expected = yield {"stream": stream}
+    assert len(result(expected, "counts")) == 3
+
+
+@on("core", *READ, flags=["odd-size"], each={"1x1": (1, 1), "3x300": (3, 300), "300x3": (300, 3), "129x4": (129, 4)})
+def main_sizes(value: tuple[int, int], rng: Draws) -> Inputs:
+    """A frame of {key} pixels: parts outside of it are not asked, and the second half of some is cut."""
+    plans = Plan("I", 40), Plan("P", 3, motion_cell=3)
+    expected = yield {"stream": main_stream(rng, *plans, width=value[0], height=value[1])}
+    assert len(result(expected, "counts")) == 2
+
+
+@on("core", "decode_stream_deterministic", equations=["15-5"], rules=["R-15.4-2"])
+def main_rendered(rng: Draws) -> Inputs:
+    """Frames I, P, R and P with motion, rendered."""
+    plans = Plan("I", 40, 40), Plan("P", 3, 40, motion_cell=3), Plan("R"), Plan("P", 0, 40)
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert result(expected, "frames").any()
+
+
+# --- Rare and extreme ------------------------------------------------------------------------------------------------
+
+
+@on("uncommon", *READ, each={str(q): q for q in (0, 1, 63, 79)})
+def main_quantizers(value: int, rng: Draws) -> Inputs:
+    """Quantizer {key} in an I-frame and in a P-frame."""
+    expected = yield {"stream": main_stream(rng, Plan("I", 20, value), Plan("P", 3, value, motion_cell=1))}
+    assert len(result(expected, "counts")) == 2
+
+
+@on("uncommon", *READ, flags=["index"])
+def main_index_and_layers(rng: Draws) -> Inputs:
+    """An index, and a layer_count of 4 without any chunk of a layer."""
+    plans = Plan("I", 5), Plan("P", 1), Plan("I", 3)
+    expected = yield {"stream": main_stream(rng, *plans, index=True, layer_count=4, bit_depth=10)}
+    assert len(result(expected, "counts")) == 3
+
+
+@on("uncommon", *READ, flags=["many"])
+def main_many_in_a_cell(rng: Draws) -> Inputs:
+    """1200 splats in 2 x 1 cells: numbers of halves have raw low bits."""
+    expected = yield {"stream": main_stream(rng, Plan("I", 1200, 60, 2), width=8, height=4)}
+    assert result(expected, "counts").tolist() == [1200]
+
+
+@on("stress", *READ, flags=["clamp", "overflow"], each={kind: kind for kind in ("any", "first", "last")})
+def main_symbols(value: Kind, rng: Draws) -> Inputs:
+    """Symbols of each pass: {key}. Magnitudes have up to 18 raw bits, states reach their ends, vectors wrap around."""
+    p = Plan("P", 4, 30, 1, 3, kind=value)
+    plans = Plan("I", 20, 0, kind=value), p, replace(p, quantizer=79), replace(p, count=0, quantizer=0), p
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 5
+
+
+@on("stress", *READ, flags=["overflow"])
+def main_vectors_wrap_around(rng: Draws) -> Inputs:
+    """63 vectors, each 4095 less than the one to its left: the sums are reduced to 16 bits."""
+    plans = Plan("I", 3), Plan("P", motion_cell=3, kind="last")
+    expected = yield {"stream": main_stream(rng, *plans, width=1000, height=5)}
+    if "fields" in expected:
+        assert result(expected, "fields")[:, 0].max() > 2**14
+
+
+EXTREMES: Final = {
+    "narrow": tuple(Density(1, 0, -512, -128 if plane in spec.SLOPED else 0) for plane in PLANES),
+    "wide": tuple(Density(0, 31, 511, 127 if plane in spec.SLOPED else 0) for plane in PLANES),
+    "crossed": tuple(Density(1, 17, -512, 127 if plane in spec.SLOPED else 0) for plane in PLANES),
+}
+
+
+@on("stress", *READ, flags=["clamp"], each=EXTREMES)
+def main_extreme_densities(value: tuple[Density, ...], rng: Draws) -> Inputs:
+    """Densities that are {key}: the ends of their centres, slopes and scales."""
+    plans = Plan("I", 40, 50, planes=value), Plan("P", 9, 50, planes=value, kind="any")
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 2
+
+
+# --- Layers ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LayerPlan:
+    """A chunk of a layer behind a frame: the frame, the layer, and what it has."""
+
+    frame: int
+    layer: int
+    plan: Plan
+
+
+def with_layers(rng: Draws, plans: tuple[Plan, ...], layers: Iterable[LayerPlan], **header: Any) -> bytes:
+    """A stream with chunks `n` behind its frames; `layers` by frame and layer."""
+    made = replace(MAIN_HEADER, layer_count=4, **header)
+    base = write_stream(made, codes_of(made, plans, rng), index=False)
+    behind: dict[int, list[tuple[bytes, bytes]]] = {}
+    states: dict[int, MainState] = {}
+    for entry in layers:
+        before = states.get(entry.layer, MainState.initial(made.width, made.height))
+        codes, after = frame_of(made, entry.plan, before, rng)
+        states[entry.layer] = after
+        chunk = b"n", layer_payload(made, entry.layer, entry.plan.type, before, codes, after.splats)
+        behind.setdefault(entry.frame, []).append(chunk)
+    frames = iter(range(len(plans)))
+    return operated(
+        lambda chunks: [
+            new for chunk in chunks for new in [chunk, *(behind.get(next(frames), []) if chunk[0] in b"IPR" else [])]
+        ],
+        base,
+    )
+
+
+def layer_payload(
+    header: SequenceHeader, layer: int, layer_type: FrameType, before: MainState, codes: MainCodes, splats: Splats
+) -> bytes:
+    """The payload of a chunk `n`."""
+    from gsvc_ref.bitstream.crc import parameter_checksum
+
+    s = Writer()
+    s.le("layer", 1, layer)
+    s.le("layer_type", 1, ord(layer_type))
+    if header.parameter_checksum_flag:
+        s.le("parameter_checksum", 4, int(parameter_checksum(splats)))
+    if layer_type != "R":
+        frame_body(s, layer_type, before, header.lane_count, header.limits.splats, codes)
+    return s.getvalue()
+
+
+BASE: Final = Plan("I", 6), Plan("P", 1), Plan("R"), Plan("P", 2)
+LAYERS: Final = (
+    LayerPlan(0, 1, Plan("I", 8, 16)), LayerPlan(0, 2, Plan("I", 4, 12)), LayerPlan(1, 1, Plan("P", 2, 16)),
+    LayerPlan(1, 2, Plan("R")), LayerPlan(2, 2, Plan("P", 1, 12)), LayerPlan(3, 1, Plan("P", 0, 20, motion_cell=3)),
+    LayerPlan(3, 2, Plan("I", 3, 8)), LayerPlan(3, 3, Plan("I", 2, 8)),
+)  # fmt: skip
+
+
+@case("core", "reconstruct_layers", each={str(layer): layer for layer in range(4)})
+def quality(value: int) -> Inputs:
+    """A stream of a base and three layers, in quality {key}: splats of layers stand behind those of the base."""
+    stream = with_layers(Draws(19), BASE, LAYERS)
+    expected = yield {"stream": stream, "layer": value}
+    assert result(expected, "error") == ""
+    counts = result(expected, "counts")
+    base = spec.reconstruct_stream(stream)["counts"]
+    assert (counts >= base).all()
+    assert bool((counts > base).any()) == (value > 0)
+
+
+@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
+def layer_behind_an_r_frame() -> Inputs:
+    """Behind an R-frame without its chunk a layer is there as before; behind a P-frame without it, it is gone."""
+    plans = Plan("I", 4), Plan("R"), Plan("P", 1), Plan("P"), Plan("I", 2)
+    layers = LayerPlan(0, 1, Plan("I", 5)), LayerPlan(3, 1, Plan("I", 3))
+    expected = yield {"stream": with_layers(Draws(23), plans, layers), "layer": 1}
+    base = spec.reconstruct_stream(with_layers(Draws(23), plans, layers))["counts"]
+    assert (result(expected, "counts") - base).tolist() == [5, 5, 0, 3, 0]
+
+
+@case("core", "reconstruct_layers", rules=["R-6.4-3"])
+def layers_with_checksums() -> Inputs:
+    """Each layer has the checksum of its own splats."""
+    stream = with_layers(Draws(29), BASE, LAYERS, parameter_checksum_flag=True)
+    expected = yield {"stream": stream, "layer": 3}
+    assert result(expected, "error") == ""
+
+
+@case("core", "reconstruct_stream")
+def base_of_layers() -> Inputs:
+    """A decoder that shows the base alone skips the chunks of layers."""
+    expected = yield {"stream": with_layers(Draws(19), BASE, LAYERS)}
+    assert result(expected, "error") == ""
+
+
+FAULTY_LAYERS: Final[dict[str, tuple[tuple[LayerPlan, ...], str, str]]] = {
+    "layer_0": ((LayerPlan(0, 0, Plan("I", 2)),), "R-15.13-1", "a chunk of layer 0, which is the base"),
+    "layer_4": ((LayerPlan(0, 4, Plan("I", 2)),), "R-15.13-1", "a chunk of layer 4, while layer_count is 4"),
+    "not_in_order": ((LayerPlan(0, 2, Plan("I", 2)), LayerPlan(0, 1, Plan("I", 2))), "R-15.13-1",
+                     "a chunk of layer 1 behind one of layer 2"),
+    "twice": ((LayerPlan(0, 1, Plan("I", 2)), LayerPlan(0, 1, Plan("P"))), "R-15.13-1", "two chunks of layer 1"),
+    "p_without_i": ((LayerPlan(0, 1, Plan("P", 2)),), "R-15.13-2", "a layer that begins with P"),
+    "r_without_i": ((LayerPlan(1, 1, Plan("R")),), "R-15.13-2", "a layer that begins with R"),
+    "p_behind_a_gap": ((LayerPlan(0, 1, Plan("I", 2)), LayerPlan(3, 1, Plan("P"))), "R-15.13-2",
+                       "a layer that goes on with P, while the P-frame before it has no chunk of it"),
+}  # fmt: skip
+
+
+@case("faulty", "reconstruct_layers", each=FAULTY_LAYERS, flags=["check-order"])
+def faulty_layer(value: tuple[tuple[LayerPlan, ...], str, str]) -> Inputs:
+    """A stream with layers: {key}."""
+    layers, rule, _ = value
+    expected = yield {"stream": with_layers(Draws(31), BASE, layers), "layer": 3}
+    assert result(expected, "error").split()[1] == rule

@@ -1,0 +1,184 @@
+"""Profile `main`: integers from the bits to the splats, exactly (spec.md section 15).
+
+The oracles are the code of spec.md; gsvc_ref answers by arrays and compiled kernels.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from gsvc_conformance.expectations import Exact, Expectation, Refusal
+from gsvc_conformance.operation import Values, exactly, operation, paired
+from gsvc_conformance.operations.bitstream import CONTAINER_RULES
+from gsvc_conformance.spec import header_rows
+from gsvc_ref import spec
+
+MAIN_HEADER_ELEMENTS: Final = tuple(name for name, *_ in header_rows("main"))
+"""The elements of the sequence header of profile `main`, in order."""
+MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.6-1", "R-15.6-2", "R-15.11-1", "R-15.11-2")
+"""Rules of profile `main` that every legal stream of it exercises."""
+
+
+def _plain(name: str) -> Callable[..., dict[str, Expectation]]:
+    """The oracle of an operation that the code of spec.md has."""
+    return exactly(getattr(spec, name))
+
+
+paired(
+    "read_main_stream",
+    "bitstream",
+    "What the bytes of a legal stream of profile `main` say: header, bodies, fields, modes, differences and states.",
+    inputs="stream: stream",
+    outputs="header: i8 (19,); frame_types: u1 (T,); counts: i8 (T,); bodies: i8 (K, 6); fields: i8 (V, 2); "
+    "modes: i8 (M,); differences: i8 (M, 8); states: i8 (N, 8)",
+    equations=("15-2", "15-3", "15-6", "15-7", "15-8", "15-10"),
+    rules=("R-3.1-5", *CONTAINER_RULES, *MAIN_RULES),
+    oracle=_plain("read_main_stream"),
+)
+
+
+def _layers(**inputs: Any) -> dict[str, Expectation]:
+    """The parameters exactly; the error in full."""
+    found = spec.reconstruct_layers(**inputs)
+    return {
+        "counts": Exact(found["counts"]),
+        "parameters": Exact(found["parameters"]),
+        "error": Refusal(found["error"], in_full=True),
+    }
+
+
+@operation(
+    "layers",
+    inputs="stream: stream; layer: int",
+    outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
+    rules=("R-15.13-1", "R-15.13-2", "R-15.13-3"),
+    oracle=_layers,
+)
+def reconstruct_layers(stream: bytes, layer: int) -> Values:
+    """The splats of all complete frames of a stream in the quality of a layer, and what is wrong with it."""
+    found: Values = spec.reconstruct_layers(stream, layer)
+    return found
+
+
+paired(
+    "encode_run",
+    "bitstream",
+    "The states and words with which a decoder finds the symbols of a frame again.",
+    inputs="starts: i8 (K,); frequencies: i8 (K,); lanes: i8 (K,); lane_count: int",
+    outputs="lane_states: u4 (lane_count,); words: u2 (n,)",
+    equations=("7-2",),
+    rules=("R-7-3", "R-15.6-2", "R-15.6-3"),
+    oracle=_plain("encode_run"),
+)
+
+
+paired(
+    "density_frequencies",
+    "bitstream",
+    "Cumulative frequencies of the bins of a density.",
+    inputs="edges: i8 (K,); centre: int; density_family: int; scale_code: int; unit_bits: int",
+    outputs="cumulative: i8 (M,)",
+    equations=("15-3", "15-6"),
+    oracle=_plain("density_frequencies"),
+)
+
+
+paired(
+    "half_frequencies",
+    "bitstream",
+    "Cumulative frequencies of how many of a part's splats are in its first half.",
+    inputs="count: int; first_half: int; second_half: int; alpha: int",
+    outputs="cumulative: i8 (M,); low_bits: i8 ()",
+    equations=("15-8", "15-9"),
+    oracle=_plain("half_frequencies"),
+)
+
+
+paired(
+    "model_frequencies",
+    "bitstream",
+    "Cumulative frequencies of each context of a model.",
+    inputs="counts: i8 (C, K)",
+    outputs="cumulative: i8 (C, M)",
+    equations=("15-14",),
+    oracle=_plain("model_frequencies"),
+)
+
+
+paired(
+    "adapt_model",
+    "bitstream",
+    "The counts of a model behind a P-frame.",
+    inputs="counts: i8 (C, K); seen: i8 (C, K)",
+    outputs="counts: i8 (C, K)",
+    equations=("15-11",),
+    oracle=_plain("adapt_model"),
+)
+
+
+paired(
+    "mode_contexts",
+    "bitstream",
+    "The context of the mode of each splat of a P-frame.",
+    inputs="width: int; height: int; state: i8 (N, 8); past: i8 (N,); motion: i8 (N, 2); vectors: i8 (r, c, 2); "
+    "motion_cell: int",
+    outputs="contexts: i8 (N,)",
+    oracle=_plain("mode_contexts"),
+)
+
+
+paired(
+    "splat_classes",
+    "reconstruction",
+    "The class of each splat.",
+    inputs="state: i8 (N, 8); quantizer: int",
+    outputs="classes: i8 (N,)",
+    equations=("15-4",),
+    oracle=_plain("splat_classes"),
+)
+
+
+paired(
+    "main_intra",
+    "reconstruction",
+    "The state that the codes of an I-frame, or of new splats, stand for.",
+    inputs="quantizer: int; cells: i8 (N, 2); colors: i8 (N, 3); shapes: i8 (N, 3); places: i8 (N, 2)",
+    outputs="state: i8 (N, 8)",
+    equations=("15-4", "15-10"),
+    rules=("R-15.4-1",),
+    oracle=_plain("main_intra"),
+)
+
+
+paired(
+    "motion_of_splats",
+    "reconstruction",
+    "By how much each splat moves with the motion field.",
+    inputs="state: i8 (N, 8); vectors: i8 (r, c, 2); motion_cell: int",
+    outputs="motion: i8 (N, 2)",
+    equations=("15-12",),
+    oracle=_plain("motion_of_splats"),
+)
+
+
+paired(
+    "main_inter",
+    "reconstruction",
+    "The state of the splats that stay, after motion and differences.",
+    inputs="quantizer: int; state: i8 (N, 8); motion: i8 (N, 2); differences: i8 (N, 8)",
+    outputs="state: i8 (N, 8)",
+    equations=("15-2", "15-4", "15-13"),
+    rules=("R-15.4-1", "R-15.11-2"),
+    oracle=_plain("main_inter"),
+)
+
+
+paired(
+    "state_parameters",
+    "reconstruction",
+    "The parameters of splats, bit for bit those of every decoder.",
+    inputs="state: i8 (N, 8)",
+    outputs="parameters: f4 (N, 8)",
+    equations=("15-5",),
+    rules=("R-3.3-1", "R-3.3-2", "R-15.4-2"),
+    oracle=_plain("state_parameters"),
+)

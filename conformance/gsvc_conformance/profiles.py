@@ -1,0 +1,51 @@
+"""The profile of a vector: an implementation that claims it must pass the vector (spec.md section 13.1)."""
+
+from typing import Final
+
+from gsvc_conformance.operation import Operation, Values
+
+PROFILES: Final = ("paper", "main")
+"""The profiles of spec.md section 5, by their values."""
+ANY: Final = "any"
+"""The profile of vectors that every claim needs."""
+
+OF_PAPER: Final = (
+    "decode_plane", "encode_plane", "reconstruct_intra", "reconstruct_inter", "lsq_quantize", "lsq_dequantize",
+    "lsq_gradients", "rvq_assign", "rvq_update", "commitment",
+)  # fmt: skip
+"""Operations without a stream that sections 6.5 to 8 and 10.5 to 10.6 define."""
+OF_MAIN: Final = (
+    "encode_run", "density_frequencies", "half_frequencies", "model_frequencies", "adapt_model", "mode_contexts",
+    "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters",
+)  # fmt: skip
+"""Operations without a stream that section 15 defines."""
+OF_MAIN_STREAMS: Final = ("read_main_stream", "reconstruct_layers")
+"""Operations on streams that profile `main` alone has."""
+
+
+def profile_of(operation: Operation, inputs: Values) -> str:
+    """The profile of a vector, or `ANY`.
+
+    Of a stream it is the profile that its header states, and ``paper`` where none can be read.
+
+    Parameters
+    ----------
+    operation
+        The operation of the vector.
+    inputs
+        Its inputs, by name.
+    """
+    if operation.name in (*OF_MAIN, *OF_MAIN_STREAMS):
+        return "main"
+    if operation.name in OF_PAPER:
+        return "paper"
+    streams = [value for value in inputs.values() if isinstance(value, bytes)]
+    return max(map(stated_profile, streams), key=PROFILES.index) if streams else ANY
+
+
+def stated_profile(stream: bytes) -> str:
+    """The profile of a sequence header that stands where it must; else ``paper``."""
+    from gsvc_conformance.level import header_payload
+
+    stated = header_payload(stream)[:1]
+    return PROFILES[stated[0]] if stated and stated[0] < len(PROFILES) else PROFILES[0]

@@ -1,0 +1,161 @@
+"""What a profile adds to the container: the codes of a frame, and the state that they lead to (spec.md section 5).
+
+Whatever reads or writes streams asks `profile_of` a header, and knows no profile itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.frames import frame_codes
+from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
+from gsvc_ref.errors import UsageError
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState, frame_body
+from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
+
+AnyCodes = FrameCodes | MainCodes
+"""The codes of a frame of any profile: they have `type`, `intra_count`, `survivor_count` and `origins`."""
+
+AnyState = State | MainState
+"""What any profile carries from frame to frame; it has `splats`, those of the frame before."""
+
+
+MakeWriter = Callable[[int], Writer]
+"""Makes a Writer, given the bit at which what it writes begins."""
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """What a payload holds behind `parameter_checksum`.
+
+    Attributes
+    ----------
+    codes
+        The codes of the frame.
+    reconstruct
+        The state behind the frame; raises the GsvcError of R-8-1, or gives the state before if the frame repeats it.
+    """
+
+    codes: AnyCodes
+    reconstruct: Callable[[], AnyState]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A frame that is ready to be written.
+
+    Attributes
+    ----------
+    state
+        The state behind the frame; the state before, if the frame repeats it.
+    splats
+        The number of splats that R-5-2 is about.
+    write
+        Writes what follows `parameter_checksum`.
+    """
+
+    state: AnyState
+    splats: int
+    write: Callable[[Writer], object]
+
+
+class Profile(Protocol):
+    """A profile: frames are handed to it behind `parameter_checksum`."""
+
+    def initial(self, header: SequenceHeader) -> AnyState:
+        """The state before the first frame, and the one in which decoding begins at an I-frame."""
+
+    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
+        """Read the rest of the payload of a frame."""
+
+    def prepare(
+        self,
+        make_writer: MakeWriter,
+        header: SequenceHeader,
+        before: AnyState,
+        codes: AnyCodes,
+        after: AnyState | None,
+    ) -> Prepared:
+        """Make a frame ready to be written, given the state `after` it where that is known already.
+
+        Raises
+        ------
+        UsageError
+            The codes are those of another profile, or do not fit the state. Writing may raise it, too.
+        GsvcError
+            R-8-1.
+        """
+
+
+class _Paper:
+    """Profile 0: sections 6.4 to 8."""
+
+    def initial(self, header: SequenceHeader) -> State:
+        return State.initial(header.width, header.height)
+
+    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
+        assert isinstance(before, State)
+        codes = frame_codes(p, header, before, frame_type)
+        return Parsed(codes, lambda: reconstruct(codes, before))
+
+    def prepare(
+        self,
+        make_writer: MakeWriter,
+        header: SequenceHeader,
+        before: AnyState,
+        codes: AnyCodes,
+        after: AnyState | None,
+    ) -> Prepared:
+        assert isinstance(before, State)
+        if not isinstance(codes, FrameCodes):
+            raise _other_profile(header)
+        state = reconstruct(codes, before) if after is None else after
+        return Prepared(state, len(state.splats), lambda p: frame_codes(p, header, before, codes.type, codes))
+
+
+class _Main:
+    """Profile 1: section 15. Codes are read in the state that they lead to, so reading is reconstruction."""
+
+    def initial(self, header: SequenceHeader) -> MainState:
+        return MainState.initial(header.width, header.height)
+
+    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
+        assert isinstance(before, MainState)
+        if frame_type == "R":
+            return Parsed(MainCodes.repeated_frame(), lambda: before)
+        body = frame_body(p, frame_type, before, header.lane_count, header.limits.splats)
+        return Parsed(body.codes, lambda: body.after)
+
+    def prepare(
+        self,
+        make_writer: MakeWriter,
+        header: SequenceHeader,
+        before: AnyState,
+        codes: AnyCodes,
+        after: AnyState | None,
+    ) -> Prepared:
+        assert isinstance(before, MainState)
+        if not isinstance(codes, MainCodes):
+            raise _other_profile(header)
+        if codes.type == "R":
+            return Prepared(before, len(before.values), lambda p: None)
+        body = make_writer(0)
+        state = frame_body(body, codes.type, before, header.lane_count, header.limits.splats, codes).after
+        return Prepared(state, len(codes.modes) + codes.intra_count, lambda p: p.append(body))
+
+
+def _other_profile(header: SequenceHeader) -> UsageError:
+    name = PROFILES[header.profile]
+    made = " and ".join(kind.__name__ for kind in (FrameCodes, MainCodes))
+    return UsageError(f"the codes are of another profile than `{name}`, that of the header; {made} belong to one each")
+
+
+_PROFILES: Final[tuple[Profile, ...]] = (_Paper(), _Main())
+
+
+def profile_of(header: SequenceHeader) -> Profile:
+    """The profile of a stream."""
+    return _PROFILES[header.profile]

@@ -1,0 +1,153 @@
+"""Random legal streams of profile `main`, from any `Choices`; nothing here needs Hypothesis.
+
+Every symbol of a pass can be decoded, so a random frame is what a run gives whose symbols are random.
+"""
+
+from dataclasses import replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from gsvc_ref.arrays import I8
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.header import MAIN, header_elements
+from gsvc_ref.draws import Draws
+from gsvc_ref.main_profile.cells import halving_count
+from gsvc_ref.main_profile.codes import SIDES, MainCodes
+from gsvc_ref.main_profile.densities import ALPHAS, PLANES, SLOPED, Densities, Density
+from gsvc_ref.main_profile.frames import MainState, code_run
+from gsvc_ref.main_profile.passes import ONE, Distributions, Run
+from gsvc_ref.main_profile.tables import QUANTIZERS
+from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.splats import Splats
+from gsvc_ref.testing.choices import Choices, SeededChoices
+from gsvc_ref.testing.faults import write_stream
+from gsvc_ref.testing.random_streams import FEW_SPLATS, MAX_PIXELS, MAX_SPLATS, Stream, make_header
+
+Kind = Literal["likely", "any", "first", "last"]
+KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
+"""Symbols as their frequencies make them likely, each as likely as another, the first, or the last of each pass."""
+
+
+class RandomRun(Run):
+    """A run whose symbols are random."""
+
+    def __init__(self, rng: Draws, kind: Kind) -> None:
+        super().__init__()
+        self._rng, self._kind = rng, kind
+
+    def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
+        """A pass: symbol i has the distribution `which[i]`."""
+        first, last = tables.first[which], tables.first[which + 1] - 2
+        if self._kind == "likely":
+            slots = self._rng.integers(0, ONE, (len(which),))
+            found = [
+                np.searchsorted(tables.cumulative[low : high + 1], slot, side="right") - 1
+                for low, high, slot in zip(first, last, slots, strict=True)
+            ]
+            return np.array(found, np.int64)
+        return self._values(last - first + 1)
+
+    def _uniform(self, sizes: I8, values: I8 | None) -> I8:
+        return self._values(np.int64(1) << sizes)
+
+    def _values(self, ends: I8) -> I8:
+        """A number from 0 to below each end."""
+        if self._kind == "first":
+            return np.zeros(len(ends), np.int64)
+        if self._kind == "last" or len(ends) == 0:
+            return ends - 1
+        return self._rng.integers(np.zeros(len(ends), np.int64), ends)
+
+
+def random_main_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
+    """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
+
+    Parameters
+    ----------
+    seed
+        The same seed and the same other arguments give the same bytes.
+    max_frames, max_count, max_pixels
+        Maximum number of frames, of new splats of a frame, and of pixels.
+    """
+    return make_main_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
+
+
+def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
+    """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities."""
+    header = make_main_header(choices, max_pixels=max_pixels)
+    state = MainState.initial(header.width, header.height)
+    codes: list[MainCodes] = []
+    splats: list[Splats] = []
+    for number in range(choices.integer(1, max_frames)):
+        frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
+        codes.append(frame)
+        splats.append(state.splats)
+    header = replace(header, frame_count=len(codes))
+    return Stream(write_stream(header, codes, index=choices.boolean()), header, codes, splats)
+
+
+def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
+    """A legal sequence header of profile `main`; all elements but the size take their whole range."""
+    paper = make_header(choices, max_pixels=max_pixels)
+    kept = {name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"}
+    own = {"profile": MAIN, "layer_count": choices.integer(1, 4)}
+    checksums: dict[str, Any] = {"parameter_checksum_flag": paper.parameter_checksum_flag}
+    return SequenceHeader(**kept | own | checksums)
+
+
+def make_main_frame(
+    choices: Choices,
+    header: SequenceHeader,
+    state: MainState,
+    *,
+    types: str = "IPR",
+    max_count: int = 120,
+    count: int | None = None,
+    kind: Kind | None = None,
+) -> tuple[MainCodes, MainState]:
+    """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state behind it.
+
+    With `count` it has so many new splats, and with `kind` symbols of that kind.
+    """
+    letters: tuple[FrameType, ...] = ("I", "P", "R")
+    frame_type = choices.pick([letter for letter in letters if letter in types])
+    if frame_type == "R":
+        return MainCodes.repeated_frame(), state
+    before = MainState.initial(header.width, header.height) if frame_type == "I" else state
+    room = min(max_count, MAX_SPLATS - len(before.values))
+    drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
+    count = drawn if count is None else count
+    own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
+    codes = MainCodes(
+        type=frame_type,
+        quantizer=choices.integer(0, choices.pick((QUANTIZERS - 1, 40))),
+        lane_exponent=choices.integer(0, header.lane_count.bit_length() - 1),
+        densities=make_densities(choices, header) if own else None,
+        motion_cell=choices.integer(0, len(SIDES) - 1) if len(before.values) else 0,
+    )
+    before = replace(before, densities=codes.densities or before.densities)
+    if count + len(before.values) == 0:
+        return codes, before
+    run = RandomRun(choices.generator(), kind or choices.pick(KINDS))
+    after, codes = code_run(run, before, codes, count)
+    return codes, after
+
+
+def make_densities(choices: Choices, header: SequenceHeader) -> Densities:
+    """Densities with any elements: plausible ones, or extremes."""
+    if choices.boolean():
+        ends = choices.pick((0, 1)), choices.pick((0, 31)), choices.pick((-512, 511)), choices.pick((-128, 127))
+        planes = [Density(*ends[:3], ends[3] if plane in SLOPED else 0) for plane in PLANES]
+    else:
+        planes = [
+            Density(
+                choices.integer(0, 1),
+                choices.integer(0, 31),
+                choices.integer(-512, 511),
+                choices.integer(-128, 127) if plane in SLOPED else 0,
+            )
+            for plane in PLANES
+        ]
+    shape = choices.integer(0, len(ALPHAS) - 1)
+    return Densities(tuple(planes), (shape,) * halving_count(header.width, header.height))
