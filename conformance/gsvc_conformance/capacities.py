@@ -71,8 +71,11 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     **{(name, "C"): (0, "a model has at most 10 contexts") for name in ("model_frequencies", "adapt_model")},
     **{(name, "K"): (0, "a model has at most 24 symbols") for name in ("model_frequencies", "adapt_model")},
     ("model_frequencies", "M"): (0, "a model has at most 24 symbols"),
-    **{(name, axis): (1 << 11, "a frame has at most 4,096 rows and columns of cells")
-       for name in ("motion_of_splats", "mode_contexts") for axis in "rc"},
+    **{
+        (name, axis): (1 << 11, "a frame has at most 4,096 rows and columns of cells")
+        for name in ("motion_of_splats", "mode_contexts")
+        for axis in "rc"
+    },
     ("encode_run", "lane_count"): (0, "there are at most 64 lanes"),
     **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMN"},
     **{("reconstruct_layers", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TN"},

@@ -71,9 +71,7 @@ def _note(found: defaultdict[str, tuple[int, set[Number]]], name: str, value: An
     found[name] = count + times, some
 
 
-def _recorder(
-    found: defaultdict[str, tuple[int, set[Number]]], profile: str = "paper"
-) -> Callable[["Element"], None]:
+def _recorder(found: defaultdict[str, tuple[int, set[Number]]], profile: str = "paper") -> Callable[["Element"], None]:
     def record(element: "Element") -> None:
         name = element.name.rpartition(".")[2]
         if name == "frame_number_step, offset_step":

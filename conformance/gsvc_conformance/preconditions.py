@@ -245,6 +245,7 @@ LEGAL: Final[Rule] = (
 SCALE: Final[Rule] = ("scale must be above 0", lambda i: np.all(i["scale"] > 0))
 BITS: Final[Rule] = ("bits must be 1 to 16", lambda i: 1 <= i["bits"] <= 16)
 
+
 def _of_main(inputs: Values) -> bool:
     return stated_profile(inputs["stream"]) == "main"
 
@@ -311,7 +312,8 @@ COUNTS: Final[tuple[Rule, ...]] = (
      lambda i: np.all((i["counts"].sum(axis=1) >= 1) & (i["counts"].sum(axis=1) < 2**32))),
 )  # fmt: skip
 FIELD: Final[Rule] = (
-    "there must be as many vectors as the frame has cells, or, where motion_cell is 0, none", _field_fits
+    "there must be as many vectors as the frame has cells, or, where motion_cell is 0, none",
+    _field_fits,
 )
 
 ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {

@@ -21,9 +21,8 @@ from gsvc_ref.main_profile.densities import (
     SLOPED,
     STEPS_OF,
     Densities,
-    magnitude_classes,
 )
-from gsvc_ref.main_profile.passes import ONE, PRECISION
+from gsvc_ref.main_profile.passes import ONE, PRECISION, magnitude_classes
 from gsvc_ref.main_profile.reconstruct import colors_of
 from gsvc_ref.main_profile.state import classes
 from gsvc_ref.main_profile.tables import EXP2, FAMILIES, exp2
