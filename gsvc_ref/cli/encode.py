@@ -25,7 +25,7 @@ COMMAND: Final = "gsvc encode"
 OVERRIDES: Final = (
     "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
-    "paced",
+    "paced", "profile",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -83,6 +83,10 @@ def add_command(commands: Any) -> None:
         "gsp = auto|all|off; motion = auto|off",
     )  # fmt: skip
     stream = parser.add_argument_group("stream")
+    stream.add_argument(
+        "--profile", choices=("paper", "main"),
+        help="the coding tools: paper (default), the quantisers of the paper; main, about a third of the bits",
+    )  # fmt: skip
     stream.add_argument("--lanes", type=whole, metavar="L", dest="lane_count", help="lanes of the entropy coder, 1..64")
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"

@@ -16,6 +16,7 @@ from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
+from gsvc_ref.main_encoder.frame import MainFrameEncoder
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
@@ -106,8 +107,13 @@ class _Encode(Encoding[Frame]):
         video = reader.format
         most = settings.most_splats(video.width, video.height)
         # P-frames may pass N while they add before they prune.
-        level = level_for(video.width, video.height, splats=min(most + most // 4, MAX_SPLATS))
-        coder = FrameEncoder(settings, video.width, video.height, video.bit_depth)
+        level = level_for(
+            video.width,
+            video.height,
+            splats=min(most + most // 4 if settings.profile == "paper" else 2 * most, MAX_SPLATS),
+        )
+        make = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+        coder = make(settings, video.width, video.height, video.bit_depth)
         super().__init__(file, video, coder, level, progress, interrupts, live=live)
         start, stop = settings.frames
         ends = [end for end in (video.frame_count, stop) if end is not None]

@@ -14,15 +14,15 @@ from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, write_log
-from gsvc_ref.encoder.quantizer_choice import quantizer_fields
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
-from gsvc_ref.reconstruction import FrameType, State
+from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
+from gsvc_ref.stream.profiles import AnyState
 from gsvc_ref.stream.writer import can_go_back
 from gsvc_ref.video import VideoFormat
 
@@ -36,8 +36,11 @@ class FrameCoder(Protocol[CodedT]):
 
     settings: Settings
     """The settings in use."""
-    state: State
+    state: AnyState
     """The decoder's state after the frames so far."""
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that belong to the profile."""
 
     def encode(self, frame: CodedT, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame; the next one is predicted from its reconstruction."""
@@ -183,7 +186,7 @@ class Encoding(ABC, Generic[FrameT]):
             parameter_checksum_flag=settings.checksums,
             paced_flag=settings.paced,
             **header_fields(self.format),
-            **quantizer_fields(settings),
+            **self.encoder.elements(),
         )
 
     def run(self) -> EncodeReport:

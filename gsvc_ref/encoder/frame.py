@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gsvc_ref.encoder.blocks import errors_left
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
-from gsvc_ref.encoder.quantizer_choice import with_best_quantizer
+from gsvc_ref.encoder.quantizer_choice import quantizer_fields, with_best_quantizer
 from gsvc_ref.encoder.rate import hold_quality
 from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
@@ -20,6 +20,7 @@ from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
+from gsvc_ref.stream.profiles import AnyCodes, AnyState
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
@@ -77,8 +78,8 @@ class EncodedFrame:
         Why the frame is of its type, where that was decided on the way.
     """
 
-    codes: FrameCodes
-    state: State
+    codes: AnyCodes
+    state: AnyState
     psnr: float
     iterations: int
     seconds: dict[str, float] = field(default_factory=dict)
@@ -114,6 +115,10 @@ class FrameEncoder:
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that belong to the profile."""
+        return quantizer_fields(self.settings)
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""

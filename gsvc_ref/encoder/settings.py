@@ -165,6 +165,8 @@ class Settings:
     paced
         Keep the limits of a second (spec.md section 5), so that a live player can promise to keep pace: an I-frame at
         least every four seconds, and an error where a second has too much.
+    profile
+        The coding tools of the stream: ``paper``, or ``main`` (spec.md section 15).
     """
 
     preset: str
@@ -186,6 +188,7 @@ class Settings:
     index: bool = True
     checksums: bool = False
     paced: bool = False
+    profile: Literal["paper", "main"] = "paper"
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -8,7 +8,7 @@ left with, and what changes the picture less than that error is left as it is.
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,10 @@ class SplatCoder:
         self._given: GivenSplats | None = None  # the splats of the frame before as they were given
         self._accepted = 0.0  # the loss of the last I-frame against the splats given
         self._renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that belong to the profile."""
+        return quantizer_fields(self.settings)
 
     def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it.
