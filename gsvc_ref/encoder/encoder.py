@@ -106,12 +106,9 @@ class _Encode(Encoding[Frame]):
         self.reader, self.settings = reader, settings
         video = reader.format
         most = settings.most_splats(video.width, video.height)
-        # P-frames may pass N while they add before they prune.
-        level = level_for(
-            video.width,
-            video.height,
-            splats=min(most + most // 4 if settings.profile == "paper" else 2 * most, MAX_SPLATS),
-        )
+        # P-frames may pass N while they add before they prune; those of `main` count what they remove as well.
+        room = most if settings.profile == "main" else most // 4
+        level = level_for(video.width, video.height, splats=min(most + room, MAX_SPLATS))
         make = MainFrameEncoder if settings.profile == "main" else FrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
         super().__init__(file, video, coder, level, progress, interrupts, live=live)
