@@ -20,7 +20,7 @@ from gsvc_ref.arrays import F4, F8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.codebook_update import totals, updated
-from gsvc_ref.quantization.half import from_half, to_half
+from gsvc_ref.quantization.half import LARGEST_HALF, from_half, to_half
 from gsvc_ref.quantization.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, rvq_assign
 
 
@@ -187,7 +187,7 @@ def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator)
         moved = counts > 0
         moved[0] &= not settings.zero_codeword
         centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
-    return from_half(to_half(centers))
+    return from_half(to_half(np.clip(centers, -LARGEST_HALF, LARGEST_HALF)))  # a difference may be twice as large
 
 
 @kernel()
