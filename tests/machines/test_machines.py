@@ -1,6 +1,7 @@
 """This machine makes what is kept, and so what all others make; a machine that differs or cannot run is told."""
 
 import os
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
@@ -70,6 +71,8 @@ def test_other_precisions_are_looked_at_only(one, monkeypatch, capsys):
 def test_a_command_that_fails_is_told():
     with pytest.raises(emulated.CannotRunError, match=r"ended with 7: no room"):
         list(compare.lines(["sh", "-c", "echo no room >&2; exit 7"], os.environ))
+    with pytest.raises(emulated.CannotRunError, match=r"ended with 1: .*No module named"):
+        list(compare.lines([sys.executable, "-m", "no_such_module"], os.environ))
 
 
 @pytest.mark.parametrize(("release", "told"), [("6.1.0-13-amd64", "binfmt_misc in a user namespace needs 6.7")])
