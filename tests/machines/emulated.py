@@ -29,7 +29,8 @@ mount -t proc proc "$ROOT/proc"
 mount --rbind /dev "$ROOT/dev"
 mount --bind "$REPOSITORY" "$ROOT/repository"
 exec chroot "$ROOT" /usr/bin/env -i PATH=/usr/bin:/bin HOME=/tmp LANG=C.UTF-8 \
-    PYTHONPATH=/repository:/repository/conformance:/site PYTHONDONTWRITEBYTECODE=1 $SETTINGS sh -c 'cd /repository && exec "$@"' sh "$@"
+    PYTHONPATH=/repository:/repository/conformance:/site PYTHONDONTWRITEBYTECODE=1 $SETTINGS \
+    sh -c 'cd /repository && exec "$@"' sh "$@"
 """
 """In the namespaces: qemu for programs of the other processor, then the command in its root."""
 
