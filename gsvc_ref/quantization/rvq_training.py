@@ -108,9 +108,10 @@ def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: Arr
     Raises
     ------
     UsageError
-        A vector is not finite or too large for binary16, or the weights make no sense.
+        A vector is NaN or beyond what the difference of two binary16 can be, or the weights make no sense.
     """
     residual = np.ascontiguousarray(x, np.float32)
+    _check_differences(residual)
     w = _unit_mean(weights, len(residual))
     stages = []
     for codewords in settings.codewords:
@@ -223,6 +224,14 @@ def _draw(masses: F8, uniform: float) -> int:
             if reached > uniform * total:
                 break
     return last
+
+
+def _check_differences(x: F4) -> None:
+    """Refuse what is not the difference of two colours that codewords can hold."""
+    if not (np.abs(x) <= 2 * LARGEST_HALF).all():
+        wrong = x[~(np.abs(x) <= 2 * LARGEST_HALF)][0]
+        value = "NaN" if np.isnan(wrong) else wrong
+        raise UsageError(f"a vector has the component {value}; the largest magnitude is 2 * {LARGEST_HALF:.0f}")
 
 
 def _unit_mean(weights: ArrayLike | None, count: int) -> F8:
