@@ -20,7 +20,7 @@ from gsvc_ref.arrays import F4, F8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization.codebook_update import totals, updated
-from gsvc_ref.quantization.half import from_half, to_half
+from gsvc_ref.quantization.half import LARGEST_HALF, from_half, to_half
 from gsvc_ref.quantization.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, rvq_assign
 
 
@@ -108,9 +108,10 @@ def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: Arr
     Raises
     ------
     UsageError
-        A vector is not finite or too large for binary16, or the weights make no sense.
+        A vector is NaN or beyond what the difference of two binary16 can be, or the weights make no sense.
     """
     residual = np.ascontiguousarray(x, np.float32)
+    _check_differences(residual)
     w = _unit_mean(weights, len(residual))
     stages = []
     for codewords in settings.codewords:
@@ -187,7 +188,7 @@ def _kmeans(x: F4, w: F8, codewords: int, settings: RvqSettings, rng: Generator)
         moved = counts > 0
         moved[0] &= not settings.zero_codeword
         centers[moved] = (sums[moved] / counts[moved, None]).astype(np.float32)
-    return from_half(to_half(centers))
+    return from_half(to_half(np.clip(centers, -LARGEST_HALF, LARGEST_HALF)))  # a difference may be twice as large
 
 
 @kernel()
@@ -223,6 +224,14 @@ def _draw(masses: F8, uniform: float) -> int:
             if reached > uniform * total:
                 break
     return last
+
+
+def _check_differences(x: F4) -> None:
+    """Refuse what is not the difference of two colours that codewords can hold."""
+    if not (np.abs(x) <= 2 * LARGEST_HALF).all():
+        wrong = x[~(np.abs(x) <= 2 * LARGEST_HALF)][0]
+        value = "NaN" if np.isnan(wrong) else wrong
+        raise UsageError(f"a vector has the component {value}; the largest magnitude is 2 * {LARGEST_HALF:.0f}")
 
 
 def _unit_mean(weights: ArrayLike | None, count: int) -> F8:

@@ -1,5 +1,7 @@
 """The work that a frame asks of a renderer, which a level limits (spec.md section 5)."""
 
+from operator import index
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -53,4 +55,4 @@ def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> i
     """
     splats = Splats.of(parameters)
     with np.errstate(invalid="ignore"):  # infinity minus infinity, of which a kernel that is not compiled would warn
-        return int(_work_kernel(splats.positions, splats.cholesky, float(width), float(height)))
+        return int(_work_kernel(splats.positions, splats.cholesky, float(index(width)), float(index(height))))

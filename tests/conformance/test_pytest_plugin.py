@@ -181,7 +181,7 @@ def test_waivers_are_strict_xfail(run, toy_module, pytester):
     words = ["-q", "-rx", "--gsvc-waivers", file.name, "--gsvc-module"]
     result = run(*words, toy_module(halve=wrong_halves))
     result.assert_outcomes(xfailed=1, passed=len(INPUTS))
-    result.stdout.fnmatch_lines([f"XFAIL {ID} - bug 12 (https://example.org/12) (waived fail: output count is 0*"])
+    result.stdout.fnmatch_lines([f"XFAIL {ID} - *bug 12 (https://example.org/12) (waived fail: output count is 0*"])
     run(*words, toy_module(halve=wrong_halves), "--runxfail").assert_outcomes(failed=1, passed=len(INPUTS))
     stale = run(*words, toy_module())
     stale.assert_outcomes(failed=1, passed=len(INPUTS))

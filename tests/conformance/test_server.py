@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,16 @@ if count == 2:
 """
 
 
-def test_the_last_words_between_two_requests_are_shown_with_the_vector_before(folder):
+def test_the_last_words_between_two_requests_are_shown_with_the_vector_before(folder, monkeypatch):
+    ask = server._Server.ask
+
+    def ask_when_it_has_ended(self, number, *arguments):
+        if number == 3:  # else what it says may come before the request or after it
+            self._program.process.wait(20)
+            time.sleep(server.LATE_S)
+        return ask(self, number, *arguments)
+
+    monkeypatch.setattr(server._Server, "ask", ask_when_it_has_ended)
     first, second, third = results_of(folder, command_of(folder, LAST_WORDS))
     assert first.passed
     assert second.passed

@@ -72,6 +72,19 @@ def test_any_legal_splats_make_a_legal_stream(frames, key_frames, bits, stages, 
     assert [frame.splats for frame in report.frames] == [len(frame) for frame in splats]
 
 
+def test_differences_between_stages_may_exceed_what_a_codeword_holds():
+    """Two opposite colours under one codeword leave a residual of twice the largest binary16."""
+    rows = [
+        [0, 0, 1, 0, 2.0**-126, -65504, 65504, 65504],
+        [0, 0, 2.0**-126, 0, 2.0**-126, -65504, 65504, -16],
+        [0, -32000, 2.0**-126, -(2.0**40), 2.0**-126, 0, 0, 0],
+    ]
+    options = {"cholesky_bits": 1, "color_stages": 2, "color_codewords": 2}
+    for frames in ([rows], [[], rows], [rows, np.negative(rows) * [1, 1, -1, 1, -1, 1, 1, 1]]):
+        report, _ = written([np.array(frame, np.float32).reshape(-1, 8) for frame in frames], 1, 1, **options)
+        assert len(report.frames) == len(frames)
+
+
 def test_an_i_frame_is_within_the_errors_of_its_quantisers():
     splats = some_splats(300)
     _, data = written([splats])

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from time import perf_counter
 
-from tests.machines.digests import PARTS, PROMISED, kept
+from tests.machines.digests import OTHER_BYTES, PARTS, PROMISED, kept
 from tests.machines.emulated import AARCH64, REPOSITORY, S390X, CannotRunError, Emulator, Processor
 
 CACHE = Path(os.environ.get("GSVC_MACHINES", REPOSITORY / ".machines"))
@@ -111,7 +111,7 @@ def lines(command: list[str], environment: Mapping[str, str]) -> Iterator[dict[s
         ) as process,
     ):  # fmt: skip
         yield from map(json.loads, process.stdout)
-        if process.wait() not in (0, 1):
+        if process.wait() not in (0, OTHER_BYTES):
             said.seek(0)
             raise CannotRunError(f"the command ended with {process.returncode}: {said.read().strip()[-1500:]}")
 

@@ -14,6 +14,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Final
 
 REPOSITORY: Final = Path(__file__).parents[2]
@@ -27,8 +28,9 @@ printf '%s' ":other:M::$MAGIC:$MASK:$QEMU:F" > /proc/sys/fs/binfmt_misc/register
 mount -t proc proc "$ROOT/proc"
 mount --rbind /dev "$ROOT/dev"
 mount --bind "$REPOSITORY" "$ROOT/repository"
-exec chroot "$ROOT" /usr/bin/env -i PATH=/usr/bin:/bin HOME=/tmp LANG=C.UTF-8 PYTHONPATH=/repository:/site \
-    PYTHONDONTWRITEBYTECODE=1 $SETTINGS sh -c 'cd /repository && exec "$@"' sh "$@"
+exec chroot "$ROOT" /usr/bin/env -i PATH=/usr/bin:/bin HOME=/tmp LANG=C.UTF-8 \
+    PYTHONPATH=/repository:/repository/conformance:/site PYTHONDONTWRITEBYTECODE=1 $SETTINGS \
+    sh -c 'cd /repository && exec "$@"' sh "$@"
 """
 """In the namespaces: qemu for programs of the other processor, then the command in its root."""
 
@@ -94,6 +96,10 @@ S390X: Final = Processor(
 )  # fmt: skip
 
 
+PREPARING = Lock()
+"""Held while the emulators, which processors share, are downloaded: two are prepared at a time."""
+
+
 class Emulator:
     """A processor's root in a folder; made at the first use, and used again as long as it is there."""
 
@@ -112,10 +118,9 @@ class Emulator:
         """
         self._check()
         self.folder.mkdir(parents=True, exist_ok=True)
-        if not self.qemu.exists():
-            run(["apt-get", "download", "qemu-user-static"], self.folder)
-            for package in self.folder.glob("qemu-user-static_*.deb"):
-                run(["dpkg-deb", "-x", str(package), "."], self.folder)
+        with PREPARING:
+            if not self.qemu.exists():
+                self._qemu()
         if not (self.root / "ready").exists():
             shutil.rmtree(self.root, ignore_errors=True)
             for name in ("site", "proc", "dev", "tmp", "repository", "kernels"):
@@ -127,6 +132,17 @@ class Emulator:
             if not self.processor.wheels:
                 self._photographs()
             (self.root / "ready").touch()
+
+    def _qemu(self) -> None:
+        """Download the emulators of all processors; they stand in their place only when they are whole."""
+        partial = self.folder / "partial"
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        run(["apt-get", "download", "qemu-user-static"], partial)
+        for package in partial.glob("qemu-user-static_*.deb"):
+            run(["dpkg-deb", "-x", str(package), "."], partial)
+        shutil.rmtree(self.folder / "usr", ignore_errors=True)
+        (partial / "usr").rename(self.folder / "usr")
 
     def command(self, words: Sequence[str], settings: Sequence[str] = ()) -> tuple[list[str], dict[str, str]]:
         """A command of the host that runs words in the root, the current folder being the repository, and its

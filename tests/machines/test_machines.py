@@ -1,6 +1,9 @@
 """This machine makes what is kept, and so what all others make; a machine that differs or cannot run is told."""
 
 import os
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numba
@@ -68,6 +71,8 @@ def test_other_precisions_are_looked_at_only(one, monkeypatch, capsys):
 def test_a_command_that_fails_is_told():
     with pytest.raises(emulated.CannotRunError, match=r"ended with 7: no room"):
         list(compare.lines(["sh", "-c", "echo no room >&2; exit 7"], os.environ))
+    with pytest.raises(emulated.CannotRunError, match=r"ended with 1: .*No module named"):
+        list(compare.lines([sys.executable, "-m", "no_such_module"], os.environ))
 
 
 @pytest.mark.parametrize(("release", "told"), [("6.1.0-13-amd64", "binfmt_misc in a user namespace needs 6.7")])
@@ -77,6 +82,29 @@ def test_an_old_kernel_is_told(one, monkeypatch, capsys, tmp_path, release, told
     one.__dict__["processor"] = emulated.S390X
     assert compare.main() == 1
     assert f"one: NOT RUN: s390x cannot be emulated here: Linux {release}; {told}" in capsys.readouterr().out
+
+
+def test_two_that_are_prepared_at_a_time_download_the_emulators_once(monkeypatch, tmp_path):
+    downloads = []
+
+    def run(command, folder, environment=None):
+        assert command[:2] == ["apt-get", "download"], "nothing to unpack"
+        downloads.append(command)
+        time.sleep(0.05)  # the other one comes meanwhile
+        for processor in (emulated.AARCH64, emulated.S390X):
+            (folder / "usr/bin").mkdir(parents=True, exist_ok=True)
+            (folder / f"usr/bin/qemu-{processor.name}-static").touch()
+
+    monkeypatch.setattr(emulated, "run", run)
+    some = [emulated.Emulator(processor, tmp_path) for processor in (emulated.AARCH64, emulated.S390X)]
+    for emulator in some:
+        monkeypatch.setattr(emulator, "_check", lambda: None)
+        emulator.root.mkdir()
+        (emulator.root / "ready").touch()
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(emulated.Emulator.prepare, some))
+    assert len(downloads) == 1
+    assert all(emulator.qemu.exists() for emulator in some)
 
 
 def test_how_programs_of_other_processors_begin():
