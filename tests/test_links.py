@@ -59,4 +59,4 @@ def test_the_links_are_found():
 
 @pytest.mark.parametrize("document", [*DOCUMENTS, ROOT / "Makefile"], ids=name)
 def test_no_word_stands_for_what_is_still_to_come(document):
-    assert re.findall(r"\b(?:TODO|FIXME|TBD|XXX|TIME[A-Z]+)\b", document.read_text(encoding="utf-8")) == []
+    assert re.findall(r"\b(?:TODO|FIXME|TBD|XXX|TIMETEST)\b", document.read_text(encoding="utf-8")) == []

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gsvc_conformance.fault_elements import element_found
 from gsvc_conformance.spec import namespace
 from gsvc_ref.cli.text import plural
+from gsvc_ref.portable import log10
 
 Array = NDArray[Any]
 
@@ -230,7 +231,7 @@ def rendered(frame: DecodedFrame, header: Mapping[str, int]) -> Array:
 def psnr(a: Array, b: Array, bit_depth: int) -> float:
     """PSNR of two frames in dB, by (11-5): infinite if they are equal."""
     squares = int(np.sum(np.square(a.astype(np.int64) - b.astype(np.int64))))
-    return float(10 * np.log10((2**bit_depth - 1) ** 2 * a.size / squares)) if squares else np.inf
+    return 10 * float(log10((2**bit_depth - 1) ** 2 * a.size / squares)) if squares else np.inf
 
 
 def described(fault: StreamFault, frames: int) -> str:

@@ -228,9 +228,9 @@ def _draw(masses: F8, uniform: float) -> int:
 
 def _check_differences(x: F4) -> None:
     """Refuse what is not the difference of two colours that codewords can hold."""
-    if not (np.abs(x) <= 2 * LARGEST_HALF).all():
-        wrong = x[~(np.abs(x) <= 2 * LARGEST_HALF)][0]
-        value = "NaN" if np.isnan(wrong) else wrong
+    wrong = x[~(np.abs(x) <= 2 * LARGEST_HALF)]  # NaN is among them
+    if len(wrong):
+        value = "NaN" if np.isnan(wrong[0]) else wrong[0]
         raise UsageError(f"a vector has the component {value}; the largest magnitude is 2 * {LARGEST_HALF:.0f}")
 
 

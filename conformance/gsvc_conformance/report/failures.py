@@ -167,7 +167,8 @@ def _legend() -> str:
         f'<figure class="scale"><img src="{bar}" alt="dark to green up to 1, yellow to crimson above">'
         f'<div class="ticks">{ticks}</div><figcaption>error/bound, where 1 is allowed. Of numbers that must be '
         "exact: units in the last place; of integers: steps beyond what is allowed, and 1 more. "
-        f'<span class="swatch" style="background:{pink}"></span>is no number. A box marks the worst pixel.</figcaption>'
+        f'<span class="swatch" style="background:{pink}"></span>is no number, or an error where none is allowed. '
+        "A box marks the worst pixel.</figcaption>"
         "</figure>"
     )
 
