@@ -126,6 +126,78 @@ def render_frame(parameters: Any, width: int, height: int, bit_depth: int) -> Va
     return ask("render_frame", parameters=parameters, width=width, height=height, bit_depth=bit_depth)
 
 
+def read_main_stream(stream: bytes) -> Values:
+    """The contents of a stream of profile `main` (section 15.12)."""
+    return ask("read_main_stream", stream=stream)
+
+
+def reconstruct_layers(stream: bytes, layer: int) -> Values:
+    """The splats of all complete frames in the quality of a layer, and the first fault (section 15.13)."""
+    return ask("reconstruct_layers", stream=stream, layer=layer)
+
+
+def encode_run(starts: Any, frequencies: Any, lanes: Any, lane_count: int) -> Values:
+    """Lane states and words of the symbols of a frame (R-15.6-3)."""
+    return ask("encode_run", starts=starts, frequencies=frequencies, lanes=lanes, lane_count=lane_count)
+
+
+def density_frequencies(edges: Any, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Values:
+    """Cumulative frequencies of the bins of a density (15-6)."""
+    return ask(
+        "density_frequencies",
+        edges=edges,
+        centre=centre,
+        density_family=density_family,
+        scale_code=scale_code,
+        unit_bits=unit_bits,
+    )
+
+
+def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) -> Values:
+    """Cumulative frequencies of the splats in the first half of a part (15-8), (15-9)."""
+    return ask("half_frequencies", count=count, first_half=first_half, second_half=second_half, alpha=alpha)
+
+
+def model_frequencies(counts: Any) -> Values:
+    """Cumulative frequencies of each context of a model (15-14)."""
+    return ask("model_frequencies", counts=counts)
+
+
+def adapt_model(counts: Any, seen: Any) -> Values:
+    """The counts of a model behind a P-frame (15-11)."""
+    return ask("adapt_model", counts=counts, seen=seen)
+
+
+def mode_contexts(**inputs: Any) -> Values:
+    """The context of the mode of each splat of a P-frame (section 15.11)."""
+    return ask("mode_contexts", **inputs)
+
+
+def splat_classes(state: Any, quantizer: int) -> Values:
+    """The class of each splat (15-4)."""
+    return ask("splat_classes", state=state, quantizer=quantizer)
+
+
+def main_intra(**codes: Any) -> Values:
+    """The states that the codes of an I-frame stand for (15-10)."""
+    return ask("main_intra", **codes)
+
+
+def motion_of_splats(state: Any, vectors: Any, motion_cell: int) -> Values:
+    """By how much each splat moves with the motion field (15-12)."""
+    return ask("motion_of_splats", state=state, vectors=vectors, motion_cell=motion_cell)
+
+
+def main_inter(**codes: Any) -> Values:
+    """The states of the splats that stay, after motion and differences (15-13)."""
+    return ask("main_inter", **codes)
+
+
+def state_parameters(state: Any) -> Values:
+    """The parameters of splats (15-5)."""
+    return ask("state_parameters", state=state)
+
+
 def scale_parameters(parameters: Any, width: int, height: int, new_width: int, new_height: int) -> Values:
     """The splats for another size (9-8)."""
     return ask(

@@ -3,8 +3,8 @@
 globalThis.GSVC ??= {};
 {
   const { Bits, Fault, readPlane, encodeSymbols, halfValues, halfBits, reconstructIntra, reconstructInter } = GSVC;
-  const { parameterChecksum, renderingWork, readStart, readFrames, framesBetween, toFrame, scaleParameters } = GSVC;
-  const { renderSumDeterministic, toFrameDeterministic } = GSVC;
+  const { parameterChecksum, renderingWork, readStart, readFrames, framesBetween, framesWithLayers, toFrame, scaleParameters } = GSVC;
+  const { renderSumDeterministic, toFrameDeterministic, main } = GSVC;
 
   /** An operation can't do what its inputs ask for. */
   class Unsupported extends Error {}
@@ -44,6 +44,21 @@ globalThis.GSVC ??= {};
     codebookSizes: numbers(inputs.codebook_sizes),
     codewords: inputs.codewords.data,
   });
+
+  /** The states of an operation of profile main. */
+  const statesOf = (given) => Int32Array.from(given.data, Number);
+
+  /** A field of vectors (rows, columns, 2). */
+  const fieldOf = ({ data, shape: [rows, columns] }) => ({ rows, columns, vectors: Int32Array.from(data, Number) });
+
+  /** The columns of an array (N, k). */
+  function columnsOf({ data, shape: [count, width] }) {
+    return Array.from({ length: width }, (_, c) => Int32Array.from({ length: count }, (_, i) => Number(data[width * i + c])));
+  }
+
+  /** The rows of an array, as arrays of numbers. */
+  const rowsOf = ({ data, shape: [count, width] }) =>
+    Array.from({ length: count }, (_, i) => Float64Array.from(data.subarray(width * i, width * (i + 1)), Number));
 
   /** Counts and parameters of frames, up to the Fault that ends them, if one does. */
   function splatsOf(frames) {
@@ -140,6 +155,76 @@ globalThis.GSVC ??= {};
       return { frame: array(sampleType(bit_depth), [height, width, 3], frame) };
     },
 
+    async read_main_stream({ stream }) {
+      const { s, state } = readStart(stream);
+      return describedMain(state.header, [...readFrames(s, state)]);
+    },
+
+    async reconstruct_layers({ stream, layer }) {
+      return splatsOf(framesWithLayers(stream, layer));
+    },
+
+    async encode_run({ starts, frequencies, lanes, lane_count }) {
+      const coded = main.encodeRun(numbers(starts), numbers(frequencies), numbers(lanes), lane_count);
+      return { lane_states: list(coded.laneStates, "<u4"), words: list(coded.words, "<u2") };
+    },
+
+    async density_frequencies({ edges, centre, density_family, scale_code, unit_bits }) {
+      const inner = numbers(edges);
+      const T = main.FAMILIES[density_family];
+      const C = main.density(inner.length + 1, (i) => inner[i - 1], centre, T, scale_code, unit_bits);
+      return { cumulative: list(C, "<i8") };
+    },
+
+    async half_frequencies({ count, first_half, second_half, alpha }) {
+      const { C, lowBits } = main.halves(count, first_half, second_half, alpha);
+      return { cumulative: list(C, "<i8"), low_bits: single(lowBits, "<i8") };
+    },
+
+    async model_frequencies({ counts }) {
+      const tables = rowsOf(counts).map(main.frequenciesOf);
+      return { cumulative: rows(joined("<f8", tables), counts.shape[1] + 1, "<i8") };
+    },
+
+    async adapt_model({ counts, seen }) {
+      const times = rowsOf(seen);
+      const after = rowsOf(counts).map((row, i) => main.adapted(row, times[i]));
+      return { counts: rows(joined("<f8", after), counts.shape[1], "<i8") };
+    },
+
+    async mode_contexts({ width, height, state, past, motion, vectors, motion_cell }) {
+      const side = main.SIDES[motion_cell];
+      const contexts = main.modeContexts(
+        statesOf(state), numbers(past), numbers(motion), fieldOf(vectors), side, width, height);
+      return { contexts: list(contexts, "<i8") };
+    },
+
+    async splat_classes({ state, quantizer }) {
+      return { classes: list(main.classesOf(statesOf(state), quantizer), "<i8") };
+    },
+
+    async main_intra({ quantizer, cells, colors, shapes, places }) {
+      const codes = {
+        cells: columnsOf(cells), colors: columnsOf(colors), shapes: columnsOf(shapes), places: columnsOf(places),
+      };
+      return { state: rows(main.intraStates(codes, main.stepOf(quantizer)), 8, "<i8") };
+    },
+
+    async motion_of_splats({ state, vectors, motion_cell }) {
+      const motion = main.fieldMotion(statesOf(state), fieldOf(vectors), main.SIDES[motion_cell]);
+      return { motion: rows(motion, 2, "<i8") };
+    },
+
+    async main_inter({ quantizer, state, motion, differences }) {
+      const after = main.addDifferences(
+        statesOf(state), numbers(motion), numbers(differences), main.stepOf(quantizer));
+      return { state: rows(after, 8, "<i8") };
+    },
+
+    async state_parameters({ state }) {
+      return { parameters: rows(main.stateParameters(statesOf(state)), 8, "<f4") };
+    },
+
     async scale_parameters({ parameters, width, height, new_width, new_height }) {
       return { parameters: rows(scaleParameters(parameters.data, width, height, new_width, new_height), 8, "<f4") };
     },
@@ -187,6 +272,24 @@ globalThis.GSVC ??= {};
       codebook_sizes: list(own.flatMap((block) => block.codebookSizes), "<i8"),
       codewords: rows(joined("<u2", own.map((block) => block.codewords)), 3, "<u2"),
       color_indices: list(joined("<u2", blocks.map(stageByStage)), "<u2"),
+    };
+  }
+
+  /** What read_main_stream lists (15.12). */
+  function describedMain(header, frames) {
+    const told = frames.filter(({ body }) => body !== null);
+    const bodies = told.map(({ body }) => body);
+    const row = ({ number, body }) =>
+      [number, body.quantizer, body.lane_exponent, body.motion_cell, body.densities_present, body.count];
+    return {
+      header: list(Object.values(header), "<i8"),
+      frame_types: list(frames.map((frame) => frame.type.charCodeAt(0)), "|u1"),
+      counts: list(frames.map(({ parameters }) => parameters.length / 8), "<i8"),
+      bodies: rows(told.flatMap(row), 6, "<i8"),
+      fields: rows(joined("<f8", bodies.map(({ vectors }) => vectors)), 2, "<i8"),
+      modes: list(joined("<f8", bodies.map(({ modes }) => modes)), "<i8"),
+      differences: rows(joined("<f8", bodies.map(({ differences }) => differences)), 8, "<i8"),
+      states: rows(joined("<f8", frames.map(({ after }) => after.splats)), 8, "<i8"),
     };
   }
 

@@ -6,14 +6,19 @@ globalThis.GSVC ??= {};
   const AHEAD = 8; // vectors that are read while one is judged
 
   const CLASSES = { // those of a decoder (13.1)
-    bitstream: ["read_stream", "decode_plane", "encode_plane", "reconstruct_stream"],
+    bitstream: [
+      "read_stream", "decode_plane", "encode_plane", "reconstruct_stream", "read_main_stream", "encode_run",
+      "density_frequencies", "half_frequencies", "model_frequencies", "adapt_model", "mode_contexts",
+    ],
     reconstruction: [
       "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum", "rendering_work",
+      "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters",
     ],
     rendering: ["render_sum", "to_frame", "render_frame", "decode_stream"],
     deterministic: ["render_sum_deterministic", "to_frame_deterministic", "decode_stream_deterministic"],
     seeking: ["seek"],
     sizes: ["scale_parameters"],
+    layers: ["reconstruct_layers"],
   };
 
   /** Reads a vector: its manifest, its inputs, and the parts of its expected outputs. */

@@ -2,7 +2,8 @@
 "use strict";
 globalThis.GSVC ??= {};
 {
-  const { Fault, Bits, LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame } = GSVC;
+  const { Fault, Bits, LEVELS, LONGEST_HEADER, MAIN, readPrefix, readChunk, readSequenceHeader, main } = GSVC;
+  const { readFrame, readFrameHead } = GSVC;
   const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
   const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
@@ -18,10 +19,12 @@ globalThis.GSVC ??= {};
       this.second = {}; // sums of the second so far
       this.bytesWaiting = 0; // bytes of the chunks behind the frame before
       this.lastIFrame = 0; // its number
+      this.main = main.newMainState(); // what profile main carries
+      this.layers = null; // the Layers of profile main, if layers are wanted
       this.forget();
     }
 
-    /** What an I-frame begins with: no splats, nothing kept. */
+    /** What an I-frame of profile paper begins with: no splats, nothing kept. */
     forget() {
       this.parameters = new Float32Array(0);
       this.kept = { intra: {}, inter: {} };
@@ -31,6 +34,7 @@ globalThis.GSVC ??= {};
     copy() {
       const copy = Object.assign(Object.create(State.prototype), this);
       copy.kept = { intra: { ...this.kept.intra }, inter: { ...this.kept.inter } };
+      copy.layers = this.layers?.copy() ?? null;
       return copy;
     }
   }
@@ -56,33 +60,49 @@ globalThis.GSVC ??= {};
     if (state.nextNumber === 0 && "PR".includes(type)) throw new Fault("R-6.4-2", bit);
   }
 
-  /** Yields each complete frame, with `parameters`, to the end of the stream; throws the first Fault. */
+  /**
+   * Yields each complete frame, with `parameters`, to the end of the stream; throws the first Fault.
+   *
+   * Where layers are wanted, a frame comes as soon as it is sure that no more layers of it do.
+   */
   function* readFrames(s, state) {
-    for (let type = "H"; type !== "E"; ) {
-      const chunk = readChunk(s, state.limits.payload);
-      const { bit, payload } = chunk;
-      state.bytesWaiting += (s.position() - bit) / 8;
-      type = chunk.type;
-      checkKnown(type, bit);
-      checkMayStand(type, bit, state);
-      if (type === "E") {
-        checkEnd(payload, state);
-        payload.checkFilled();
+    let waiting = null; // a frame that may get layers
+    try {
+      for (let type = "H"; type !== "E"; ) {
+        const chunk = readChunk(s, state.limits.payload);
+        const { bit, payload } = chunk;
+        type = chunk.type;
+        checkKnown(type, bit);
+        checkMayStand(type, bit, state);
+        if ("IPRE".includes(type) && waiting !== null) {
+          yield waiting;
+          waiting = null;
+        }
+        state.bytesWaiting += (s.position() - bit) / 8;
+        if (type === "E") {
+          checkEnd(payload, state);
+          payload.checkFilled();
+        }
+        state.indexLength = 0;
+        if (type === "x") {
+          checkIndex(payload, bit / 8);
+          payload.checkFilled();
+          state.indexLength = (s.position() - bit) / 8;
+        }
+        if (type === "n" && state.layers !== null) state.layers.read(chunk, (s.position() - bit) / 8, state);
+        if ("IPR".includes(type)) {
+          const frame = completeFrame(chunk, state);
+          frame.byteOffset = bit / 8;
+          frame.byteLength = (s.position() - bit) / 8;
+          if (state.layers === null) yield frame;
+          else waiting = frame;
+        }
       }
-      state.indexLength = 0;
-      if (type === "x") {
-        checkIndex(payload, bit / 8);
-        payload.checkFilled();
-        state.indexLength = (s.position() - bit) / 8;
-      }
-      if ("IPR".includes(type)) {
-        const frame = completeFrame(chunk, state);
-        frame.byteOffset = bit / 8;
-        frame.byteLength = (s.position() - bit) / 8;
-        yield frame;
-      }
+      if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
+    } catch (fault) {
+      if (waiting !== null) yield waiting;
+      throw fault;
     }
-    if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
   }
 
   /** Hops over a chunk, of which only type and length are looked at (section 12.6); its type. */
@@ -117,11 +137,18 @@ globalThis.GSVC ??= {};
     }
   }
 
+  /** Yields all frames of a stream in the quality of a layer. */
+  function* framesWithLayers(stream, quality) {
+    const { s, state } = readStart(stream);
+    state.layers = new main.Layers(quality);
+    yield* readFrames(s, state);
+  }
+
   function completeFrame({ type, bit, payload }, state) {
-    const frame = readFrame(payload, type, state);
+    const { width, height, profile } = state.header;
+    const frame = profile === MAIN ? readMainFrame(payload, type, state) : readFrame(payload, type, state);
     payload.checkFilled();
-    const { width, height } = state.header;
-    const parameters = reconstructFrame(frame, state);
+    const parameters = profile === MAIN ? mainParameters(frame, state) : reconstructFrame(frame, state);
     if (!parameters.every(Number.isFinite)) throw new Fault("R-8-1", bit);
     const work = renderingWork(parameters, width, height);
     if (work > state.limits.work) throw new Fault("R-5-4", bit);
@@ -129,10 +156,26 @@ globalThis.GSVC ??= {};
       throw new Fault("R-6.4-3", frame.checksumBit);
     }
     state.parameters = frame.parameters = parameters;
+    if (profile === MAIN) state.main = frame.after;
     if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
     state.nextNumber += 1;
+    state.layers?.begin(frame);
     return frame;
   }
+
+  /** main_frame(): what a frame of profile main says; `body` as main.readBody returns it, or null. */
+  function readMainFrame(p, type, state) {
+    const frame = readFrameHead(p, type, state);
+    const isRepeated = type === "R";
+    frame.body = isRepeated ? null : main.readBody(p, type, state.main, state.header, state.limits.splats);
+    frame.after = isRepeated ? state.main : frame.body.after;
+    frame.newCount = isRepeated ? 0 : frame.body.count;
+    frame.survivors = type === "P" ? frame.body.modes.map((mode) => (mode === main.REMOVED ? 0 : 1)) : null;
+    return frame;
+  }
+
+  const mainParameters = ({ type, after }, { parameters }) =>
+    (type === "R" ? parameters : main.stateParameters(after.splats));
 
   /** The parameters (N, 8) of a frame: survivors first, then new splats. */
   function reconstructFrame(frame, { parameters: reference, header: { width, height } }) {
@@ -275,5 +318,5 @@ globalThis.GSVC ??= {};
     return readChunk(s, byteLength);
   }
 
-  Object.assign(GSVC, { readStart, readFrames, framesBetween, openStream, openStreamInSteps });
+  Object.assign(GSVC, { readStart, readFrames, framesBetween, framesWithLayers, openStream, openStreamInSteps });
 }

@@ -20,7 +20,7 @@ globalThis.GSVC ??= {};
   const I_FRAME_SECONDS = 4; // from an I-frame to the next one
 
   const HEADER = [ // element, bytes, lowest and highest value that a decoder accepts
-    ["profile", 1, 0, 0],
+    ["profile", 1, 0, 1],
     ["level", 1, 1, 5],
     ["flags", 1, 0, 3],
     ["width", 2, 1, 65535],
@@ -37,12 +37,18 @@ globalThis.GSVC ??= {};
     ["matrix_coefficients", 1, 0, 255],
     ["video_full_range_flag", 1, 0, 255], // R-6.3-3
     ["chroma_sample_loc_type", 1, 0, 255], // R-6.3-3
-    ["cholesky_bits", 1, 1, 12],
-    ["color_stages", 1, 1, 8],
-    ["color_codewords", 2, 1, 1024],
-    ["entropy_precision", 1, 12, 16],
-    ["lane_count", 1, 1, 64],
   ];
+  const OWN_HEADER = [ // of a profile, by its number
+    [
+      ["cholesky_bits", 1, 1, 12],
+      ["color_stages", 1, 1, 8],
+      ["color_codewords", 2, 1, 1024],
+      ["entropy_precision", 1, 12, 16],
+      ["lane_count", 1, 1, 64],
+    ],
+    [["lane_count", 1, 1, 64], ["layer_count", 1, 1, 4]],
+  ];
+  const MAIN = 1; // the value of `profile`
   const OTHERS_RESERVED = ["profile", "level", "flags"];
 
   /** Reads `magic` and version; the bits behind them, and version_minor. */
@@ -72,14 +78,19 @@ globalThis.GSVC ??= {};
   /** sequence_header(): its elements by name, in their order. */
   function readSequenceHeader(p) {
     const header = {};
-    for (const [name, size, lowest, highest] of HEADER) {
+    readHeaderElements(p, HEADER, header);
+    readHeaderElements(p, OWN_HEADER[header.profile], header);
+    return header;
+  }
+
+  function readHeaderElements(p, elements, header) {
+    for (const [name, size, lowest, highest] of elements) {
       const value = (header[name] = p.le(size));
       if (value < lowest || value > highest) {
         throw new Fault(OTHERS_RESERVED.includes(name) ? "R-3.2-1" : "R-6.3-1", p.element);
       }
       if (name === "height" && header.width * value > LEVELS[header.level].pixels) throw new Fault("R-5-1", p.element);
     }
-    return header;
   }
 
   /**
@@ -104,25 +115,33 @@ globalThis.GSVC ??= {};
     if (frame.number - state.lastIFrame >= I_FRAME_SECONDS * k) throw new Fault("R-5-8", bit);
   }
 
-  /**
-   * frame(): what a frame says; its splat blocks as readSplatBlock returns them, or null.
-   *
-   * `state` has header, limits, nextNumber, parameters of the frame before, and kept, which blocks change.
-   */
-  function readFrame(p, type, state) {
-    const frame = { type, survivors: null, inter: null, intra: null, checksum: null, checksumBit: 0, bits: newBits() };
+  /** What frames of all profiles begin with: their number, and their checksum or null. */
+  function readFrameHead(p, type, state) {
+    const frame = { type, checksum: null, checksumBit: 0 };
     frame.number = p.uv();
     if (frame.number !== state.nextNumber) throw new Fault("R-6.4-1", p.element);
     if (state.header.flags & 1) {
       frame.checksum = p.le(4);
       frame.checksumBit = p.element;
     }
+    return frame;
+  }
+
+  /**
+   * frame() of profile paper: what a frame says; its splat blocks as readSplatBlock returns them, or null.
+   *
+   * `state` has header, limits, nextNumber, parameters of the frame before, and kept, which blocks change.
+   */
+  function readFrame(p, type, state) {
+    const frame = readFrameHead(p, type, state);
+    Object.assign(frame, { survivors: null, inter: null, intra: null, bits: newBits() });
     if (type === "I") {
       state.forget();
       const splatCount = readSplatCount(p, state);
       if (splatCount > 0) frame.intra = readSplatBlock(p, state, splatCount, "intra", frame.bits);
     }
     if (type === "P") readPredicted(p, state, frame);
+    frame.newCount = frame.intra?.count ?? 0;
     return frame;
   }
 
@@ -272,6 +291,7 @@ globalThis.GSVC ??= {};
   }
 
   Object.assign(GSVC, {
-    LEVELS, LONGEST_HEADER, readPrefix, readChunk, readSequenceHeader, readFrame, checkIndex, checkEnd, checkSecond,
+    LEVELS, LONGEST_HEADER, MAIN, readPrefix, readChunk, readSequenceHeader, readFrameHead, readFrame, checkIndex,
+    checkEnd, checkSecond,
   });
 }

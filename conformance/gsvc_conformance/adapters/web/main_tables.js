@@ -1,0 +1,124 @@
+// Profile main, numbers that every part of it uses: spec.md sections 15.3, 15.4 and 15.7.
+//
+// Products stay below 2^53, so plain numbers hold them exactly; Math.floor(x / 2 ** k) is x >> k, of negative x as well.
+"use strict";
+globalThis.GSVC ??= {};
+{
+  const TOTAL = 2 ** 14; // the frequencies of a symbol's alternatives add up to it
+  const MAGNITUDE_CLASSES = 40;
+  const CLASS_MOST = 10;
+  const MOST_BINS = 512;
+
+  // The number nearest to a half is 0.002 away from it: a power that is a little off is rounded to the same integer.
+  const EXP2 = Uint16Array.from({ length: 1024 }, (_, i) => Math.round(2 ** (15 + i / 1024)));
+
+  /** (15-2): 2^(v / 1024) with k bits behind the binary point. */
+  const exp2 = (v, k) => Math.floor(EXP2[v & 1023] * 2 ** ((v >> 10) - 15 + k));
+
+  /** A distribution function in 2^-16 at 257 places, from those at 1 to 128 (15-3). */
+  function distribution(lower) {
+    const values = new Int32Array(257);
+    for (let i = 1; i <= 128; i++) {
+      const value = lower(exp2(96 * (128 - i), 15));
+      values[i] = value;
+      values[256 - i] = 2 ** 16 - value;
+    }
+    values[256] = 2 ** 16;
+    return values;
+  }
+
+  const FAMILIES = [ // by `density_family`
+    distribution((t) => Math.floor(2 ** 31 / (2 ** 15 + t))),
+    distribution((t) => Math.floor(2 ** 30 / t)),
+  ];
+
+  /** D of a `quantizer`, in 1/16. */
+  const stepOf = (quantizer) => Math.floor((EXP2[128 * (quantizer % 8)] * 2 ** Math.floor(quantizer / 8)) / 2 ** 12);
+
+  /** The class j of a splat of the colour n (15-4). */
+  function classOf(n0, n1, n2, D) {
+    const half = D >> 1;
+    const k0 = Math.min(Math.floor((Math.abs(n0) + half) / D), 1024);
+    const k1 = Math.min(Math.floor((Math.abs(n1) + half) / D), 1024);
+    const k2 = Math.min(Math.floor((Math.abs(n2) + half) / D), 1024);
+    const energy = k0 * k0 + k1 * k1 + k2 * k2;
+    return Math.min((32 - Math.clz32(energy)) >> 1, CLASS_MOST); // 2^(2 j - 1) has 2 j binary digits
+  }
+
+  /**
+   * C of (15-6), of bins with doubled inner edges.
+   *
+   * @param {number} bins
+   * @param {function(number): number} edgeOf the doubled edge before bin i, for i = 1 .. bins - 1
+   * @param {Int32Array} T one of FAMILIES
+   */
+  function density(bins, edgeOf, centre, T, scaleCode, unitBits) {
+    const divisor = 2 ** (15 + Math.ceil(scaleCode / 4) - 11 + unitBits);
+    const mantissa = EXP2[(-256 * scaleCode) & 1023];
+    const C = new Int32Array(bins + 1);
+    for (let i = 1; i < bins; i++) {
+      const u = 2 ** 15 + Math.floor(((edgeOf(i) - 2 * centre) * mantissa) / divisor);
+      const clipped = Math.min(Math.max(u, 0), 2 ** 16 - 1);
+      const place = clipped >> 8;
+      const v = T[place] + (((T[place + 1] - T[place]) * (clipped & 255)) >> 8);
+      C[i] = i + (((TOTAL - bins) * v) >> 16);
+    }
+    C[bins] = TOTAL;
+    return C;
+  }
+
+  /** C of the classes of magnitudes; `centre` is in 1/16 of a class. */
+  const magnitudeDensity = ({ T, scaleCode }, centre) =>
+    density(MAGNITUDE_CLASSES, (i) => 16 * (2 * i - 1), centre, T, scaleCode, 2);
+
+  /** The window of (15-7) around a centre, in steps of h: C of its bins, how many low bits are raw, the first bin. */
+  function windowDensity({ T, scaleCode }, centre, h) {
+    const scale = exp2(256 * scaleCode, 4);
+    let r = 0;
+    while (16 * scale > MOST_BINS * h * 2 ** r) r += 1;
+    const width = h * 2 ** r;
+    const first = Math.floor((centre - 8 * scale) / width);
+    const last = Math.ceil((centre + 8 * scale) / width);
+    const edgeOf = (i) => (2 * (first + i) * 2 ** r - 1) * h;
+    return { C: density(last - first + 1, edgeOf, centre, T, scaleCode, 4), lowBits: r, first };
+  }
+
+  /** C of how many of n splats are in the first half of a part (15-8), (15-9), and how many low bits are raw. */
+  function halves(n, p, q, alpha) {
+    if (p === q && n <= 15) return { C: betaBinomial(n, alpha), lowBits: 0 };
+    const r = Math.max(0, bitLength(n) - 9);
+    const m = Math.floor(n / 2 ** r);
+    const b = Math.floor((256 * p) / (p + q));
+    const v = Math.floor((m * b * (256 - b) * (2 * alpha + m) * 1245) / ((2 * alpha + 1) * 2 ** 16));
+    const e = bitLength(Math.max(v, 1)) - 1;
+    const scaleCode = 2 * e + (e > 0 ? Math.floor(v / 2 ** (e - 1)) % 2 : 0);
+    const centre = Math.floor((m * b) / 4);
+    return { C: density(m + 1, (i) => 64 * (2 * i - 1), centre, FAMILIES[0], scaleCode, 0), lowBits: r };
+  }
+
+  /** (15-8). */
+  function betaBinomial(n, alpha) {
+    const w = new Float64Array(n + 1);
+    w[0] = w[n] = 2 ** 16;
+    for (let i = 0; i + 1 <= n >> 1; i++) {
+      w[i + 1] = w[n - i - 1] = Math.floor((w[i] * (n - i) * (i + alpha)) / ((i + 1) * (n - i - 1 + alpha)));
+    }
+    const all = w.reduce((sum, weight) => sum + weight, 0);
+    const C = new Int32Array(n + 2);
+    let sum = 0;
+    for (let i = 1; i <= n; i++) {
+      sum += w[i - 1];
+      C[i] = i + Math.floor(((TOTAL - n - 1) * sum) / all);
+    }
+    C[n + 1] = TOTAL;
+    return C;
+  }
+
+  /** How many binary digits a number below 2^32 has. */
+  const bitLength = (value) => 32 - Math.clz32(value);
+
+  GSVC.main = {
+    TOTAL, MAGNITUDE_CLASSES, CLASS_MOST, EXP2, FAMILIES, exp2, stepOf, classOf, density, magnitudeDensity,
+    windowDensity, halves, bitLength,
+  };
+}
