@@ -89,7 +89,7 @@ globalThis.GSVC ??= {};
           payload.checkFilled();
           state.indexLength = (s.position() - bit) / 8;
         }
-        if (type === "n" && state.layers !== null) state.layers.read(chunk, (s.position() - bit) / 8, state);
+        if (type === "n" && waiting !== null) state.layers.read(chunk, (s.position() - bit) / 8, state);
         if ("IPR".includes(type)) {
           const frame = completeFrame(chunk, state);
           frame.byteOffset = bit / 8;
@@ -140,7 +140,7 @@ globalThis.GSVC ??= {};
   /** Yields all frames of a stream in the quality of a layer. */
   function* framesWithLayers(stream, quality) {
     const { s, state } = readStart(stream);
-    state.layers = new main.Layers(quality);
+    if (state.header.profile === MAIN) state.layers = new main.Layers(quality);
     yield* readFrames(s, state);
   }
 
