@@ -8,8 +8,9 @@ globalThis.GSVC ??= {};
   const TYPES = { I: "I, a whole picture", P: "P, predicted from the one before", R: "R, the one before again" };
   const PARTS = { // parts of a frame, in the order in which they are stacked
     positions: "positions", cholesky: "shapes", colors: "colours", codebooks: "codebooks", survivors: "survivors",
-    other: "other",
+    motion: "motion field", modes: "modes", densities: "densities", other: "other",
   };
+  const PROFILES = ["paper", "main"];
 
   /** The number of a frame among those that there are. */
   const numbered = (n, frames) => (frames.length > 1 ? `${number(n)} of 0–${number(frames.length - 1)}` : `${n}`);
@@ -24,7 +25,7 @@ globalThis.GSVC ??= {};
   function fileFacts({ name, size, header, frames, fault }) {
     const rate = header.frame_rate_numerator / header.frame_rate_denominator;
     const seconds = frames.length / rate;
-    const used = fault ? frames.reduce((sum, { byteLength }) => sum + byteLength, 0) : size;
+    const used = fault ? frames.reduce((sum, frame) => sum + frame.size, 0) : size;
     const told = header.frame_count > frames.length ? ` of ${number(header.frame_count)}` : ""; // the others are lost
     const pixels = header.width * header.height * frames.length;
     const count = (type) => frames.filter((frame) => frame.type === type).length;
@@ -38,33 +39,56 @@ globalThis.GSVC ??= {};
       ["level", `${header.level}: at most ${number(GSVC.LEVELS[header.level].pixels)} pixels, ` +
         `${number(GSVC.LEVELS[header.level].splats)} splats${header.flags & 2 ? ", and paced" : ""}`],
       ["source", `${CHROMA[header.chroma_format] ?? CHROMA[0]}${header.flags & 1 ? "; splats have checksums" : ""}`],
-      ["quantisers", `shapes ${header.cholesky_bits} bits; colours ${header.color_stages} × ${header.color_codewords}`],
-      ["coder", `${header.lane_count} ${header.lane_count === 1 ? "lane" : "lanes"}, ${header.entropy_precision} bits`],
+      ["profile", PROFILES[header.profile]],
+      ...(header.profile === GSVC.MAIN ? mainTools(header) : paperTools(header)),
       aspect(header),
     ].filter(Boolean);
   }
 
+  const lanes = (count) => `${count} ${count === 1 ? "lane" : "lanes"}`;
+
+  const paperTools = (header) => [
+    ["quantisers", `shapes ${header.cholesky_bits} bits; colours ${header.color_stages} × ${header.color_codewords}`],
+    ["coder", `${lanes(header.lane_count)}, ${header.entropy_precision} bits`],
+  ];
+
+  const mainTools = ({ lane_count: most, layer_count: layers }) => [
+    ["coder", `${most === 1 ? "" : "at most "}${lanes(most)}`],
+    ["layers", layers === 1 ? "none" : `${layers - 1} above the base`],
+  ];
+
+  /** What a body of profile main says of all its splats. */
+  function codingInWords({ quantizer, step, lanes: count, motionCell }) {
+    const field = motionCell > 0 ? `, motion field of ${motionCell} × ${motionCell}` : "";
+    return `D ${number(step, 2)} (quantizer ${quantizer}), ${lanes(count)}${field}`;
+  }
+
   function frameFacts(frame, frames, rate) {
-    const { type, splatCount, newCount, survivorCount, byteLength } = frame;
+    const { type, splatCount, newCount, survivorCount, size, layers } = frame;
     const before = type === "P" ? frames[frame.number - 1].splatCount : 0;
     const gone = before - survivorCount;
     const facts = [
       ["number", `${numbered(frame.number, frames)}, at ${number(frame.number / rate, 2)} s`],
       ["type", element("span", { class: `key ${type}` }), ` ${TYPES[type]}`],
       ["splats", `${number(splatCount)}`],
-      ["bytes", `${number(byteLength)}, from byte ${number(frame.byteOffset)}`],
+      ["bytes", `${number(size)}, from byte ${number(frame.byteOffset)}`],
     ];
     if (type === "P") {
       facts[2][1] += `: ${number(survivorCount)} kept, ${number(newCount)} new; ${number(gone)} gone`;
     }
-    if (splatCount > 0) facts.push(["bits a splat", number((8 * byteLength) / splatCount, 1)]);
+    if (splatCount > 0) facts.push(["bits a splat", number((8 * size) / splatCount, 1)]);
+    if (frame.coding) facts.push(["steps", codingInWords(frame.coding)]);
+    for (const { layer, type: layerType, byteLength, coding } of layers) {
+      const told = coding ? `: ${codingInWords(coding)}` : "";
+      facts.push([`layer ${layer}`, `${layerType}, ${number(byteLength)} bytes${told}`]);
+    }
     return facts;
   }
 
   /** Where the bits of a frame went: a bar of parts, and a list of them. */
-  function showParts(bar, legend, { planeBits, byteLength }) {
+  function showParts(bar, legend, { planeBits, size }) {
     const parts = Object.entries(PARTS).filter(([key]) => planeBits[key] > 0);
-    const share = (key) => (100 * planeBits[key]) / (8 * byteLength);
+    const share = (key) => (100 * planeBits[key]) / (8 * size);
     bar.replaceChildren(...parts.map(([key, name]) => {
       const part = element("span", { class: `part-${key}`, title: `${name}: ${number(planeBits[key])} bits` });
       part.style.width = `${share(key)}%`;

@@ -24,7 +24,7 @@ globalThis.GSVC ??= {};
       this.sharp = true;
       this.fitted = true;
       this.video = null; // width, height, bitDepth
-      this.frame = null; // parameters, newFrom: index of the first new splat
+      this.frame = null; // parameters, and origins: of each splat its index in the frame before, or -1
       this.followed = { index: -1, points: [] };
       this.pointed = -1;
       this.view = { scale: 1, left: 0, top: 0 }; // in pixels of the page
@@ -64,8 +64,8 @@ globalThis.GSVC ??= {};
       this.fit();
     }
 
-    setFrame(parameters, newFrom) {
-      this.frame = { parameters, newFrom };
+    setFrame(frame) {
+      this.frame = frame;
       this.changed();
     }
 
@@ -215,8 +215,9 @@ globalThis.GSVC ??= {};
       const edge = density / 2; // half of the line, which lies around the frame
       context.strokeRect(to.left - edge, to.top - edge, video.width * scale + density, video.height * scale + density);
       const outlines = new GSVC.splats.Outlines(context, frame.parameters, to);
-      outlines.draw(0, frame.newFrom, colors.getPropertyValue("--kept-mark"), shown, density);
-      outlines.draw(frame.newFrom, frame.parameters.length / 8, colors.getPropertyValue("--new-mark"), shown, density);
+      const { origins } = frame;
+      outlines.draw((n) => origins[n] >= 0, colors.getPropertyValue("--kept-mark"), shown, density);
+      outlines.draw((n) => origins[n] < 0, colors.getPropertyValue("--new-mark"), shown, density);
       if (this.followed.points.length > 1) outlines.trail(this.followed.points, density);
       const standsOut = this.followed.index >= 0 ? this.followed.index : this.pointed;
       if (standsOut >= 0 && standsOut < frame.parameters.length / 8) outlines.highlight(standsOut, density);

@@ -88,12 +88,12 @@ globalThis.GSVC ??= {};
       this.context.rect(x - size / 2, y - size / 2, size, size);
     }
 
-    /** Outlines of the splats first to end in one colour. */
-    draw(first, end, color, { sigma, support, centres }, line) {
+    /** Outlines of the splats that `isMeant` in one colour. */
+    draw(isMeant, color, { sigma, support, centres }, line) {
       const { context } = this;
       const each = (add) => {
         context.beginPath();
-        for (let at = 8 * first; at < 8 * end; at += 8) if (this.seen(at)) add(at);
+        for (let at = 0; at < this.parameters.length; at += 8) if (isMeant(at / 8) && this.seen(at)) add(at);
       };
       context.strokeStyle = context.fillStyle = color;
       context.lineWidth = line;
@@ -145,7 +145,7 @@ globalThis.GSVC ??= {};
     }
   }
 
-  /** A splat followed through the frames: survivors keep their order, so the map of survivors tells where it goes. */
+  /** A splat followed through the frames. */
   class Track {
     constructor(stream, number, index) {
       this.stream = stream;
@@ -172,33 +172,17 @@ globalThis.GSVC ??= {};
     }
 
     #forwards(n) {
-      const { type } = this.stream.frames[n + 1];
-      const { index } = this.at.get(n);
-      const { survivors } = this.stream.frame(n + 1);
-      if (type === "I" || (type === "P" && !survivors[index])) {
-        this.end = n + 1;
-        return false;
-      }
-      const before = type === "R" ? index : survivors.subarray(0, index).reduce((sum, stays) => sum + stays, 0);
-      this.#note(n + 1, before);
-      return true;
+      const index = this.stream.frame(n + 1).origins.indexOf(this.at.get(n).index);
+      if (index < 0) this.end = n + 1;
+      else this.#note(n + 1, index);
+      return index >= 0;
     }
 
     #backwards(n) {
-      const { type, survivorCount } = this.stream.frames[n];
-      const { index } = this.at.get(n);
-      if (type === "I" || (type === "P" && index >= survivorCount)) {
-        this.first = n;
-        return false;
-      }
-      let before = index;
-      if (type === "P") {
-        const { survivors } = this.stream.frame(n);
-        before = -1;
-        for (let left = index; left >= 0; left -= survivors[before]) before += 1;
-      }
-      this.#note(n - 1, before);
-      return true;
+      const index = this.stream.frame(n).origins[this.at.get(n).index];
+      if (index < 0) this.first = n;
+      else this.#note(n - 1, index);
+      return index >= 0;
     }
 
     /** The centres of all frames that were visited, in their order. */

@@ -20,7 +20,7 @@ globalThis.GSVC ??= {};
       chart.addEventListener("pointermove", (event) => {
         if (event.buttons & 1) seek(event);
         const frame = this.frames[this.#frameAt(event.offsetX)];
-        chart.title = frame ? `frame ${frame.number}, ${frame.type}: ${GSVC.words.bytes(frame.byteLength)}` : "";
+        chart.title = frame ? `frame ${frame.number}, ${frame.type}: ${GSVC.words.bytes(frame.size)}` : "";
       });
       new ResizeObserver(() => this.#draw()).observe(chart);
     }
@@ -31,7 +31,7 @@ globalThis.GSVC ??= {};
       this.slider.disabled = frames.length < 2;
       const counts = ["I", "P", "R"].map((type) => [type, frames.filter((frame) => frame.type === type).length]);
       const told = counts.filter(([, count]) => count > 0).map(([type, count]) => `${count} ${type} (${TYPES[type]})`);
-      this.most = frames.reduce((most, { byteLength }) => Math.max(most, byteLength), 1);
+      this.most = frames.reduce((most, { size }) => Math.max(most, size), 1);
       this.chart.setAttribute("aria-label", `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes`);
       this.show(0);
     }
@@ -41,7 +41,7 @@ globalThis.GSVC ??= {};
       this.slider.value = number;
       const frame = this.frames[number];
       if (frame) {
-        const told = `frame ${GSVC.panels.numbered(number, this.frames)}, ${TYPES[frame.type]}, ${frame.byteLength} bytes`;
+        const told = `frame ${GSVC.panels.numbered(number, this.frames)}, ${TYPES[frame.type]}, ${frame.size} bytes`;
         this.slider.setAttribute("aria-valuetext", told);
       }
       this.#draw();
@@ -64,7 +64,7 @@ globalThis.GSVC ??= {};
       const bars = [];
       for (let first = 0; first < this.frames.length; first += shared) {
         const some = this.frames.slice(first, first + shared);
-        bars.push(some.reduce((largest, frame) => (frame.byteLength > largest.byteLength ? frame : largest)));
+        bars.push(some.reduce((largest, frame) => (frame.size > largest.size ? frame : largest)));
       }
       return bars;
     }
@@ -80,8 +80,8 @@ globalThis.GSVC ??= {};
       const colors = getComputedStyle(chart);
       const gap = frames.length > 1 ? this.#place(1) - this.#place(0) : Infinity;
       const wide = Math.min(Math.max(gap * 0.8, 1), WIDEST);
-      for (const { number, type, byteLength } of this.#bars(width)) {
-        const high = Math.max((byteLength / this.most) * (height - 1), 2);
+      for (const { number, type, size } of this.#bars(width)) {
+        const high = Math.max((size / this.most) * (height - 1), 2);
         context.fillStyle = colors.getPropertyValue(`--frame-${type}`);
         context.globalAlpha = number === this.number ? 1 : 0.62;
         context.fillRect(this.#place(number) - wide / 2, height - high, wide, high);

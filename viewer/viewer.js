@@ -9,6 +9,7 @@ globalThis.GSVC ??= {};
   const FOLLOWED = "Followed from frame to frame; click it again to let it go.";
   const state = { file: null, opening: null, track: null, point: null };
   const notices = { file: [], saving: [], drawing: [] }; // lines above the picture
+  const BEST = 3; // the highest layer that a stream can have
   const drawn = []; // when the last pictures were drawn
 
   // ---- frames
@@ -36,8 +37,7 @@ globalThis.GSVC ??= {};
 
   function showFrame(n) {
     const { stream } = state.file;
-    const { parameters, newCount } = stream.frame(n);
-    screen.setFrame(parameters, parameters.length / 8 - newCount);
+    screen.setFrame(stream.frame(n));
     timeline.show(n);
     $("place").textContent = `${GSVC.panels.numbered(n, stream.frames)}, ${stream.frames[n].type}`;
     tell($("frame"), GSVC.panels.frameFacts(stream.frames[n], stream.frames, player.rate));
@@ -63,7 +63,7 @@ globalThis.GSVC ??= {};
   /** Tell about the splat that is followed, or else of the one under the pointer. */
   function lookAgain() {
     if (!screen.frame) return;
-    const { parameters, newFrom } = screen.frame;
+    const { parameters, origins } = screen.frame;
     const { point, track } = state;
     const found = point && GSVC.splats.lookAt(parameters, point.x, point.y);
     const index = track ? track.indexIn(player.number) : found ? found.index : -1;
@@ -71,7 +71,7 @@ globalThis.GSVC ??= {};
     screen.pointed = found ? found.index : -1;
     screen.marksChanged();
     tip(found, point);
-    const facts = index !== null && index >= 0 ? GSVC.panels.splatFacts(parameters, index, index >= newFrom) : [];
+    const facts = index !== null && index >= 0 ? GSVC.panels.splatFacts(parameters, index, origins[index] < 0) : [];
     if (index === null) facts.push(["splat", "followed; too many frames away"]);
     else if (track && index < 0) facts.push(["splat", "followed; not in this frame"]);
     if (found && !track) facts.push(...GSVC.panels.placeFacts(found, point));
@@ -110,8 +110,8 @@ globalThis.GSVC ??= {};
     $("notice").replaceChildren(...all.map((line) => element("p", {}, line)));
   }
 
-  /** Open a stream whose bytes `read` gives a promise of, unless another one is to be opened meanwhile. */
-  async function open(name, read) {
+  /** Open a stream whose bytes `read` gives a promise of, up to a layer, unless another one is to be opened meanwhile. */
+  async function open(name, read, layer = BEST) {
     state.opening?.abort();
     const { signal } = (state.opening = new AbortController());
     const progress = (part) => {
@@ -124,7 +124,7 @@ globalThis.GSVC ??= {};
     try {
       const data = await read();
       signal.throwIfAborted();
-      show(name, data.length, await GSVC.openStreamInSteps(data, progress, signal));
+      show(name, data, await GSVC.openStreamInSteps(data, progress, signal, layer), layer);
     } catch (error) {
       if (signal.aborted) return; // the next one says what it does
       notice("file", [`${name} could not be opened: ${error.message}`, ...stillShown()]);
@@ -136,22 +136,43 @@ globalThis.GSVC ??= {};
   const stillShown = () => (state.file ? [`${state.file.name} is still shown.`] : []);
 
   /** Show a stream, and play it to those who do not mind motion. */
-  function show(name, size, stream) {
+  function show(name, data, stream, layer) {
     const { header, frames, fault } = stream;
+    const size = data.length;
     const rest = frames.length === 0 ? stillShown() : [];
     notice("file", fault ? [name, ...faultInWords(fault, size, frames.length), ...rest] : []);
     notice("saving", []);
     $("status").textContent = fault ? `${name} is damaged.` : `${name}: ${frames.length} frames.`;
     if (frames.length === 0) return;
-    state.file = { name, stream };
+    state.file = { name, data, stream };
     state.track = state.point = null;
     document.title = `${name} – GSVC viewer`;
     tell($("file"), GSVC.panels.fileFacts({ name, size, header, frames, fault }));
+    offerLayers(header.layer_count ?? 1, layer);
     for (const id of ["back", "play", "forth"]) $(id).disabled = frames.length < 2;
     timeline.setFrames(frames);
     screen.setVideo(header.width, header.height, header.bit_depth);
     player.load(frames.length, header.frame_rate_numerator / header.frame_rate_denominator);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
+  }
+
+  /** The choice of how many layers are shown above the base. */
+  function offerLayers(count, layer) {
+    $("layers").hidden = count === 1;
+    const words = (n) => (n === 0 ? "base" : `base + ${n}`);
+    $("layer").replaceChildren(...Array.from({ length: count }, (_, n) => element("option", { value: n }, words(n))));
+    $("layer").value = Math.min(layer, count - 1);
+  }
+
+  /** Show the stream up to a layer: the same frame, and playing if it was played. */
+  async function useLayer(layer) {
+    const { name, data } = state.file;
+    const { number: at, playing } = player;
+    await open(name, async () => data, layer);
+    if (state.file.data !== data) return; // another one was opened meanwhile
+    player.seek(at);
+    if (playing) player.play();
+    else player.pause();
   }
 
   const openFile = (file) => open(file.name, async () => new Uint8Array(await file.arrayBuffer()));
@@ -272,6 +293,7 @@ globalThis.GSVC ??= {};
     $("forth").addEventListener("click", () => player.step(1));
     $("speed").addEventListener("change", () => (player.speed = Number($("speed").value)));
     $("loop").addEventListener("change", () => (player.loop = $("loop").checked));
+    $("layer").addEventListener("change", () => useLayer(Number($("layer").value)));
     $("in").addEventListener("click", () => screen.zoomIn());
     $("out").addEventListener("click", () => screen.zoomOut());
     $("fit").addEventListener("click", () => screen.fit());

@@ -41,6 +41,8 @@ globalThis.GSVC ??= {};
     "R-5-4": "A frame takes more work than the stream's level allows.",
     "R-5-7": "A second takes more than the stream's level allows of one that keeps pace.",
     "R-5-8": "A stream that says it keeps pace goes too long without an I-frame.",
+    "R-15.13-1": "A layer of a frame is out of order, or is none that the header tells of.",
+    "R-15.13-2": "A layer does not begin with an I, or goes on behind a gap.",
     "R-8-1": "A splat has a parameter that is no finite number.",
   };
 

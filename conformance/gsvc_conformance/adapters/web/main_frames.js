@@ -230,5 +230,15 @@ globalThis.GSVC ??= {};
     return q;
   }
 
-  Object.assign(main, { newMainState, readBody });
+  /**
+   * What a frame, or a layer of one, says of its splats: type, newCount, and survivors (a number for each splat of the
+   * frame before, 0 if it is removed) or null; `body` is null if it repeats the one before.
+   */
+  const toldOf = (type, body) => ({
+    type,
+    newCount: body?.count ?? 0,
+    survivors: type === "P" ? body.modes.map((mode) => (mode === REMOVED ? 0 : 1)) : null,
+  });
+
+  Object.assign(main, { newMainState, readBody, toldOf });
 }

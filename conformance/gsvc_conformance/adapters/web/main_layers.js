@@ -3,39 +3,71 @@
 globalThis.GSVC ??= {};
 {
   const { Fault, main, parameterChecksum, renderingWork } = GSVC;
+  const { toldOf } = main;
 
-  /** The layers of a stream up to the quality that is wanted: frames get their splats behind those of the base. */
+  /**
+   * The layers of a stream up to the quality that is wanted: frames get their splats behind those of the base.
+   *
+   * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters`, what the frame
+   * `told` of them (main.toldOf), and their `first` splat in the frame before. Nothing changes such a Map.
+   */
   class Layers {
     constructor(quality) {
       this.quality = quality;
+      this.there = new Map(); // in the frame
+      this.before = this.there; // in the frame before
+      this.baseCount = 0; // splats of the base
+      this.last = 0; // the layer of the last chunk
       this.frame = null; // the frame that chunks belong to
-      this.last = 0; // the layer of the chunk before
-      this.there = new Map(); // the layers that are shown in the frame: {state, parameters} by number, in their order
-      this.before = this.there; // what they are predicted from
     }
 
-    /** A copy that goes on from here; nothing changes a Map once a frame has begun. */
+    /** A copy that goes on behind the frame. */
     copy() {
-      return Object.assign(Object.create(Layers.prototype), this);
+      return Object.assign(new Layers(this.quality), this, { frame: null });
+    }
+
+    /** How many bytes of splats it has. */
+    get byteLength() {
+      return [...this.there.values()].reduce((sum, { parameters }) => sum + 2 * parameters.byteLength, 0);
     }
 
     /** A frame of the base is complete. */
     begin(frame) {
-      this.before = frame.type === "I" ? new Map() : this.there;
-      this.there = frame.type === "R" ? this.there : new Map();
+      this.before = frame.type === "I" ? new Map() : this.#placed();
+      this.there = new Map();
+      if (frame.type === "R") {
+        for (const [layer, entry] of this.before) this.there.set(layer, { ...entry, told: toldOf("R", null) });
+      }
+      this.baseCount = frame.parameters.length / 8;
       this.last = 0;
-      this.frame = frame;
-      frame.base = { parameters: frame.parameters, newCount: frame.newCount, survivors: frame.survivors };
-      frame.layers = new Map(); // what the chunks of its layers say, by number
-      frame.parameters = this.#shown(this.there);
+      this.frame = Object.assign(frame, { base: frame.parameters, chunks: [] });
+      this.#show(this.there);
+    }
+
+    /** The layers, with the places of their first splats among those of the frame. */
+    #placed() {
+      let first = this.baseCount;
+      const placed = new Map();
+      for (const [layer, entry] of this.there) {
+        placed.set(layer, { ...entry, first });
+        first += entry.parameters.length / 8;
+      }
+      return placed;
     }
 
     /** The splats of the base, and behind them those of layers (R-15.13-3). */
     #shown(there) {
-      const parts = [this.frame.base.parameters, ...[...there.values()].map(({ parameters }) => parameters)];
+      const parts = [this.frame.base, ...[...there.values()].map(({ parameters }) => parameters)];
       const all = new Float32Array(parts.reduce((length, part) => length + part.length, 0));
       parts.reduce((at, part) => (all.set(part, at), at + part.length), 0);
       return all;
+    }
+
+    #show(there) {
+      this.frame.parameters = this.#shown(there);
+      const layers = [...there.values()].map(({ told, first, parameters }) =>
+        ({ ...told, first, count: parameters.length / 8 }));
+      this.frame.parts = [this.frame.parts[0], ...layers];
     }
 
     /** A chunk `n` of so many bytes; the state of the stream has header and limits. */
@@ -55,17 +87,19 @@ globalThis.GSVC ??= {};
       const body = type === "R" ? null : main.readBody(p, type, known?.state, header, mostSplats);
       p.checkFilled();
       const parameters = body ? main.stateParameters(body.after.splats) : known.parameters;
-      const there = new Map([...others, [layer, { state: body ? body.after : known.state, parameters }]].sort(byNumber));
-      const shown = this.#shown(there);
-      if (renderingWork(shown, header.width, header.height) > limits.work) throw new Fault("R-5-4", chunkBit);
+      const entry = {
+        state: body ? body.after : known.state, parameters, told: toldOf(type, body), first: known?.first ?? 0,
+      };
+      const there = new Map([...others, [layer, entry]].sort(([one], [other]) => one - other));
+      if (renderingWork(this.#shown(there), header.width, header.height) > limits.work) {
+        throw new Fault("R-5-4", chunkBit);
+      }
       if (stated !== null && stated !== parameterChecksum(parameters)) throw new Fault("R-6.4-3", checksumBit);
       this.there = there;
-      this.frame.parameters = shown;
-      this.frame.layers.set(layer, { type, body, byteOffset: chunkBit / 8, byteLength });
+      this.#show(there);
+      this.frame.chunks.push({ layer, type, byteOffset: chunkBit / 8, byteLength, body });
     }
   }
-
-  const byNumber = ([one], [other]) => one - other;
 
   Object.assign(main, { Layers });
 }

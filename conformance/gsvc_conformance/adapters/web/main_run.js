@@ -7,6 +7,9 @@ globalThis.GSVC ??= {};
   const PRECISION = 14;
   const LOWEST_STATE = 2 ** 16;
 
+  const LENGTH_UNIT = 2 ** 16; // the parts of a bit in which code lengths are added up
+  const LENGTHS = Int32Array.from({ length: TOTAL + 1 }, (_, f) => Math.round(LENGTH_UNIT * (PRECISION - Math.log2(f))));
+
   /** How many low bits a class of magnitudes has. */
   const lowBitsOf = (q) => (q < 4 ? 0 : (q >> 1) - 1);
 
@@ -56,10 +59,10 @@ globalThis.GSVC ??= {};
           else end = middle;
         }
         this.#advance(lane, slot, C[s], C[s + 1] - C[s]);
-        length += PRECISION - Math.log2(C[s + 1] - C[s]);
+        length += LENGTHS[C[s + 1] - C[s]];
         found[i] = s;
       }
-      this.#count(length);
+      this.#count(length / LENGTH_UNIT);
       return found;
     }
 

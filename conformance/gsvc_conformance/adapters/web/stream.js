@@ -6,6 +6,7 @@ globalThis.GSVC ??= {};
   const { readFrame, readFrameHead } = GSVC;
   const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
   const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
+  const BEST = 3; // the highest layer that a stream can have
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
 
   /** What a decoder carries from chunk to chunk. */
@@ -28,6 +29,12 @@ globalThis.GSVC ??= {};
     forget() {
       this.parameters = new Float32Array(0);
       this.kept = { intra: {}, inter: {} };
+    }
+
+    /** About how many bytes it takes to keep. */
+    get byteLength() {
+      const { parameters, main: { splats, past } } = this;
+      return parameters.byteLength + splats.byteLength + past.byteLength + (this.layers?.byteLength ?? 0) + 2 ** 13;
     }
 
     /** A state that goes on from here; arrays are shared, since nothing ever changes one. */
@@ -156,6 +163,7 @@ globalThis.GSVC ??= {};
       throw new Fault("R-6.4-3", frame.checksumBit);
     }
     state.parameters = frame.parameters = parameters;
+    frame.parts[0].count = parameters.length / 8;
     if (profile === MAIN) state.main = frame.after;
     if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
     state.nextNumber += 1;
@@ -169,8 +177,7 @@ globalThis.GSVC ??= {};
     const isRepeated = type === "R";
     frame.body = isRepeated ? null : main.readBody(p, type, state.main, state.header, state.limits.splats);
     frame.after = isRepeated ? state.main : frame.body.after;
-    frame.newCount = isRepeated ? 0 : frame.body.count;
-    frame.survivors = type === "P" ? frame.body.modes.map((mode) => (mode === main.REMOVED ? 0 : 1)) : null;
+    frame.parts = [{ ...main.toldOf(type, frame.body), first: 0 }];
     return frame;
   }
 
@@ -201,7 +208,7 @@ globalThis.GSVC ??= {};
     add(state) {
       if (state.nextNumber % this.step !== 0) return;
       this.states.set(state.nextNumber, state.copy());
-      this.bytes += state.parameters.byteLength + 1024;
+      this.bytes += state.byteLength;
       while (this.bytes > this.most && this.states.size > 1) this.thin(); // frame 0 stays
     }
 
@@ -210,7 +217,7 @@ globalThis.GSVC ??= {};
       this.bytes = 0;
       for (const [number, state] of this.states) {
         if (number % this.step !== 0) this.states.delete(number);
-        else this.bytes += state.parameters.byteLength + 1024;
+        else this.bytes += state.byteLength;
       }
     }
 
@@ -220,23 +227,54 @@ globalThis.GSVC ??= {};
       for (let at = n; at > kept.nextNumber; at--) {
         if (frames[at].type === "I") kept.nextNumber = at; // it forgets all else
       }
+      kept.framesCounted = -1; // the limits of a second were checked when all was read
       return kept;
     }
   }
 
-  /** What the list of frames tells of one; bits are those of the chunk, `other` being all that is not listed. */
-  function summary(frame) {
-    const { type, number, byteOffset, byteLength, bits } = frame;
-    const splatCount = frame.parameters.length / 8;
-    const newCount = frame.intra ? frame.intra.count : 0;
-    const other = Object.values(bits).reduce((left, part) => left - part, 8 * byteLength);
-    const planeBits = { ...bits, other };
+  const PLANES = { // of profile main: the parts of a run that are about the same, by the names that those of paper have
+    positions: ["cells", "place", "position"],
+    cholesky: ["size", "aspect", "shear", "shape"],
+    colors: ["luma", "chroma", "color"],
+    motion: ["motion"],
+    modes: ["modes"],
+    densities: ["densities"],
+  };
+
+  /** The bits of a body by `PLANES`; what is no whole bit of a part is left to what is not listed. */
+  const planesOf = (bits) => Object.fromEntries(Object.entries(PLANES).map(([plane, parts]) =>
+    [plane, parts.reduce((sum, part) => sum + Math.floor(bits[part] ?? 0), 0)]));
+
+  /** What the body of a frame of profile main, or of a layer of one, says of all its splats. */
+  const codingOf = ({ quantizer, lane_exponent: laneExponent, motion_cell: motionCell }) =>
+    ({ quantizer, step: main.stepOf(quantizer) / 16, lanes: 2 ** laneExponent, motionCell: main.SIDES[motionCell] });
+
+  /** What the list of frames tells of one; bits are those of its chunks, `other` being all that is not listed. */
+  function summary({ type, number, byteOffset, byteLength, parameters, parts, chunks = [], bits, body = null }) {
+    const splatCount = parameters.length / 8;
+    const newCount = parts.reduce((sum, part) => sum + part.newCount, 0);
     const survivorCount = splatCount - newCount;
-    return { number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, planeBits };
+    const size = chunks.reduce((sum, chunk) => sum + chunk.byteLength, byteLength);
+    const bodies = [body, ...chunks.map((chunk) => chunk.body)].filter(Boolean);
+    const planeBits = { ...bits };
+    for (const told of bodies) {
+      for (const [plane, count] of Object.entries(planesOf(told.bits))) {
+        planeBits[plane] = (planeBits[plane] ?? 0) + count;
+      }
+    }
+    planeBits.other = Object.values(planeBits).reduce((left, part) => left - part, 8 * size);
+    const layers = chunks.map((chunk) => ({
+      layer: chunk.layer, type: chunk.type, byteOffset: chunk.byteOffset, byteLength: chunk.byteLength,
+      coding: chunk.body && codingOf(chunk.body),
+    }));
+    const coding = body && codingOf(body);
+    return {
+      number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, size, layers, coding, planeBits,
+    };
   }
 
   /** Reads a stream to its first fault or its end; after each frame it yields how many bytes were read. */
-  function* reading(bytes, mostKept) {
+  function* reading(bytes, mostKept, quality) {
     const frames = [];
     const states = new KeptStates(mostKept);
     let header = null;
@@ -244,6 +282,7 @@ globalThis.GSVC ??= {};
     try {
       const { s, state } = readStart(bytes);
       header = state.header;
+      if (quality > 0 && header.layer_count > 1) state.layers = new main.Layers(quality);
       states.add(state);
       for (const frame of readFrames(s, state)) {
         frames.push(summary(frame));
@@ -262,16 +301,20 @@ globalThis.GSVC ??= {};
    *
    * @param {Uint8Array} bytes
    * @param {number} mostKept how many bytes of splats may be kept to seek from
+   * @param {number} quality the highest layer that is wanted, of a stream with layers; 0 is the base
    * @returns {{header: ?Object, frames: Object[], fault: ?Object, frame: function(number): Object}}
    *   header: the elements of the sequence header by name, or null if it is at fault.
-   *   frames: of each complete frame number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, and
-   *     planeBits: how many bits tell survivors, positions, cholesky, colors, codebooks, and other.
+   *   frames: of each complete frame number, type, splatCount, newCount, survivorCount; byteOffset and byteLength of its
+   *     chunk; layers: layer, type, byteOffset, byteLength and coding of each chunk of one; size: the bytes of all these
+   *     chunks; coding: null, or of profile main quantizer, step (D), lanes and motionCell (pixels, 0 for none); and
+   *     planeBits: how many bits tell positions, cholesky, colors, other, of profile paper codebooks and survivors, of
+   *     profile main motion, modes and densities.
    *   fault: null, or kind, rule, bit and message of the first fault; the frames are those before it.
-   *   frame(n): parameters (Float32Array of 8 a splat), survivors (Uint8Array, one for each splat of the frame before,
-   *     of a P-frame; else null), newCount. Do not change its arrays.
+   *   frame(n): parameters (Float32Array of 8 a splat), and origins (Int32Array: of each splat its index in the frame
+   *     before, -1 if it is new). Do not change its arrays.
    */
-  function openStream(bytes, mostKept = MAX_KEPT) {
-    const steps = reading(bytes, mostKept);
+  function openStream(bytes, mostKept = MAX_KEPT, quality = BEST) {
+    const steps = reading(bytes, mostKept, quality);
     for (;;) {
       const { done, value } = steps.next();
       if (done) return value;
@@ -283,8 +326,8 @@ globalThis.GSVC ??= {};
    *
    * A signal, an AbortSignal, may end it: the promise is rejected then.
    */
-  async function openStreamInSteps(bytes, onProgress = () => {}, signal = null) {
-    const steps = reading(bytes, MAX_KEPT);
+  async function openStreamInSteps(bytes, onProgress = () => {}, signal = null, quality = BEST) {
+    const steps = reading(bytes, MAX_KEPT, quality);
     let rested = performance.now();
     for (;;) {
       const { done, value } = steps.next();
@@ -306,11 +349,30 @@ globalThis.GSVC ??= {};
       if (last === null || last.number !== n) {
         const nearest = states.before(n, frames);
         if (!current || current.nextNumber > n || current.nextNumber < nearest.nextNumber) current = nearest;
-        for (let at = current.nextNumber; at <= n; at++) last = completeFrame(chunkOf(bytes, frames[at]), current);
+        while (current.nextNumber <= n) last = frameAgain(bytes, frames[current.nextNumber], current);
       }
-      const survivors = last.survivors && Uint8Array.from(last.survivors);
-      return { parameters: last.parameters, survivors, newCount: last.intra ? last.intra.count : 0 };
+      return { parameters: last.parameters, origins: originsOf(last) };
     };
+  }
+
+  /** A frame that was read before, with its layers. */
+  function frameAgain(bytes, told, state) {
+    const frame = completeFrame(chunkOf(bytes, told), state);
+    for (const layer of told.layers) state.layers.read(chunkOf(bytes, layer), layer.byteLength, state);
+    return frame;
+  }
+
+  /** For each splat of a frame its index in the frame before; -1 if it is new. */
+  function originsOf({ parameters, parts }) {
+    const origins = new Int32Array(parameters.length / 8).fill(-1);
+    let begin = 0;
+    for (const { type, survivors, first, count } of parts) {
+      let at = begin;
+      if (type === "R") while (at < begin + count) origins[at] = first + at++ - begin;
+      survivors?.forEach((stays, n) => stays && (origins[at++] = first + n));
+      begin += count;
+    }
+    return origins;
   }
 
   function chunkOf(bytes, { byteOffset, byteLength }) {

@@ -130,6 +130,7 @@ globalThis.GSVC ??= {};
   /**
    * frame() of profile paper: what a frame says; its splat blocks as readSplatBlock returns them, or null.
    *
+   * `parts` has what it says of its splats, as frames of profile main have it of their base and of each layer.
    * `state` has header, limits, nextNumber, parameters of the frame before, and kept, which blocks change.
    */
   function readFrame(p, type, state) {
@@ -141,7 +142,7 @@ globalThis.GSVC ??= {};
       if (splatCount > 0) frame.intra = readSplatBlock(p, state, splatCount, "intra", frame.bits);
     }
     if (type === "P") readPredicted(p, state, frame);
-    frame.newCount = frame.intra?.count ?? 0;
+    frame.parts = [{ type, newCount: frame.intra?.count ?? 0, survivors: frame.survivors, first: 0 }];
     return frame;
   }
 
