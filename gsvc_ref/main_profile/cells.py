@@ -7,6 +7,7 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.densities import density_at
+from gsvc_ref.main_profile.lanes import CELLS, MISSING_WORD, Lanes, read_raw, take_symbol
 from gsvc_ref.main_profile.passes import ONE, Distributions, Run
 from gsvc_ref.main_profile.tables import EXP2, FAMILIES
 
@@ -14,6 +15,7 @@ CELL: Final = 4
 """Side of a cell in pixels."""
 
 _MOST_TABLED: Final = 15
+_MOST_OF_DENSITY: Final = 511
 
 
 def cell_counts(width: int, height: int) -> tuple[int, int]:
@@ -39,10 +41,69 @@ def cell_order(cells: I8, width: int, height: int) -> I8:
     return np.argsort(cell_keys(cells, width, height), kind="stable")
 
 
+@kernel(inline=True)
+def _small_half(n: int, alpha: int, C: I8) -> None:
+    """Cumulative frequencies of the number of n splats, at most 15, in the first of two halves alike (15-8)."""
+    weight, total = 2**16, 0
+    for i in range(n + 1):
+        C[i + 1] = C[n - i + 1] = weight
+        if i == n // 2:
+            break
+        weight = weight * (n - i) * (i + alpha) // ((i + 1) * (n - i - 1 + alpha))
+    for i in range(n + 1):
+        total += C[i + 1]
+    part_of_total = 0
+    for i in range(n + 1):
+        weight = C[i + 1]
+        C[i] = i + (ONE - n - 1) * part_of_total // total
+        part_of_total += weight
+    C[n + 1] = ONE
+
+
+@kernel(inline=True)
+def _half_density(n: int, first: int, second: int, alpha: int) -> tuple[int, int, int]:
+    """The raw low bits, the centre and the `scale_code` of the density of the number in the first half (15-9)."""
+    r = 0
+    while n >> (9 + r):
+        r += 1
+    m, b = n >> r, 256 * first // (first + second)
+    v = max(m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16), 1)
+    e = 0
+    while v >> (e + 1):
+        e += 1
+    return r, m * b // 4, 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)
+
+
+@kernel(inline=True)
+def _density_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
+    """C[i] of the density of the number of m splats in the first half, 0 < i <= m (15-6)."""
+    return i + ((ONE - m - 1) * density_at(64 * (2 * i - 1), centre, scale_code, 0, EXP2, FAMILIES[0]) >> 16)
+
+
+@kernel(inline=True)
+def _is_small(n: int, first: int, second: int) -> bool:
+    """Whether the number of n splats in the first half has frequencies of its own, not a density."""
+    return n <= _MOST_TABLED and first == second
+
+
 @kernel()
-def _halves(
-    counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int, exp2: I8, logistic: I8
-) -> tuple[I8, I8, I8, I8]:
+def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
+    """Cumulative frequencies of the number of n splats in the first half, and how many of its low bits are raw."""
+    if _is_small(n, first, second):
+        C = np.empty(n + 2, np.int64)
+        _small_half(n, alpha, C)
+        return C, 0
+    r, centre, scale_code = _half_density(n, first, second, alpha)
+    m = n >> r
+    C = np.empty(m + 2, np.int64)
+    C[0], C[m + 1] = 0, ONE
+    for i in range(1, m + 1):
+        C[i] = _density_of_half(i, m, centre, scale_code)
+    return C, r
+
+
+@kernel()
+def _halves(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int) -> tuple[I8, I8, I8, I8]:
     """Of the number of splats in the first half of each part that is asked: (15-8), (15-9).
 
     Parameters
@@ -54,9 +115,7 @@ def _halves(
     inside
         The cells of the frame along it.
     alpha
-        The shape: 1 spreads splats evenly over all numbers, large ones put half of them into each half.
-    exp2, logistic
-        The tables of section 15.3.
+        The shape, as in `half_distribution`.
 
     Returns
     -------
@@ -66,47 +125,19 @@ def _halves(
     asked = np.empty(len(counts), np.int64)
     first = np.zeros(len(counts) + 1, np.int64)
     low = np.zeros(len(counts), np.int64)
-    many = 0
+    most = many = 0
+    for part in range(len(counts)):
+        most += min(counts[part], _MOST_OF_DENSITY) + 2
+    cumulative = np.empty(most, np.int64)
     for part in range(len(counts)):
         second = min(size, inside - origins[part, axis] - size)
         if second > 0:
-            n, r = counts[part], 0
-            if n > _MOST_TABLED or second < size:
-                while n >> (9 + r):
-                    r += 1
-            asked[many], low[many] = part, r
-            first[many + 1] = first[many] + (n >> r) + 2
+            C, low[many] = _half_frequencies(counts[part], size, second, alpha)
+            asked[many] = part
+            first[many + 1] = first[many] + len(C)
+            cumulative[first[many] : first[many + 1]] = C
             many += 1
-    cumulative = np.empty(first[many], np.int64)
-    weights = np.empty(_MOST_TABLED + 1, np.int64)
-    for k in range(many):
-        n = counts[asked[k]]
-        second = min(size, inside - origins[asked[k], axis] - size)
-        C = cumulative[first[k] : first[k + 1]]
-        if second == size and n <= _MOST_TABLED:
-            weights[0] = 2**16
-            for i in range(n // 2):
-                weights[i + 1] = weights[i] * (n - i) * (i + alpha) // ((i + 1) * (n - i - 1 + alpha))
-            total = 0
-            for i in range(n + 1):
-                total += weights[min(i, n - i)]
-            part_of_total = 0
-            for i in range(n + 1):
-                C[i] = i + (ONE - n - 1) * part_of_total // total
-                part_of_total += weights[min(i, n - i)]
-            C[n + 1] = ONE
-            continue
-        m, b = n >> low[k], 256 * size // (size + second)
-        v = max(m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16), 1)
-        e = 0
-        while v >> (e + 1):
-            e += 1
-        scale_code = 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)
-        C[0], C[m + 1] = 0, ONE
-        for i in range(1, m + 1):
-            reached = density_at(64 * (2 * i - 1), m * b // 4, scale_code, 0, exp2, logistic)
-            C[i] = i + ((ONE - m - 1) * reached >> 16)
-    return asked[:many], cumulative, first[: many + 1], low[:many]
+    return asked[:many], cumulative[: first[many]], first[: many + 1], low[:many]
 
 
 def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
@@ -119,16 +150,14 @@ def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, 
     first, second
         p and q, the cells of both halves inside of the frame along the side that is halved.
     alpha
-        The shape, as in `_halves`.
+        The shape: 1 spreads splats evenly over all numbers, large ones put half of them into each half.
 
     Returns
     -------
     The cumulative frequencies, and how many low bits of the number are raw.
     """
-    origin = np.zeros((1, 2), np.int64)
-    counts = np.array([n], np.int64)
-    _, cumulative, _, low = _halves(counts, origin, 0, first, first + second, alpha, EXP2, FAMILIES[0])
-    return cumulative, int(low[0])
+    cumulative, low = _half_frequencies(n, first, second, alpha)
+    return cumulative, int(low)
 
 
 @kernel()
@@ -152,7 +181,7 @@ def _halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I
 
 
 def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int, ...], cells: I8 | None = None) -> I8:
-    """Column and row of the cell of each splat, (count, 2) in the order of `cell_order`.
+    """Column and row of the cell of each splat, (count, 2) in the order of `cell_order`; `read_cells` reads them.
 
     Parameters
     ----------
@@ -165,7 +194,7 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
     alphas
         The shape of each halving.
     cells
-        The cells in that order, where a frame is written.
+        The cells in that order; None where the run makes them.
     """
     inside = cell_counts(width, height)
     size = 1 << (len(alphas) // 2)
@@ -173,7 +202,7 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
     for halving, alpha in enumerate(alphas):
         axis = halving % 2
         size = size >> 1 if axis == 0 else size
-        asked, cumulative, begins, low = _halves(counts, origins, axis, size, inside[axis], alpha, EXP2, FAMILIES[0])
+        asked, cumulative, begins, low = _halves(counts, origins, axis, size, inside[axis], alpha)
         if len(asked):
             given = None
             if cells is not None:  # how many of each part's splats, which stand in a row, are in its first half
@@ -187,3 +216,103 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
             high = asked
         counts, origins = _halved(counts, origins, axis, size, asked, high)
     return np.repeat(origins, counts, axis=0)
+
+
+@kernel()
+def read_cells(lanes: Lanes, inside: tuple[int, int], alphas: I8, cells: I8) -> bool:
+    """Column and row of the cell of each splat, in the order of `cell_order` (spec.md section 15.8).
+
+    Parameters
+    ----------
+    lanes
+        The lanes of the frame.
+    inside
+        Columns and rows of cells.
+    alphas
+        (2 a,), the shape of each halving.
+    cells
+        (count, 2), where the cells are put.
+
+    Returns
+    -------
+    Whether the words sufficed.
+    """
+    many = 1
+    counts, origins = np.empty(len(cells), np.int64), np.zeros((len(cells), 2), np.int64)
+    halves, places = np.empty(len(cells), np.int64), np.empty((len(cells), 2), np.int64)
+    answers, sizes, low = np.empty(len(cells), np.int64), np.empty(len(cells), np.int64), np.empty(len(cells), np.int64)
+    counts[0] = len(cells)
+    size = 1 << (len(alphas) // 2)
+    for halving in range(len(alphas)):
+        axis = halving % 2
+        size = size >> 1 if axis == 0 else size
+        if not _read_halves(lanes, counts[:many], origins, axis, size, inside[axis], alphas[halving], answers, sizes):
+            return False
+        if not read_raw(lanes, CELLS, sizes[:many], low[:many]):
+            return False
+        after = 0
+        for part in range(many):
+            first = min((answers[part] << sizes[part]) + low[part], counts[part])
+            for half in range(2):
+                n = counts[part] - first if half else first
+                if n > 0:
+                    halves[after] = n
+                    places[after, axis] = origins[part, axis] + (size if half else 0)
+                    places[after, 1 - axis] = origins[part, 1 - axis]
+                    after += 1
+        counts, halves, origins, places, many = halves, counts, places, origins, after
+    splat = 0
+    for part in range(many):
+        for _ in range(counts[part]):
+            cells[splat] = origins[part]
+            splat += 1
+    return True
+
+
+@kernel()
+def _read_halves(
+    lanes: Lanes, counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int, answers: I8, sizes: I8
+) -> bool:
+    """A pass of the upper bits of how many splats are in the first half of each part, and how many lower ones it has.
+
+    A part that is not asked has all splats in its first half.
+    """
+    states, words, mask = lanes.states, lanes.words, len(lanes.states) - 1
+    taken, place, length = lanes.taken[0], 0, 0
+    small, known = np.empty((_MOST_TABLED + 1, _MOST_TABLED + 2), np.int64), np.zeros(_MOST_TABLED + 1, np.bool_)
+    for part in range(len(counts)):
+        n, second = counts[part], min(size, inside - origins[part, axis] - size)
+        answers[part], sizes[part] = n, 0
+        if second <= 0:
+            continue
+        x = states[place & mask]
+        slot = x & (ONE - 1)
+        if _is_small(n, size, second):
+            if not known[n]:
+                _small_half(n, alpha, small[n])
+                known[n] = True
+            k = 0
+            while small[n, k + 1] <= slot:
+                k += 1
+            start, end = small[n, k], small[n, k + 1]
+        else:
+            sizes[part], centre, scale_code = _half_density(n, size, second, alpha)
+            m = n >> sizes[part]
+            k, above, start, end = 0, m + 1, 0, ONE
+            while above - k > 1:  # C[k] is start <= slot, C[above] is end > slot
+                middle = (k + above) >> 1
+                c = _density_of_half(middle, m, centre, scale_code)
+                if c <= slot:
+                    k, start = middle, c
+                else:
+                    above, end = middle, c
+        answers[part] = k
+        x, taken = take_symbol(x, start, end - start, words, taken)
+        if taken == MISSING_WORD:
+            return False
+        states[place & mask] = x
+        place += 1
+        length += lanes.lengths[end - start - 1]
+    lanes.taken[0] = taken
+    lanes.spent[CELLS] += length
+    return True

@@ -1,4 +1,8 @@
-"""The body of a frame of profile `main` (spec.md sections 15.5 and 15.12): read and written by the same lines."""
+"""The body of a frame of profile `main` (spec.md sections 15.5 and 15.12).
+
+The elements in front of the run are read and written by the same lines. The run is written, or made, by the passes of
+this module; `gsvc_ref.main_profile.reading` reads it in two kernels.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -6,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from gsvc_ref.arrays import I8
-from gsvc_ref.bitstream.coder import ENTROPY_CODER, Coder
+from gsvc_ref.bitstream.coder import ENTROPY_CODER, RUN_PARTS, Coder
 from gsvc_ref.bitstream.rans import LOWEST_STATE
 from gsvc_ref.errors import UsageError
 from gsvc_ref.main_profile.cells import code_cells, halving_count
@@ -21,9 +25,11 @@ from gsvc_ref.main_profile.densities import (
     code_windowed,
     windows_of,
 )
+from gsvc_ref.main_profile.lanes import Lanes
 from gsvc_ref.main_profile.models import Models
 from gsvc_ref.main_profile.motion import code_field, field_motion, field_shape, mode_contexts
-from gsvc_ref.main_profile.passes import MissingWordError, Run, RunReader, RunWriter, magnitude_classes
+from gsvc_ref.main_profile.passes import LENGTH_UNIT, Run, RunWriter, magnitude_classes
+from gsvc_ref.main_profile.reading import MissingWordError, read_intra, read_predicted
 from gsvc_ref.main_profile.reconstruct import add_differences, colors_of, intra_state, place_bits
 from gsvc_ref.main_profile.state import classes, no_splats, to_splats
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
@@ -112,19 +118,16 @@ def frame_body(
         _check_shapes(given, before)
     codes, count = _tools(s, frame_type, before, lane_count, most_splats, given)
     densities = codes.densities or before.densities
-    state, lengths = replace(before, densities=densities), {}
-    if count + len(before.values) > 0:
-        run = RunWriter() if given is not None else _reader(s, codes.lane_exponent)
-        try:
-            state, codes = code_run(run, state, codes, count, given)
-        except MissingWordError:
-            s.fail("R-7-1", "the words of the frame end before its symbols do")
-        if isinstance(run, RunWriter):
-            _write(s, run, codes.lane_exponent)
-        else:
-            _check_finished(s, run, codes.lane_exponent)
+    state = replace(before, densities=densities)
+    lengths: dict[str, float] = {}
+    if count + len(before.values) > 0 and given is not None:
+        run = RunWriter()
+        state, codes = code_run(run, state, codes, count, given)
+        _write(s, run, codes.lane_exponent)
         lengths = dict(run.lengths)
-        s.divide(ENTROPY_CODER, {part: int(length) for part, length in lengths.items()})
+    elif count + len(before.values) > 0:
+        state, codes, lengths = _read_run(s, state, codes, count)
+    s.divide(ENTROPY_CODER, {part: int(length) for part, length in lengths.items()})
     if given is not None and codes != given:
         raise UsageError(
             "a decoder would find other codes than these: cells must be in their order, vectors in 16 bits, slopes 0 "
@@ -208,7 +211,27 @@ def _densities(s: Coder, before: MainState, given: Densities | None) -> Densitie
     return Densities(tuple(planes), halving_codes)
 
 
-def _reader(s: Coder, lane_exponent: int) -> RunReader:
+def _read_run(
+    s: Coder, before: MainState, codes: MainCodes, count: int
+) -> tuple[MainState, MainCodes, dict[str, float]]:
+    """The run of a frame that has symbols: the state behind it, its codes, and the code lengths of its parts."""
+    lanes, size, state = _lanes(s, codes.lane_exponent), (before.width, before.height), before
+    try:
+        if len(before.values):
+            codes, values, past, models = read_predicted(lanes, size, before.values, before.past, before.models, codes)
+            state = replace(before, values=values, past=past, models=models)
+        if count:
+            assert before.densities is not None
+            new, values = read_intra(lanes, size, before.densities, count, codes.quantizer)
+            state, codes = _with_new(state, codes, new, values)
+    except MissingWordError:
+        s.fail("R-7-1", "the words of the frame end before its symbols do")
+    _check_finished(s, lanes)
+    lengths = {part: int(length) / LENGTH_UNIT for part, length in zip(RUN_PARTS, lanes.spent, strict=True) if length}
+    return state, codes, lengths
+
+
+def _lanes(s: Coder, lane_exponent: int) -> Lanes:
     with s.part(ENTROPY_CODER):
         states = s.array("lane_state", 1 << lane_exponent, "u4")
         if (states < LOWEST_STATE).any():
@@ -216,7 +239,7 @@ def _reader(s: Coder, lane_exponent: int) -> RunReader:
             bit = s.element_bit + 32 * lane
             s.fail("R-6.6-5", f"`lane_state` is {states[lane]}; it must be at least {LOWEST_STATE}", bit=bit)
         words = s.array("word", s.bytes_left // 2, "u2")
-    return RunReader(states, words)
+    return Lanes.begun(states, words)
 
 
 def _write(s: Coder, run: RunWriter, lane_exponent: int) -> None:
@@ -234,7 +257,7 @@ def code_run(
     Parameters
     ----------
     run
-        Reads, writes or makes the symbols.
+        Writes or makes the symbols.
     before
         The state behind the frame before, that of an I-frame being without splats, with the densities of this frame.
     codes
@@ -250,26 +273,27 @@ def code_run(
     if count:
         assert before.densities is not None
         new = _intra(run, before, before.densities, count, step, given.new if given else None)
-        codes = replace(codes, new=new)
-        state = replace(
-            state,
-            values=np.concatenate([state.values, intra_state(new, step)]),
-            past=np.concatenate([state.past, np.full(count, 0 if codes.type == "I" else 2, np.int64)]),
-        )
+        state, codes = _with_new(state, codes, new, intra_state(new, step))
     return state, codes
 
 
-def _check_finished(s: Coder, run: RunReader, lane_exponent: int) -> None:
+def _with_new(state: MainState, codes: MainCodes, new: IntraCodes, values: I8) -> tuple[MainState, MainCodes]:
+    """State and codes of a frame with the splats of an I-frame, or new ones, behind those that stay."""
+    past = np.full(len(values), 0 if codes.type == "I" else 2, np.int64)
+    both = np.concatenate([state.values, values]), np.concatenate([state.past, past])
+    return replace(state, values=both[0], past=both[1]), replace(codes, new=new)
+
+
+def _check_finished(s: Coder, lanes: Lanes) -> None:
     """R-15.6-2: the words stand directly before the position, the lane states before them."""
-    count = len(run._words)
-    word_bit = s.element_bit
-    if run.taken < count:
-        left = count - run.taken
-        s.fail("R-7-1", f"{left} words of the frame are left over", bit=word_bit + 16 * run.taken)
-    if (run.states != LOWEST_STATE).any():
-        lane = int(np.argmax(run.states != LOWEST_STATE))
-        bit = word_bit - 32 * ((1 << lane_exponent) - lane)
-        s.fail("R-7-1", f"lane {lane} ends in the state {run.states[lane]}; it must be {LOWEST_STATE}", bit=bit)
+    taken, word_bit = int(lanes.taken[0]), s.element_bit
+    if taken < len(lanes.words):
+        left = len(lanes.words) - taken
+        s.fail("R-7-1", f"{left} words of the frame are left over", bit=word_bit + 16 * taken)
+    if (lanes.states != LOWEST_STATE).any():
+        lane = int(np.argmax(lanes.states != LOWEST_STATE))
+        bit = word_bit - 32 * (len(lanes.states) - lane)
+        s.fail("R-7-1", f"lane {lane} ends in the state {lanes.states[lane]}; it must be {LOWEST_STATE}", bit=bit)
 
 
 def _intra(

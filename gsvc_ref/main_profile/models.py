@@ -1,12 +1,14 @@
 """The adaptive models of P-frames (spec.md section 15.11)."""
 
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main_profile.passes import ONE, Distributions, Run
+from gsvc_ref.main_profile.lanes import Lanes, read_low_bits, read_symbols
+from gsvc_ref.main_profile.passes import ONE, Distributions, Run, magnitude_classes
 
 
 class Start(NamedTuple):
@@ -67,6 +69,32 @@ STARTS: Final = {
 }  # fmt: skip
 """The models by name (R-15.11-1)."""
 
+SYMBOLS: Final = 24
+"""The most symbols of a model."""
+
+
+class Row(NamedTuple):
+    """Where the contexts of a model are in the counts of all: the first row, and the one behind the last."""
+
+    first: int
+    end: int
+
+
+def _rows() -> dict[str, Row]:
+    ends = np.cumsum([0, *(len(start.counts) for start in STARTS.values())]).tolist()
+    return {name: Row(*ends[i : i + 2]) for i, name in enumerate(STARTS)}
+
+
+ROWS: Final = _rows()
+
+_SYMBOLS_OF: Final[I8] = np.concatenate([np.full(len(start.counts), start.symbols) for start in STARTS.values()])
+"""The number of symbols of each row."""
+
+_START: Final[I8] = np.concatenate(
+    [np.pad(start.rows(), ((0, 0), (0, SYMBOLS - start.symbols))) for start in STARTS.values()]
+)
+"""The counts of all models at the start (R-15.11-1)."""
+
 SUM_BITS: Final = 17
 """The counts of a context are shifted until their sum has no more bits, so that 32 bits do."""
 
@@ -76,85 +104,107 @@ GAIN: Final = 64
 
 def distributions(counts: I8) -> Distributions:
     """The distribution of each context of a model with these counts (contexts, K)."""
-    contexts, symbols = counts.shape
-    cumulative = np.empty((contexts, symbols + 1), np.int64)
-    _distributions(counts, cumulative)
-    return Distributions(cumulative.ravel(), np.arange(contexts + 1) * (symbols + 1))
+    return _distributions(counts, np.full(len(counts), counts.shape[1]))
 
 
 @kernel()
-def _distributions(counts: I8, cumulative: I8) -> None:
-    contexts, symbols = counts.shape
-    for context in range(contexts):
-        total, shift, sum_of_frequencies, largest, at = 0, 0, 0, 0, 0
-        for s in range(symbols):
+def _distributions(counts: I8, symbols: I8) -> Distributions:
+    """The distributions of contexts of so many symbols each (15-14)."""
+    first = np.zeros(len(counts) + 1, np.int64)
+    for context in range(len(counts)):
+        first[context + 1] = first[context] + symbols[context] + 1
+    cumulative = np.zeros(first[len(counts)], np.int64)
+    for context in range(len(counts)):
+        K, total, shift, largest, at = symbols[context], 0, 0, 0, 0
+        for s in range(K):
             total += counts[context, s]
         while total >> shift >= 1 << SUM_BITS:
             shift += 1
         total = 0
-        for s in range(symbols):
+        for s in range(K):
             total += counts[context, s] >> shift
-        for s in range(symbols):
-            frequency = 1 + (ONE - symbols) * (counts[context, s] >> shift) // total  # (15-14)
-            sum_of_frequencies += frequency
+        C = cumulative[first[context] : first[context + 1]]
+        for s in range(K):
+            frequency = 1 + (ONE - K) * (counts[context, s] >> shift) // total
+            C[s + 1] = C[s] + frequency
             if frequency > largest:
                 largest, at = frequency, s
-        cumulative[context, 0] = 0
-        for s in range(symbols):
-            frequency = 1 + (ONE - symbols) * (counts[context, s] >> shift) // total
-            frequency += ONE - sum_of_frequencies if s == at else 0
-            cumulative[context, s + 1] = cumulative[context, s] + frequency
+        C[at + 1 :] += ONE - C[K]
+    return Distributions(cumulative, first)
 
 
 @kernel()
-def _note(contexts: I8, symbols: I8, seen: I8) -> None:
+def model_distributions(counts: I8) -> Distributions:
+    """The distribution of each context of all models (33, 24)."""
+    return _distributions(counts, _SYMBOLS_OF)
+
+
+@kernel()
+def note_symbols(contexts: I8, symbols: I8, seen: I8) -> None:
+    """Count the symbols of a pass in their contexts."""
     for i in range(len(symbols)):
         seen[contexts[i], symbols[i]] += 1
 
 
 @kernel()
-def _note_classes(contexts: I8, magnitudes: I8, seen: I8) -> None:
-    for i in range(len(magnitudes)):
-        s = magnitudes[i]
-        if s >= 4:
-            exponent = 2
-            while s >> (exponent + 1):
-                exponent += 1
-            s = 2 * exponent + (s >> (exponent - 1) & 1)
-        seen[contexts[i], s] += 1
-
-
 def adapted(counts: I8, seen: I8) -> I8:
     """The counts of a model after a frame in which each symbol was seen so often in each context (15-11)."""
-    used = (seen > 0).any(axis=1, keepdims=True)
-    return np.where(used, (7 * counts >> 3) + GAIN * seen, counts)
+    after = counts.copy()
+    for context in range(len(counts)):
+        if seen[context].any():
+            after[context] = (7 * counts[context] >> 3) + GAIN * seen[context]
+    return after
+
+
+@kernel()
+def read_modeled(lanes: Lanes, part: int, tables: Distributions, rows: I8, seen: I8, symbols: I8) -> bool:
+    """A pass of symbols by the rows of models, which are noted; whether the words sufficed."""
+    if not read_symbols(lanes, part, tables, rows, symbols):
+        return False
+    note_symbols(rows, symbols, seen)
+    return True
+
+
+@kernel()
+def read_modeled_magnitudes(lanes: Lanes, part: int, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
+    """Passes of classes of magnitudes, by the rows of models, and of low bits; whether the words sufficed."""
+    if not read_modeled(lanes, part, tables, rows, seen, magnitudes):
+        return False
+    return read_low_bits(lanes, part, magnitudes)
 
 
 class Models:
-    """All models in one frame: static while the frame is coded."""
+    """All models in one frame: static while the frame is coded.
 
-    def __init__(self, counts: dict[str, I8] | None = None) -> None:
-        self.counts = counts or {name: start.rows() for name, start in STARTS.items()}
-        self._seen = {name: np.zeros_like(rows) for name, rows in self.counts.items()}
-        self._distributions: dict[str, Distributions] = {}
+    Attributes
+    ----------
+    counts
+        (33, 24), the counts of the contexts of all models.
+    """
+
+    def __init__(self, counts: I8 = _START) -> None:
+        self.counts = counts
+        self._seen = np.zeros_like(counts)
+
+    @cached_property
+    def distributions(self) -> Distributions:
+        """The distributions of all contexts."""
+        return model_distributions(self.counts)
 
     def code(self, run: Run, name: str, contexts: I8, symbols: I8 | None = None) -> I8:
         """A pass of symbols by a model."""
-        symbols = run.symbols(self._of(name), contexts, symbols)
-        _note(contexts, symbols, self._seen[name])
+        rows = ROWS[name].first + contexts
+        symbols = run.symbols(self.distributions, rows, symbols)
+        note_symbols(rows, symbols, self._seen)
         return symbols
 
     def code_magnitudes(self, run: Run, name: str, contexts: I8, magnitudes: I8 | None = None) -> I8:
         """Passes of classes, by a model, and of low bits."""
-        magnitudes = run.magnitudes(self._of(name), contexts, magnitudes)
-        _note_classes(contexts, magnitudes, self._seen[name])
+        rows = ROWS[name].first + contexts
+        magnitudes = run.magnitudes(self.distributions, rows, magnitudes)
+        note_symbols(rows, magnitude_classes(magnitudes), self._seen)
         return magnitudes
-
-    def _of(self, name: str) -> Distributions:
-        if name not in self._distributions:
-            self._distributions[name] = distributions(self.counts[name])
-        return self._distributions[name]
 
     def adapted(self) -> "Models":
         """The models of the next frame."""
-        return Models({name: adapted(rows, self._seen[name]) for name, rows in self.counts.items()})
+        return Models(adapted(self.counts, self._seen))

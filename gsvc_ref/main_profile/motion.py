@@ -4,9 +4,11 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main_profile.models import Models
-from gsvc_ref.main_profile.passes import Run, magnitude_classes
+from gsvc_ref.main_profile.lanes import MOTION, Lanes, magnitude_class, read_signs
+from gsvc_ref.main_profile.models import ROWS, Models, read_modeled_magnitudes
+from gsvc_ref.main_profile.passes import Distributions, Run, magnitude_classes
 
 X_CLASSES: Final = (0, 2, 7)
 """The largest class of a magnitude in x of each context of the magnitude in y but the last one."""
@@ -16,6 +18,10 @@ UNRESTS: Final = (2, 7)
 
 OUTSIDE: Final = 9
 """The context of the mode of a splat that leaves the frame."""
+
+
+VECTOR_ROW: Final = ROWS["vector"].first
+"""The row of the first context of vectors among those of all models."""
 
 
 def field_shape(width: int, height: int, side: int) -> tuple[int, int]:
@@ -64,21 +70,35 @@ def field_motion(state: I8, field: I8, side: int) -> I8:
     -------
     (N, 2) in 1/256 pixel.
     """
-    rows, columns, _ = field.shape
-    i, i1, f = _between(state[:, 0], side, columns)
-    j, j1, h = _between(state[:, 1], side, rows)
-    upper = (64 - f) * field[j, i] + f * field[j, i1]
-    lower = (64 - f) * field[j1, i] + f * field[j1, i1]
-    motion: I8 = ((64 - h) * upper + h * lower + 32) >> 6
+    motion = np.empty((len(state), 2), np.int64)
+    find_motion(state, field, side, motion)
     return motion
 
 
-def _between(positions: I8, side: int, cells: int) -> tuple[I8, I8, I8]:
-    """The cell before each position, the one behind it, and the 64ths (N, 1) of the way between their centres."""
-    b = (256 * side).bit_length() - 1
-    u = np.clip(positions - 128 * side, 0, (cells - 1) << b)
-    i = np.minimum(u >> b, max(cells - 2, 0))
-    return i, np.minimum(i + 1, cells - 1), ((u - (i << b)) >> (b - 6))[:, None]
+@kernel()
+def find_motion(state: I8, field: I8, side: int, motion: I8) -> None:
+    """`field_motion`, put into `motion` (N, 2); 0 where `side` is 0."""
+    if side == 0:
+        motion[:] = 0
+        return
+    b = 0
+    while 1 << b < 256 * side:
+        b += 1
+    for splat in range(len(state)):
+        i, i1, f = _between(state[splat, 0], side, b, field.shape[1])
+        j, j1, h = _between(state[splat, 1], side, b, field.shape[0])
+        for axis in range(2):
+            upper = (64 - f) * field[j, i, axis] + f * field[j, i1, axis]
+            lower = (64 - f) * field[j1, i, axis] + f * field[j1, i1, axis]
+            motion[splat, axis] = ((64 - h) * upper + h * lower + 32) >> 6
+
+
+@kernel(inline=True)
+def _between(position: int, side: int, b: int, cells: int) -> tuple[int, int, int]:
+    """The cell before a position, the one behind it, and the 64ths of the way between their centres; 2^b = 256 side."""
+    u = min(max(position - 128 * side, 0), (cells - 1) << b)
+    i = min(u >> b, max(cells - 2, 0))
+    return i, min(i + 1, cells - 1), (u - (i << b)) >> (b - 6)
 
 
 def mode_contexts(state: I8, motion: I8, past: I8, field: I8, side: int, width: int, height: int) -> I8:
@@ -95,21 +115,76 @@ def mode_contexts(state: I8, motion: I8, past: I8, field: I8, side: int, width: 
     width, height
         Size of the frame in pixels.
     """
-    moved = state[:, :2] + motion
-    outside = ((moved < 0) | (moved >= (256 * width, 256 * height))).any(axis=1)
-    unrest = np.zeros(len(state), np.int64)
-    if side:
-        rows, columns, _ = field.shape
-        cells = np.clip(state[:, :2] // (256 * side), 0, (columns - 1, rows - 1))
-        unrest = field_unrest(field)[cells[:, 1], cells[:, 0]]
-    return np.where(outside, OUTSIDE, 3 * past + np.searchsorted(UNRESTS, unrest))
+    contexts = np.empty(len(state), np.int64)
+    find_mode_contexts(state, motion, past, field, side, width, height, contexts)
+    return contexts
 
 
+@kernel()
+def find_mode_contexts(
+    state: I8, motion: I8, past: I8, field: I8, side: int, width: int, height: int, contexts: I8
+) -> None:
+    """`mode_contexts`, put into `contexts` (N,)."""
+    unrest = field_unrest(field)
+    for splat in range(len(state)):
+        x, y = state[splat, 0] + motion[splat, 0], state[splat, 1] + motion[splat, 1]
+        if x < 0 or x >= 256 * width or y < 0 or y >= 256 * height:
+            contexts[splat] = OUTSIDE
+            continue
+        a = 0
+        if side > 0:
+            column = min(max(state[splat, 0] // (256 * side), 0), field.shape[1] - 1)
+            row = min(max(state[splat, 1] // (256 * side), 0), field.shape[0] - 1)
+            a = _level(unrest[row, column], UNRESTS)
+        contexts[splat] = 3 * past[splat] + a
+
+
+@kernel()
 def field_unrest(field: I8) -> I8:
     """How much the vector of each cell differs from those of its neighbours, (rows, columns) in quarter pixels."""
-    unrest = np.zeros(field.shape[:2], np.int64)
-    for axis in range(2):
-        step = np.abs(np.diff(field, axis=axis)).sum(axis=2)
-        none = np.zeros_like(unrest.take([0], axis=axis))
-        unrest = np.maximum(unrest, np.maximum(np.append(none, step, axis=axis), np.append(step, none, axis=axis)))
+    rows, columns = field.shape[:2]
+    unrest = np.zeros((rows, columns), np.int64)
+    for j in range(rows):
+        for i in range(columns):
+            for j1, i1 in ((j, i + 1), (j + 1, i)):
+                if j1 < rows and i1 < columns:
+                    step = abs(field[j, i, 0] - field[j1, i1, 0]) + abs(field[j, i, 1] - field[j1, i1, 1])
+                    unrest[j, i] = max(unrest[j, i], step)
+                    unrest[j1, i1] = max(unrest[j1, i1], step)
     return unrest
+
+
+@kernel(inline=True)
+def _level(value: int, bounds: tuple[int, ...]) -> int:
+    """How many of the bounds, which grow, a value is above."""
+    level = 0
+    for bound in bounds:
+        if value > bound:
+            level += 1
+    return level
+
+
+@kernel()
+def read_field(lanes: Lanes, tables: Distributions, seen: I8, field: I8) -> bool:
+    """The vectors of the field (rows, columns, 2), as `code_field` has them; whether the words sufficed."""
+    rows, columns = field.shape[:2]
+    contexts = np.full(rows * columns, VECTOR_ROW)
+    x, y = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
+    if not read_modeled_magnitudes(lanes, MOTION, tables, contexts, seen, x):
+        return False
+    for cell in range(len(x)):
+        contexts[cell] = VECTOR_ROW + 1 + _level(magnitude_class(x[cell]), X_CLASSES)
+    if not read_modeled_magnitudes(lanes, MOTION, tables, contexts, seen, y):
+        return False
+    if not (read_signs(lanes, MOTION, x) and read_signs(lanes, MOTION, y)):
+        return False
+    for cell in range(len(x)):
+        j, i = cell // columns, cell % columns
+        field[j, i, 0], field[j, i, 1] = x[cell], y[cell]
+        for axis in range(2):
+            if i > 0:
+                field[j, i, axis] += field[j, i - 1, axis]
+            elif j > 0:
+                field[j, i, axis] += field[j - 1, i, axis]
+            field[j, i, axis] = ((field[j, i, axis] + 2**15) & 0xFFFF) - 2**15
+    return True

@@ -1,8 +1,9 @@
 """The run of the entropy coder through a frame, in passes (spec.md section 15.6).
 
-A pass is handed the cumulative frequencies of its symbols, and the symbols themselves where a frame is written; it
-returns the symbols. So each structure of a frame stands once, and is read and written by the same lines. Symbol i of a
-pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0 (R-15.6-1).
+A pass of a `Run` is handed the cumulative frequencies of its symbols and the symbols, and notes them; it makes symbols
+where there are none yet, as the random streams of gsvc_ref.testing do. `gsvc_ref.main_profile.lanes` has the passes
+that read. Symbol i of a pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0
+(R-15.6-1).
 """
 
 from abc import ABC, abstractmethod
@@ -24,8 +25,6 @@ from gsvc_ref.portable import log2
 PRECISION: Final = 14
 ONE: Final = 1 << PRECISION
 """The sum of the frequencies of a symbol's distribution."""
-
-MISSING_WORD: Final = -1
 
 LENGTH_UNIT: Final = 1 << 16
 """The parts of a bit that code lengths are counted in: sums of integers are the same on every machine."""
@@ -56,7 +55,7 @@ class Distributions(NamedTuple):
 
 
 class Run(ABC):
-    """The symbols of a frame, read or written.
+    """The symbols of a frame, in passes.
 
     Attributes
     ----------
@@ -109,64 +108,6 @@ class Run(ABC):
 
     def _count(self, frequencies: I8) -> None:
         self.lengths[self._part] += int(LENGTHS[frequencies - 1].sum()) / LENGTH_UNIT
-
-
-class RunReader(Run):
-    """The symbols of a frame out of its lane states and words.
-
-    Parameters
-    ----------
-    lane_states
-        (lanes,) u4, each at least 2^16.
-    words
-        (count,) u2.
-
-    Attributes
-    ----------
-    states
-        (lanes,) i8, the states now.
-    taken
-        The number of words taken.
-    """
-
-    def __init__(self, lane_states: U4, words: U2) -> None:
-        super().__init__()
-        self.states = lane_states.astype(np.int64)
-        self.taken = 0
-        self._words = words
-
-    def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
-        """A pass: symbol i has the distribution `which[i]`."""
-        found = np.empty(len(which), np.int64)
-        self._take(*_read_symbols(*tables, which, self.states, self._words, self.taken, LENGTHS, found))
-        return found
-
-    def magnitudes(self, tables: Distributions, which: I8, magnitudes: I8 | None = None) -> I8:
-        """Passes of the classes of magnitudes below 2^20, class i with the distribution `which[i]`, and of low bits."""
-        found = np.empty(len(which), np.int64)
-        self._take(*_read_magnitudes(*tables, which, self.states, self._words, self.taken, LENGTHS, found))
-        return found
-
-    def signs(self, magnitudes: I8, values: I8 | None = None) -> I8:
-        """A pass of the signs of magnitudes that are not 0: the signed values."""
-        found = np.empty(len(magnitudes), np.int64)
-        self._take(*_read_signs(magnitudes, self.states, self._words, self.taken, found))
-        return found
-
-    def _uniform(self, sizes: I8, values: I8 | None) -> I8:
-        found = np.empty(len(sizes), np.int64)
-        self._take(*_read_uniform(sizes, self.states, self._words, self.taken, found))
-        return found
-
-    def _take(self, taken: int, length: int) -> None:
-        if taken == MISSING_WORD:
-            raise MissingWordError
-        self.taken = taken
-        self.lengths[self._part] += length / LENGTH_UNIT
-
-
-class MissingWordError(Exception):
-    """A word is missing (R-7-1); whoever knows where the words stand says where."""
 
 
 class RunWriter(Run):
@@ -253,99 +194,6 @@ def magnitude_classes(magnitudes: I8) -> I8:
 def low_bits(classes: I8) -> I8:
     """How many low bits a class of magnitudes has."""
     return np.where(classes < 4, 0, classes // 2 - 1)
-
-
-@kernel()
-def _read_symbols(
-    cumulative: I8, first: I8, which: I8, states: I8, words: U2, taken: int, lengths: I8, symbols: I8
-) -> tuple[int, int]:
-    """A pass of symbols: the words taken since the run began, and the code length."""
-    lanes, length = len(states), 0
-    for i in range(len(which)):
-        lane = i % lanes
-        x = states[lane]
-        slot = x & (ONE - 1)
-        low, high = first[which[i]], first[which[i] + 1] - 1  # cumulative[low] <= slot < cumulative[high]
-        begin = low
-        while high - low > 1:
-            middle = (low + high) // 2
-            if cumulative[middle] <= slot:
-                low = middle
-            else:
-                high = middle
-        frequency = cumulative[low + 1] - cumulative[low]
-        x = frequency * (x >> PRECISION) + slot - cumulative[low]  # (7-1)
-        if x < LOWEST_STATE:
-            if taken == len(words):
-                return MISSING_WORD, 0
-            x = (x << 16) | np.int64(words[taken])
-            taken += 1
-        states[lane] = x
-        symbols[i] = low - begin
-        length += lengths[frequency - 1]
-    return taken, length
-
-
-@kernel()
-def _read_uniform(sizes: I8, states: I8, words: U2, taken: int, values: I8) -> tuple[int, int]:
-    """A pass of raw bits: the words taken since the run began, and the code length."""
-    lanes = len(states)
-    place = length = 0
-    for i in range(len(sizes)):
-        values[i] = 0
-        if sizes[i] == 0:
-            continue
-        lane = place % lanes
-        place += 1
-        x = states[lane]
-        slot = x & (ONE - 1)
-        bits = PRECISION - sizes[i]
-        values[i] = slot >> bits
-        x = ((x >> PRECISION) << bits) + (slot & ((1 << bits) - 1))
-        if x < LOWEST_STATE:
-            if taken == len(words):
-                return MISSING_WORD, 0
-            x = (x << 16) | np.int64(words[taken])
-            taken += 1
-        states[lane] = x
-        length += sizes[i]
-    return taken, length * LENGTH_UNIT
-
-
-@kernel()
-def _read_magnitudes(
-    cumulative: I8, first: I8, which: I8, states: I8, words: U2, taken: int, lengths: I8, magnitudes: I8
-) -> tuple[int, int]:
-    """The passes of `Run.magnitudes`: the words taken since the run began, and the code length."""
-    taken, length = _read_symbols(cumulative, first, which, states, words, taken, lengths, magnitudes)
-    sizes, low = np.zeros(len(which), np.int64), np.zeros(len(which), np.int64)
-    for upper in (True, False):
-        if taken == MISSING_WORD:
-            return MISSING_WORD, 0
-        some = False
-        for i in range(len(which)):
-            bits = max(magnitudes[i] // 2 - 1, 0) if magnitudes[i] >= 4 else 0
-            sizes[i] = max(bits - PRECISION, 0) if upper else min(bits, PRECISION)
-            some |= sizes[i] > 0
-        if some:
-            values = np.empty(len(which), np.int64)
-            taken, more = _read_uniform(sizes, states, words, taken, values)
-            length += more
-            for i in range(len(which)):
-                low[i] = (low[i] << sizes[i]) | values[i]
-    for i in range(len(which)):
-        if magnitudes[i] >= 4:
-            magnitudes[i] = ((2 + (magnitudes[i] & 1)) << (magnitudes[i] // 2 - 1)) + low[i]
-    return taken, length
-
-
-@kernel()
-def _read_signs(magnitudes: I8, states: I8, words: U2, taken: int, values: I8) -> tuple[int, int]:
-    """The pass of `Run.signs`: the words taken since the run began, and the code length."""
-    taken, length = _read_uniform(np.minimum(magnitudes, 1), states, words, taken, values)
-    for i in range(len(magnitudes)):
-        values[i] = -magnitudes[i] if values[i] else magnitudes[i]
-    return taken, length
 
 
 @kernel()

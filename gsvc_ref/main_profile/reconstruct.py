@@ -4,14 +4,18 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.cells import CELL
-from gsvc_ref.main_profile.codes import IntraCodes
-from gsvc_ref.main_profile.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, classes, clipped
+from gsvc_ref.main_profile.codes import REMOVED, IntraCodes
+from gsvc_ref.main_profile.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, X_MOST, class_of
 from gsvc_ref.main_profile.tables import EXP2, exp2
 
 STEP_MOST: Final = 2**17 - 1
 """The largest step of a position in 1/256 pixel."""
+
+CHANGED: Final = 1
+"""Any mode of a splat that has differences."""
 
 
 def colors_of(codes: I8, step: int) -> I8:
@@ -38,14 +42,44 @@ def intra_state(codes: IntraCodes, step: int) -> I8:
     step
         D in 1/16.
     """
-    colors = colors_of(codes.colors, step)
-    j = classes(colors, step)
-    h = SIZE_STEPS[j]
-    size, aspect, shear = codes.shapes.T
-    unit = 10 - place_bits(codes.shapes, j)  # a step is 2^unit of 1/256 pixel
-    positions = 256 * CELL * codes.cells + (codes.places << unit) + (1 << (unit - 1))
-    shape = np.stack([(size + aspect) * h, (size - aspect) * h, shear * SHEAR_STEPS[j]], axis=1)
-    return clipped(np.concatenate([positions, shape, colors], axis=1))
+    state = np.empty((len(codes), 8), np.int64)
+    find_intra_state(codes.cells, codes.colors, codes.shapes, codes.places, step, state)
+    return state
+
+
+@kernel()
+def find_intra_state(cells: I8, colors: I8, shapes: I8, places: I8, step: int, state: I8) -> None:
+    """`intra_state`, put into `state` (N, 8)."""
+    most = N_MOST // step
+    for splat in range(len(cells)):
+        for axis in range(3):
+            state[splat, 5 + axis] = _clipped(colors[splat, axis], -most, most) * step
+        j = class_of(state[splat, 5:], step)
+        for axis in range(2):
+            size = log_size(shapes[splat], j, axis)
+            unit = 8 + place_unit(size, j)  # a step of the place is 2^unit of 1/256 pixel
+            middle = 256 * CELL * cells[splat, axis] + (places[splat, axis] << unit) + (1 << (unit - 1))
+            state[splat, axis] = _clipped(middle, -X_MOST, X_MOST)
+            state[splat, 2 + axis] = size
+        state[splat, 4] = _clipped(shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST, S_MOST)
+
+
+@kernel(inline=True)
+def log_size(shape: I8, j: int, axis: int) -> int:
+    """A (axis 0) or B (axis 1) of the codes of size and aspect (15-10)."""
+    code = shape[0] - shape[1] if axis else shape[0] + shape[1]
+    return _clipped(code * SIZE_STEPS[j], A_LEAST, A_MOST)
+
+
+@kernel(inline=True)
+def place_unit(size: int, j: int) -> int:
+    """The g of spec.md section 15.9: a step of a place in the cell is 2^g pixels."""
+    return _clipped((size >> 10) + 1 - j, -4, 2)
+
+
+@kernel(inline=True)
+def _clipped(value: int, least: int, most: int) -> int:
+    return min(max(value, least), most)
 
 
 def position_steps(state: I8, j: I8) -> tuple[I8, I8, I8]:
@@ -73,24 +107,62 @@ def add_differences(state: I8, motion: I8, differences: I8, step: int) -> I8:
     -------
     (N, 8), their state.
     """
-    j = classes(state[:, 5:], step)
-    h = SIZE_STEPS[j]
-    g_x, g_y, g_s = position_steps(state, j)
-    q = differences
-    after = state.copy()
-    after[:, 0] += motion[:, 0] + q[:, 0] * g_x
-    after[:, 1] += motion[:, 1] + q[:, 0] * g_s + q[:, 1] * g_y
-    after[:, 2] = np.clip(state[:, 2] + (q[:, 2] + q[:, 3]) * h, A_LEAST, A_MOST)
-    after[:, 3] = np.clip(state[:, 3] + (q[:, 2] - q[:, 3]) * h, A_LEAST, A_MOST)
-    v = after[:, 2] - state[:, 2] - after[:, 3] + state[:, 3]
-    after[:, 4] = sheared(state[:, 4], v) + q[:, 4] * SHEAR_STEPS[j]
-    after[:, 5:] += q[:, 5:] * step
-    return clipped(after)
+    after, past = np.empty((len(state), 8), np.int64), np.empty(len(state), np.int64)
+    find_after(state, motion, np.full(len(state), CHANGED), differences, step, after, past)
+    return after
 
 
-def sheared(S: I8, v: I8) -> I8:
+@kernel()
+def find_after(state: I8, motion: I8, modes: I8, differences: I8, step: int, after: I8, past: I8) -> int:
+    """`add_differences` of the splats that are not removed, put into `after` (N, 8) from its start; how many there are.
+
+    What was done with each is put into `past` (N,): whether its mode is not 0. One of mode 0 has no differences.
+    """
+    stay = 0
+    for splat in range(len(state)):
+        if modes[splat] == REMOVED:
+            continue
+        _find_one(state[splat], motion[splat], modes[splat], differences[splat], step, after[stay])
+        past[stay] = min(modes[splat], 1)
+        stay += 1
+    return stay
+
+
+@kernel(inline=True)
+def _find_one(before: I8, motion: I8, mode: int, q: I8, step: int, after: I8) -> None:
+    """The splat `after` (8,) a frame (15-13)."""
+    X, Y, A, B, S = before[0] + motion[0], before[1] + motion[1], before[2], before[3], before[4]
+    if mode:
+        j = class_of(before[5:], step)
+        g_x, g_y = _position_step(A, j), _position_step(B, j)
+        X += q[0] * g_x
+        Y += q[0] * _signed(min(abs(S) * g_y >> 10, STEP_MOST), S) + q[1] * g_y
+        A = _clipped(A + (q[2] + q[3]) * SIZE_STEPS[j], A_LEAST, A_MOST)
+        B = _clipped(B + (q[2] - q[3]) * SIZE_STEPS[j], A_LEAST, A_MOST)
+        S = _sheared(S, A - before[2] - B + before[3]) + q[4] * SHEAR_STEPS[j]
+    after[0], after[1] = _clipped(X, -X_MOST, X_MOST), _clipped(Y, -X_MOST, X_MOST)
+    after[2], after[3], after[4] = A, B, _clipped(S, -S_MOST, S_MOST)
+    for i in range(5, 8):
+        after[i] = _clipped(before[i] + q[i] * step, -N_MOST, N_MOST)
+
+
+@kernel(inline=True)
+def _position_step(size: int, j: int) -> int:
+    """g_x or g_y of (15-13)."""
+    v = size + 512 - 1024 * j
+    shift = (v >> 10) - 7
+    power = EXP2[v & 1023] << shift if shift >= 0 else EXP2[v & 1023] >> -shift
+    return _clipped(power, 1, STEP_MOST)
+
+
+@kernel(inline=True)
+def _sheared(S: int, v: int) -> int:
     """S times 2^(v/1024), rounded towards 0, at most 32767 in magnitude."""
-    product, shift = np.abs(S) * EXP2[v & 1023], np.clip((v >> 10) - 15, -62, 16)
-    magnitude: I8 = np.where(shift >= 0, product << np.maximum(shift, 0), product >> np.maximum(-shift, 0))
-    result: I8 = np.sign(S) * np.minimum(magnitude, S_MOST)
-    return result
+    product, shift = abs(S) * EXP2[v & 1023], _clipped((v >> 10) - 15, -62, 16)
+    return _signed(min(product << shift if shift >= 0 else product >> -shift, S_MOST), S)
+
+
+@kernel(inline=True)
+def _signed(magnitude: int, like: int) -> int:
+    """A magnitude with the sign of another number."""
+    return -magnitude if like < 0 else magnitude

@@ -33,18 +33,10 @@ SIZE_STEPS: Final[I8] = 1477 >> np.arange(CLASSES)
 SHEAR_STEPS: Final[I8] = 2048 >> np.arange(CLASSES)
 """The step of S that a code of shear stands for, by class, in 1/1024."""
 
-_LOWER: Final[I8] = np.array([-X_MOST] * 2 + [A_LEAST] * 2 + [-S_MOST] + [-N_MOST] * 3, np.int64)
-_UPPER: Final[I8] = np.array([X_MOST] * 2 + [A_MOST] * 2 + [S_MOST] + [N_MOST] * 3, np.int64)
-
 
 def no_splats() -> I8:
     """The state of no splats, (0, 8)."""
     return np.zeros((0, 8), np.int64)
-
-
-def clipped(state: I8) -> I8:
-    """A state whose values may be out of their ranges, brought into them (R-15.4-1)."""
-    return np.clip(state, _LOWER, _UPPER)
 
 
 def classes(colors: I8, step: int) -> I8:
@@ -61,13 +53,28 @@ def classes(colors: I8, step: int) -> I8:
     -------
     (N,) in 0..10.
     """
-    k = np.minimum((np.abs(colors) + step // 2) // step, 1024)
-    energy = (k * k).sum(axis=1)
-    found: I8 = np.searchsorted(_ENERGIES, energy, side="right").astype(np.int64)
+    found = np.empty(len(colors), np.int64)
+    _find_classes(np.ascontiguousarray(colors), step, found)
     return found
 
 
-_ENERGIES: Final[I8] = 2 ** (2 * np.arange(1, CLASSES) - 1)
+@kernel()
+def _find_classes(colors: I8, step: int, found: I8) -> None:
+    for splat in range(len(colors)):
+        found[splat] = class_of(colors[splat], step)
+
+
+@kernel(inline=True)
+def class_of(color: I8, step: int) -> int:
+    """The class of the splat of a colour (3,) (15-4)."""
+    energy = 0
+    for i in range(3):
+        k = min((abs(color[i]) + step // 2) // step, 1024)
+        energy += k * k
+    j = 0
+    while j < CLASS_MOST and energy >= 2 << (2 * j):
+        j += 1
+    return j
 
 
 def to_splats(state: I8) -> Splats:
