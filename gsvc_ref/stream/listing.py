@@ -284,7 +284,7 @@ def list_elements(
     listing = Listing(emit_wanted)
     fault: GsvcError | None = None
     try:
-        with StreamReader(source, trace=listing) as reader:
+        with StreamReader(source, trace=listing, layer=None) as reader:
             listing.finish()
             if start:
                 listing.skip_to_frame()
