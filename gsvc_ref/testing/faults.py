@@ -19,7 +19,6 @@ from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.profiles import AnyCodes
 
-
 LayersOfFrames = Mapping[int, Sequence[tuple[int, MainCodes]]]
 """Layers of frames with their codes, in their order, by the number of the frame."""
 
