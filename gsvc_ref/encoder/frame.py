@@ -15,6 +15,8 @@ from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import quantizer_fields, with_best_quantizer
 from gsvc_ref.encoder.rate import hold_quality
 from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
@@ -57,6 +59,28 @@ OnStage = Callable[[str, int, int, float | None], None]
 
 
 @dataclass(frozen=True)
+class EncodedLayer:
+    """A layer of a frame as it is encoded.
+
+    Attributes
+    ----------
+    layer
+        0 for the base.
+    codes
+        The codes to be written.
+    state
+        The decoder's state of this layer after the frame.
+    psnr
+        PSNR of the decoded frame with all layers up to this one, in dB.
+    """
+
+    layer: int
+    codes: MainCodes
+    state: MainState
+    psnr: float
+
+
+@dataclass(frozen=True)
 class EncodedFrame:
     """A frame as it is encoded.
 
@@ -67,7 +91,7 @@ class EncodedFrame:
     state
         The decoder's state after the frame, with the reconstructed splats.
     psnr
-        PSNR of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+        PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
     iterations
         The number of iterations of all fits and fine-tuning together.
     seconds
@@ -76,6 +100,8 @@ class EncodedFrame:
         The decisions made on the way.
     reason
         Why the frame is of its type, where that was decided on the way.
+    layers
+        The base and the layers above it; none of a frame that has no layers.
     """
 
     codes: AnyCodes
@@ -85,6 +111,7 @@ class EncodedFrame:
     seconds: dict[str, float] = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()
     reason: str | None = None
+    layers: tuple[EncodedLayer, ...] = ()
 
 
 class FrameEncoder:

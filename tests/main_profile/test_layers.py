@@ -388,8 +388,8 @@ def test_damage_to_a_layer_loses_no_frame_of_the_base(data: bytes, damage: Any) 
             for part, intact in zip(frames, whole, strict=True):
                 assert all(one.splats in [other.splats for other in intact.chunks] for one in part.chunks)
             assert frames[:number] == whole[:number]
-            if number < 5:
-                assert frames[5:] == whole[5:]  # behind an I-frame layers begin anew
+            if number < 5:  # behind an I-frame layers begin anew
+                assert [part.splats for part in frames[5:]] == [part.splats for part in whole[5:]]
             summary = gsvc_ref.open(damaged).info(salvage=True)
             assert sum(summary.bits.values()) == 8 * len(damaged)
 
