@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
     from gsvc_ref.stream import read_main_stream as read_main_stream
     from gsvc_ref.stream import read_stream as read_stream
+    from gsvc_ref.stream import reconstruct_layers as reconstruct_layers
     from gsvc_ref.stream import reconstruct_stream as reconstruct_stream
     from gsvc_ref.stream import seek as seek
     from gsvc_ref.training.augmentation import augment as augment
@@ -142,6 +143,7 @@ _HOMES: Final = {
     "read_stream": "gsvc_ref.stream",
     "reconstruct_inter": "gsvc_ref.reconstruction",
     "reconstruct_intra": "gsvc_ref.reconstruction",
+    "reconstruct_layers": "gsvc_ref.stream",
     "reconstruct_stream": "gsvc_ref.stream",
     "render": "gsvc_ref.rendering",
     "render_exact_with_bound": "gsvc_ref.rendering",
@@ -211,6 +213,7 @@ __all__ = [
     "read_stream",
     "reconstruct_inter",
     "reconstruct_intra",
+    "reconstruct_layers",
     "reconstruct_stream",
     "render",
     "render_exact_with_bound",

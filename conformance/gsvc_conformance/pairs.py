@@ -86,7 +86,7 @@ PAIRS: Final[Mapping[str, Twin | Other]] = {
     "frame_to_planes": TWIN,
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
     "read_main_stream": TWIN,
-    "reconstruct_layers": Other("gsvc_ref.spec:reconstruct_layers", "gsvc_ref shows the base of a stream only"),
+    "reconstruct_layers": TWIN,
     "encode_run": TWIN,
     "density_frequencies": TWIN,
     "half_frequencies": TWIN,

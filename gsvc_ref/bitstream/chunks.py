@@ -24,6 +24,8 @@ P_TYPE: Final = ord("P")
 R_TYPE: Final = ord("R")
 INDEX_TYPE: Final = ord("x")
 END_TYPE: Final = ord("E")
+LAYER_TYPE: Final = ord("n")
+"""A layer of the frame before it, in a stream of profile `main` (spec.md section 15.13)."""
 DECISIONS: Final = "d"
 """The ancillary chunk that an encoder's decisions stand in (spec.md section 6.9)."""
 FRAMES: Final = frozenset(b"IPR")

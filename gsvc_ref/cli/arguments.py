@@ -3,7 +3,12 @@
 import math
 import re
 from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable
 from fractions import Fraction
+from typing import TypeVar
+
+Number = TypeVar("Number", int, float)
+"""What `numbers_of` gives a tuple of."""
 
 
 def add_max_level(parser: ArgumentParser) -> None:
@@ -67,6 +72,15 @@ def whole(text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,18}", text, re.ASCII):
         raise ArgumentTypeError(f"{text!r} is not a whole number")
     return int(text)
+
+
+def numbers_of(of: Callable[[str], Number]) -> Callable[[str], tuple[Number, ...]]:
+    """Numbers with commas between, such as ``30,34,38``, each of them as `of` takes it."""
+
+    def numbers(text: str) -> tuple[Number, ...]:
+        return tuple(of(part) for part in text.split(","))
+
+    return numbers
 
 
 def size(text: str) -> tuple[int, int]:

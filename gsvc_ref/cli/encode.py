@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from gsvc_ref.cli.arguments import finite, frame_range, key_frames, whole
+from gsvc_ref.cli.arguments import finite, frame_range, key_frames, numbers_of, whole
 from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
@@ -25,7 +25,7 @@ COMMAND: Final = "gsvc encode"
 OVERRIDES: Final = (
     "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
-    "paced", "profile",
+    "paced", "profile", "layers", "layer_splats",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -60,6 +60,15 @@ def add_command(commands: Any) -> None:
     rate = parser.add_argument_group("rate and quality")
     rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most with --psnr")
     rate.add_argument("--psnr", type=finite, metavar="DB", help="as few splats as keep each frame at this PSNR")
+    rate.add_argument(
+        "--layers", type=numbers_of(finite), metavar="DB,DB,...",
+        help="quality layers of profile main, at most 4: the PSNR with the base, with layer 1, ..., as 30,34,38; "
+        "gsvc decode --layer shows and gsvc cut --layer keeps the lower ones",
+    )  # fmt: skip
+    rate.add_argument(
+        "--layers-splats", type=numbers_of(whole), metavar="N,N,...", dest="layer_splats",
+        help="the same by the number of splats with the base, with layer 1, ..., as 200,400,800",
+    )  # fmt: skip
     rate.add_argument(
         "--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame; P-frames in proportion"
     )

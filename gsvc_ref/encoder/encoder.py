@@ -1,22 +1,23 @@
 """Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
-from gsvc_ref.encoder.encoding import Encoding, completed
+from gsvc_ref.encoder.encoding import Encoding, FrameCoder, completed
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.log import Decision, FrameLog
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
-from gsvc_ref.main_encoder.frame import MainFrameEncoder
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
@@ -109,7 +110,9 @@ class _Encode(Encoding[Frame]):
         # P-frames may pass N while they add before they prune; those of `main` count what they remove as well.
         room = most if settings.profile == "main" else most // 4
         level = level_for(video.width, video.height, splats=min(most + room, MAX_SPLATS))
-        make = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+        make: Callable[..., FrameCoder[Frame]] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+        if settings.layer_count > 1:
+            make = LayeredFrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
         super().__init__(file, video, coder, level, progress, interrupts, live=live)
         start, stop = settings.frames
@@ -151,6 +154,8 @@ class _Encode(Encoding[Frame]):
 
     def _missed_quality(self) -> list[str]:
         """A sentence if frames have less than the quality asked for."""
+        if self.settings.layers:
+            return self._missed_layers()
         goal = self.settings.psnr
         if goal is None:
             return []
@@ -162,6 +167,19 @@ class _Encode(Encoding[Frame]):
             f"{len(missed)} of {len(self.reports)} frames have less than {goal:g} dB (frame {worst.number}, the worst, "
             f"has {worst.psnr:.2f} dB): allow more splats or iterations"
         ]
+
+    def _missed_layers(self) -> list[str]:
+        """A sentence for each layer with which frames have less than the quality asked for."""
+        notes = []
+        for layer, goal in enumerate(self.settings.layers):
+            reached = [frame.layers[layer].psnr for frame in self.reports if frame.layers]
+            missed = [quality for quality in reached if quality < goal]
+            if missed:
+                notes.append(
+                    f"up to layer {layer} {len(missed)} of {len(reached)} frames have less than {goal:g} dB (the worst "
+                    f"has {min(missed):.2f} dB)"
+                )
+        return notes
 
     def _decisions(self, item: TypedFrame[Frame], encoded: EncodedFrame) -> tuple[Decision, ...]:
         log = FrameLog((*item.decisions, *encoded.decisions))

@@ -11,10 +11,17 @@ from typing import Any, BinaryIO, Generic, Protocol, TypeVar, cast
 
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
-from gsvc_ref.encoder.frame import EncodedFrame, OnStage
+from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, write_log
-from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
+from gsvc_ref.encoder.report import (
+    EncodeReport,
+    FrameReport,
+    IncompleteEncodeError,
+    LayerReport,
+    OnProgress,
+    Progress,
+)
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.errors import GsvcError, UsageError
@@ -36,8 +43,10 @@ class FrameCoder(Protocol[CodedT]):
 
     settings: Settings
     """The settings in use."""
-    state: AnyState
-    """The decoder's state after the frames so far."""
+
+    @property
+    def state(self) -> AnyState:
+        """The decoder's state after the frames so far."""
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
@@ -253,36 +262,56 @@ class Encoding(ABC, Generic[FrameT]):
         )  # fmt: skip
         self.interrupts.held = True
         with self._timed("write"):
-            bits = self._write(encoded)
+            bits, layers = self._write(encoded)
         for stage, seconds in encoded.seconds.items():
             self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
-        self.reports.append(self._report(item, encoded, before, bits, time.perf_counter() - begin))
+        self.reports.append(self._report(item, encoded, before, bits, layers, time.perf_counter() - begin))
         self.interrupts.release()
 
-    def _write(self, encoded: EncodedFrame) -> dict[str, int]:
-        """Write a frame, the first with the header before it; the bits that it took."""
+    def _write(self, encoded: EncodedFrame) -> tuple[dict[str, int], tuple[LayerReport, ...]]:
+        """Write a frame with its layers, the first with the header before it; the bits that it took, and its layers."""
         try:
             if self.writer is None:
                 self.writer = StreamWriter(
                     self.file, self._header(), index=self.encoder.settings.index, live=self.live,
                     least_level=self.least_level,
                 )  # fmt: skip
-            return self.writer.write_frame(encoded.codes, encoded.state).bits
+            bits = self.writer.write_frame(encoded.codes, encoded.state).bits
+            return bits, tuple(
+                self._write_layer(self.writer, encoded.codes.type, part, bits) for part in encoded.layers
+            )
         except (GsvcError, UsageError):  # the frame is at fault
             raise
         except BaseException as error:  # part of a chunk may be written
             self.target_failed = isinstance(error, OSError) or self.writer is None or not self.writer.goes_back
             raise
 
+    @staticmethod
+    def _write_layer(
+        writer: StreamWriter, base_type: FrameType, part: EncodedLayer, base_bits: dict[str, int]
+    ) -> LayerReport:
+        """Write a layer, unless it is the base or repeated with it; what is said of it."""
+        codes = part.codes
+        bits = base_bits if part.layer == 0 else {}
+        if part.layer > 0 and (codes.type, base_type) != ("R", "R"):  # behind an R-frame a layer stays as it is
+            bits = writer.write_layer(part.layer, codes).bits
+        return LayerReport(part.layer, codes.type, len(part.state.splats), codes.intra_count, part.psnr, bits)
+
     def _report(
-        self, item: TypedFrame[FrameT], encoded: EncodedFrame, before: int, bits: dict[str, int], seconds: float
+        self,
+        item: TypedFrame[FrameT],
+        encoded: EncodedFrame,
+        before: int,
+        bits: dict[str, int],
+        layers: tuple[LayerReport, ...],
+        seconds: float,
     ) -> FrameReport:
         codes = encoded.codes
         pruned = before - codes.survivor_count if codes.type == "P" else 0
         reason = item.reason if codes.type == item.type else "nothing to see of what changed"
         return FrameReport(
             item.number, codes.type, encoded.reason or reason, len(encoded.state.splats), codes.intra_count,
-            pruned, encoded.iterations, encoded.psnr, bits, seconds, self._decisions(item, encoded),
+            pruned, encoded.iterations, encoded.psnr, bits, seconds, self._decisions(item, encoded), layers,
         )  # fmt: skip
 
     def _show_progress(

@@ -15,6 +15,8 @@ from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import quantizer_fields, with_best_quantizer
 from gsvc_ref.encoder.rate import hold_quality
 from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import power
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State
@@ -52,8 +54,30 @@ QUALITY_ROUNDS: Final = 8
 FEWER: Final = 1 / 3
 """The fraction of its iterations that a P-frame gets if it is predicted about as well as the frame before was left."""
 
-OnStage = Callable[[str, int, int, float], None]
-"""Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
+OnStage = Callable[[str, int, int, float | None], None]
+"""Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
+
+
+@dataclass(frozen=True)
+class EncodedLayer:
+    """A layer of a frame as it is encoded.
+
+    Attributes
+    ----------
+    layer
+        0 for the base.
+    codes
+        The codes to be written.
+    state
+        The decoder's state of this layer after the frame.
+    psnr
+        PSNR of the decoded frame with all layers up to this one, in dB.
+    """
+
+    layer: int
+    codes: MainCodes
+    state: MainState
+    psnr: float
 
 
 @dataclass(frozen=True)
@@ -67,7 +91,7 @@ class EncodedFrame:
     state
         The decoder's state after the frame, with the reconstructed splats.
     psnr
-        PSNR of the decoded frame at its bit depth, in dB; infinite if equal to the source.
+        PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
     iterations
         The number of iterations of all fits and fine-tuning together.
     seconds
@@ -76,6 +100,8 @@ class EncodedFrame:
         The decisions made on the way.
     reason
         Why the frame is of its type, where that was decided on the way.
+    layers
+        The base and the layers above it; none of a frame that has no layers.
     """
 
     codes: AnyCodes
@@ -85,6 +111,7 @@ class EncodedFrame:
     seconds: dict[str, float] = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()
     reason: str | None = None
+    layers: tuple[EncodedLayer, ...] = ()
 
 
 class FrameEncoder:
@@ -125,6 +152,7 @@ class FrameEncoder:
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
         self.past = work.remembered(result)
+        assert isinstance(result.state, State)
         self.state, self.is_first = result.state, False
         return result
 

@@ -47,6 +47,30 @@ OnProgress = Callable[[Progress], None]
 
 
 @dataclass(frozen=True)
+class LayerReport:
+    """One layer of an encoded frame.
+
+    Attributes
+    ----------
+    layer, type
+        0 for the base, and I, P or R.
+    splats, new_splats
+        Its own splats, and those of them that the frame before does not have.
+    psnr
+        PSNR of the decoded frame with all layers up to this one, in dB.
+    bits
+        Bits of its chunk by category; none if the layer is repeated without one.
+    """
+
+    layer: int
+    type: FrameType
+    splats: int
+    new_splats: int
+    psnr: float
+    bits: dict[str, int]
+
+
+@dataclass(frozen=True)
 class FrameReport:
     """One encoded frame.
 
@@ -59,13 +83,16 @@ class FrameReport:
     iterations
         The number of iterations for this frame, fine-tuning included.
     psnr
-        PSNR of the decoded frame at its bit depth against the source, in dB; infinite if equal.
+        PSNR of the decoded frame at its bit depth, with all of its layers, against the source, in dB; infinite if
+        equal.
     bits
         Bits of the frame's chunk by category.
     seconds
         Time spent on the frame.
     decisions
         The decisions about each effect, in the order of `Effects`.
+    layers
+        The base and the layers above it; none of a frame that has no layers. All but `psnr` is about the base.
     """
 
     number: int
@@ -79,6 +106,7 @@ class FrameReport:
     bits: dict[str, int]
     seconds: float
     decisions: tuple[Decision, ...] = ()
+    layers: tuple[LayerReport, ...] = ()
 
 
 @dataclass(frozen=True)

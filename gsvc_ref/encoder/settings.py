@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, fields, replace
 from numbers import Integral
 from typing import Any, Final, Literal, Self
 
+from gsvc_ref.bitstream.header import MOST_LAYERS
 from gsvc_ref.checks import check_types
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.key_frames import GUARD_RATIO
@@ -167,6 +168,11 @@ class Settings:
         least every four seconds, and an error where a second has too much.
     profile
         The coding tools of the stream: ``paper``, or ``main`` (spec.md section 15).
+    layers
+        Profile `main`: the PSNR in dB of I-frames with the base, with layer 1, ..., growing; P-frames keep to the steps
+        of the I-frame. None: no layers, unless `layer_splats` says some.
+    layer_splats
+        Profile `main`: the number of splats of a frame with the base, with layer 1, ..., growing.
     """
 
     preset: str
@@ -189,6 +195,8 @@ class Settings:
     checksums: bool = False
     paced: bool = False
     profile: Literal["paper", "main"] = "paper"
+    layers: tuple[float, ...] = ()
+    layer_splats: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -201,6 +209,7 @@ class Settings:
         _check_range("entropy_precision", self.entropy_precision, 12, 16)
         if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
             raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
+        self._check_layers()
         start, stop = self.frames
         if not 0 <= start < (MAX_FRAMES if stop is None else min(stop, MAX_FRAMES)):
             raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MAX_FRAMES}")
@@ -301,6 +310,34 @@ class Settings:
             intra, inter = intra.with_(candidates=(), **given), inter.with_(**given)
         return replace(settings, intra=intra, inter=inter)
 
+    def _check_layers(self) -> None:
+        for name, values, highest in (("layers", self.layers, 100), ("layer_splats", self.layer_splats, 1 << 22)):
+            if not values:
+                continue
+            for value in values:
+                _check_range(name, value, 1, highest)
+            if len(values) > MOST_LAYERS or any(a >= b for a, b in zip(values, values[1:], strict=False)):
+                raise UsageError(f"{name} is {values}; give at most {MOST_LAYERS} values that grow")
+            if self.profile != "main":
+                raise UsageError(f"{name} is a setting of profile main; streams of profile paper have no layers")
+            others = [other for other in ("splats", "psnr") if getattr(self, other) is not None]
+            others += ["layers"] if name == "layer_splats" and self.layers else []
+            if others:
+                raise UsageError(f"{name} says how good each layer is, and so does {others[0]}; give one of them")
+
+    @property
+    def layer_count(self) -> int:
+        """The number of layers of a frame, with the base."""
+        return max(len(self.layers), len(self.layer_splats), 1)
+
+    def of_layers(self) -> list["Settings"]:
+        """The settings of the base and of each layer above it, as of streams of their own."""
+        alone = replace(self, layers=(), layer_splats=())
+        if self.layers:
+            return [replace(alone, psnr=psnr) for psnr in self.layers]
+        below = (0, *self.layer_splats)
+        return [replace(alone, splats=total - fewer) for fewer, total in zip(below, self.layer_splats, strict=False)]
+
     def pruned(self, fit: FitSettings) -> FitSettings:
         """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
         pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
@@ -308,8 +345,10 @@ class Settings:
 
     def most_splats(self, width: int, height: int) -> int:
         """Maximum number of splats of a frame of this size."""
-        if self.splats is None and self.psnr is not None:
+        if self.splats is None and (self.psnr is not None or self.layers):
             return max(1, width * height // MIN_PIXELS_PER_SPLAT)
+        if self.layer_splats:
+            return replace(self, layer_splats=(), splats=self.layer_splats[-1]).splat_count(width, height)
         return self.splat_count(width, height)
 
     def splat_count(self, width: int, height: int) -> int:

@@ -37,6 +37,9 @@ class Objective:
         Threads to use, None for one per CPU. The results have the same bits for any number.
     precision
         ``fast`` or ``deterministic``.
+    background
+        (B, 8) f4, splats that are in every picture, such as those of lower layers, beside those evaluated:
+        the sum of a pixel begins with them. They are rendered once.
 
     Raises
     ------
@@ -44,7 +47,14 @@ class Objective:
         The target has another shape or a value that is not finite, or an option is outside its limits.
     """
 
-    def __init__(self, target: ArrayLike, threads: int | None = None, *, precision: Precision = "fast") -> None:
+    def __init__(
+        self,
+        target: ArrayLike,
+        threads: int | None = None,
+        *,
+        precision: Precision = "fast",
+        background: ArrayLike | None = None,
+    ) -> None:
         check_precision(precision, ("fast", "deterministic"))
         picture = np.ascontiguousarray(target, np.float32)  # (H, W, 3) f4
         if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
@@ -59,7 +69,12 @@ class Objective:
         self._rasterizer = Rasterizer(self.width, self.height, threads)
         self._regions = Regions.all_of(len(self._target), self.height, self.height)
         self._job = Job(self.width, self.height, strict=precision == "deterministic")
-        self._base = EMPTY  # the sum of the frozen splats
+        self._background = EMPTY
+        if background is not None and len(packed := _checked(background)):
+            self._rasterizer.binning.load(packed)
+            self._background = to_tiles(self._draw(EMPTY, clamp=False))
+            self._rasterizer.binning.load(packed[:0])
+        self._base = self._background  # and the sum of the frozen splats
         self._moving: NDArray[np.int64] | None = None  # the indices of the others; None: all
         self._count = 0  # splats in all where some are frozen
 
@@ -115,12 +130,12 @@ class Objective:
         if held.any():
             self._count = len(packed)
             self._rasterizer.binning.load(packed[held])
-            self._base = to_tiles(self._draw(EMPTY, clamp=False))
+            self._base = to_tiles(self._draw(self._background, clamp=False))
             self._moving = np.flatnonzero(~held)
 
     def thaw(self) -> None:
         """Hold no splat fixed."""
-        self._base, self._moving = EMPTY, None
+        self._base, self._moving = self._background, None
 
     def loss(self, parameters: ArrayLike) -> float:
         """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""

@@ -17,6 +17,7 @@ from gsvc_ref.stream.whole_streams import (
     decode_stream_deterministic,
     read_main_stream,
     read_stream,
+    reconstruct_layers,
     reconstruct_stream,
     seek,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "decode_stream_deterministic",
     "read_main_stream",
     "read_stream",
+    "reconstruct_layers",
     "reconstruct_stream",
     "scaled_size",
     "seek",

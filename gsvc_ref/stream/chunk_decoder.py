@@ -3,19 +3,22 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Bytes, Element, categories_of, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
-from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.errors import GsvcError
+from gsvc_ref.main_profile.frames import Body, MainState
+from gsvc_ref.main_profile.layers import Layers, layer_body, layer_head
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import rendering_work
-from gsvc_ref.stream.decoded import DecodedFrame
+from gsvc_ref.splats import Splats
+from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.profiles import AnyCodes, AnyState, Parsed, profile_of
 from gsvc_ref.stream.source import Source, SourceReader
@@ -45,6 +48,8 @@ class Place:
     pace
         What a paced stream has used of its second. It counts for as long as it expects the frame that comes next: not
         after seeking, nor behind a gap. None: not checked.
+    layers
+        The layers of the frame before; None: the base alone is decoded, and chunks of layers are skipped.
     """
 
     offset: int
@@ -54,13 +59,15 @@ class Place:
     frame_end: int = 0
     work: int = 0
     pace: Pace | None = None
+    layers: Layers | None = None
 
 
 @dataclass(frozen=True)
 class DecodedChunk:
     """A chunk's bits by category, its frame if it has one, whether it is the end chunk, and the place after it.
 
-    `ancillary` is the type and payload of an ancillary chunk that this version does not know.
+    `ancillary` is the type and payload of an ancillary chunk that this version does not know; `layer` is the layer of a
+    chunk `n` that is wanted.
     """
 
     bits: Counter[str]
@@ -68,6 +75,14 @@ class DecodedChunk:
     is_end: bool
     after: Place
     ancillary: tuple[str, Bytes] | None = None
+    layer: DecodedLayer | None = None
+
+
+class _Layer(NamedTuple):
+    """The layer that a chunk holds: its number, and its body."""
+
+    layer: int
+    body: Body
 
 
 class ChunkDecoder:
@@ -86,9 +101,17 @@ class ChunkDecoder:
     """
 
     def __init__(
-        self, source: Source, trace: Callable[[Element], None] | None = None, *, max_level: int = HIGHEST_LEVEL
+        self,
+        source: Source,
+        trace: Callable[[Element], None] | None = None,
+        *,
+        max_level: int = HIGHEST_LEVEL,
+        layer: int | None = 0,
     ) -> None:
-        """Read all that precedes the first frame; a level above `max_level` is refused (R-5-6)."""
+        """Read all that precedes the first frame; a level above `max_level` is refused (R-5-6).
+
+        `layer` is the quality that is decoded; None: the highest.
+        """
         self.source = source
         self._trace = trace
         m = SourceReader(source, trace, end_rule="R-6.1-1")
@@ -111,7 +134,10 @@ class ChunkDecoder:
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
         self._profile = profile_of(self.header)
         state, begin = self._profile.initial(self.header), s.position // 8
-        self.first = Place(begin, state, frame_end=begin, pace=Pace() if self.header.paced_flag else None)
+        quality = self.header.layer_count - 1 if layer is None else layer
+        layers = Layers(quality) if quality > 0 and self.header.profile == MAIN else None
+        pace = Pace() if self.header.paced_flag else None
+        self.first = Place(begin, state, frame_end=begin, pace=pace, layers=layers)
 
     def longest_payload(self, chunk_type: int) -> int:
         """Maximum number of bytes of the payload of a chunk of a type (R-5-3)."""
@@ -141,6 +167,7 @@ class ChunkDecoder:
         after = replace(place, offset=place.offset + size, index_length=0)
         codes: AnyCodes | None = None
         ancillary: tuple[str, Bytes] | None = None
+        layer: _Layer | None = None
         if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
             _, checksum = frame_head(p, self.header, place.next_number)
@@ -149,18 +176,41 @@ class ChunkDecoder:
             state, work = self._reconstruct(parsed, checksum, place, p)
             codes = parsed.codes
             pace = self._pace(place, frame_type, len(state.splats), work, after.offset)
-            after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace)
+            layers = None
+            if place.layers is not None:
+                assert isinstance(state, MainState)
+                layers = place.layers.behind(frame_type, state)
+            after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
             self.check_end(p, place)
+        elif chunk_type == chunks.LAYER_TYPE and place.layers is not None and place.layers.takes_chunks:
+            layers, layer = self._layer(p, place, place.layers)
+            after = replace(after, layers=layers)
         else:  # R-6.2-5
             with p.part("ancillary"):
                 ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
         bits = s.bits_by_category() + p.bits_by_category()
         decoded = None if codes is None else self._decoded_frame(codes, bits, place, after)
-        return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary)
+        shown = None if layer is None else self._decoded_layer(layer, bits, place, after)
+        return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary, shown)
+
+    def _layer(self, p: Reader, place: Place, before: Layers) -> tuple[Layers, "_Layer | None"]:
+        """A chunk `n`: the layers behind it, and the layer that it holds, if that is wanted (spec.md section 15.13)."""
+        head = layer_head(p, self.header, before)
+        if head.type is None:
+            with p.part("ancillary"):
+                p.raw("payload", p.bytes_left)
+            return replace(before, last=head.layer), None
+        body = layer_body(p, self.header, before, head.layer, head.type)
+        _check_filled(p)
+        layers = before.with_layer(head.layer, body.after)
+        work = rendering_work(layers.splats, self.header.width, self.header.height)
+        self._check_work(work, place)
+        self._check_checksum(head.checksum, body.after.splats, head.checksum_bit)
+        return layers, _Layer(head.layer, body)
 
     def check_nothing_follows(self, place: Place) -> None:
         """R-6.1-4, at the place after the end chunk."""
@@ -207,18 +257,48 @@ class ChunkDecoder:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
         repeated = state is place.state  # an R-frame has the work of the frame before
         work = place.work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
+        self._check_work(work, place)
+        self._check_checksum(checksum, state.splats, p.first_bit + 8 * len(encode_uv(place.next_number)))
+        return state, work
+
+    def _check_work(self, work: int, place: Place) -> None:
         if work > self.header.limits.work:
             message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
             raise broken("R-5-4", message, 8 * place.offset)
-        if checksum is not None and checksum != parameter_checksum(state.splats):
-            checksum_bit = p.first_bit + 8 * len(encode_uv(place.next_number))
-            raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", checksum_bit)
-        return state, work
+
+    def _check_checksum(self, checksum: int | None, splats: Splats, bit: int) -> None:
+        if checksum is not None and checksum != parameter_checksum(splats):
+            raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", bit)
 
     def _decoded_frame(self, codes: AnyCodes, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
-        spent = {category: bits[category] for category in categories_of(self.header.profile) if bits[category]}
-        size, state = after.offset - place.offset, after.state
-        return DecodedFrame(place.next_number, codes.type, codes, state.splats, spent, place.offset, size, state)
+        size, state, layers = after.offset - place.offset, after.state, after.layers
+        splats = state.splats if layers is None or not layers.there else layers.splats
+        return DecodedFrame(
+            place.next_number, codes.type, codes, splats, self._spent(bits), place.offset, size, state, (), layers
+        )
+
+    def _decoded_layer(self, found: "_Layer", bits: Counter[str], place: Place, after: Place) -> DecodedLayer:
+        assert after.layers is not None
+        codes, size = found.body.codes, after.offset - place.offset
+        return DecodedLayer(
+            place.next_number - 1, found.layer, codes.type, codes, found.body.after.splats, self._spent(bits),
+            place.offset, size, after.layers,
+        )  # fmt: skip
+
+    def _spent(self, bits: Counter[str]) -> dict[str, int]:
+        return {category: bits[category] for category in categories_of(self.header.profile) if bits[category]}
+
+    def may_have_layers(self, place: Place) -> bool:
+        """Whether a layer of the frame before that is wanted may still follow at a place."""
+        layers = place.layers
+        if layers is None or not layers.takes_chunks:
+            return False
+        if layers.last >= min(layers.quality, self.header.layer_count - 1):
+            return False
+        with self.source.lock:
+            self.source.seek(place.offset)
+            following = self.source.peek()
+        return following is not None and chunks.is_ancillary(following)
 
     def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
         """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""

@@ -3,14 +3,50 @@
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from gsvc_ref.arrays import I8
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.errors import GsvcError
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.layers import Layers, joined_origins
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
 
 MAX_FAULTS: Final = 8
 """Maximum number of faults that a `Gap` keeps: a hostile stream may have one in every few bytes."""
+
+
+@dataclass(frozen=True)
+class DecodedLayer:
+    """A layer of a frame as a stream holds it (spec.md section 15.13).
+
+    Attributes
+    ----------
+    number
+        The number of its frame.
+    layer
+        1 for the first above the base.
+    type
+        `layer_type`: ``I``, ``P`` or ``R``.
+    codes
+        The codes that the bytes hold.
+    splats
+        The splats of this layer alone.
+    bits, offset, size
+        As of a `DecodedFrame`, of the chunk `n`.
+    layers
+        The layers of the frame up to this one.
+    """
+
+    number: int
+    layer: int
+    type: FrameType
+    codes: MainCodes
+    splats: Splats
+    bits: dict[str, int]
+    offset: int
+    size: int
+    layers: Layers = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -26,13 +62,18 @@ class DecodedFrame:
     codes
         The codes that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of profile `main`.
     splats
-        The splats that the codes stand for, bit for bit those of the encoder.
+        The splats that the codes stand for, bit for bit those of the encoder; behind those of the base those of the
+        layers that are decoded.
     bits
         The number of bits of the chunk by category (`categories_of` the profile); together 8 · `size`.
     offset, size
         The offset of the chunk in bytes from the start of the stream, and its size in bytes.
     state
-        What the next frame is predicted from.
+        What the next frame is predicted from; of a frame with layers, that of the base.
+    chunks
+        The chunks of its layers, in their order; none of a frame of the base alone.
+    layers
+        The layers of the frame with their states; None where the base alone is decoded.
     """
 
     number: int
@@ -43,6 +84,28 @@ class DecodedFrame:
     offset: int
     size: int
     state: AnyState = field(compare=False, repr=False)
+    chunks: tuple[DecodedLayer, ...] = ()
+    layers: Layers | None = field(default=None, compare=False, repr=False)
+
+    def with_layer(self, chunk: DecodedLayer) -> "DecodedFrame":
+        """The frame with one more of its layers."""
+        return replace(self, splats=chunk.layers.splats, chunks=(*self.chunks, chunk), layers=chunk.layers)
+
+    def repeats(self, before: "DecodedFrame") -> bool:
+        """Whether it has the very splats of the frame `before`: an R-frame with no chunks of layers."""
+        if self.type != "R":
+            return False
+        return self.layers is None or (before.layers is not None and self.layers.there is before.layers.there)
+
+    def origins(self, before: "DecodedFrame") -> I8 | None:
+        """For each splat its index in the frame `before`, or -1 if it is new, (N,) i8; None if all of them are.
+
+        A frame that repeats the one before is not asked.
+        """
+        if self.layers is None or not isinstance(self.codes, MainCodes):
+            return self.codes.origins
+        chunks = {chunk.layer: chunk.codes for chunk in self.chunks}
+        return joined_origins(self.codes, chunks, self.layers, before.layers)
 
 
 @dataclass(frozen=True)
@@ -125,8 +188,23 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
+class LayerSummary:
+    """`layer`, `type`, `splats` (its own), `bits` by category, `offset` and `size` in bytes of a layer of a frame."""
+
+    layer: int
+    type: FrameType
+    splats: int
+    bits: dict[str, int]
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
 class FrameSummary:
-    """`number`, `type`, `splats` (how many), `bits` by category, `offset` and `size` in bytes of a frame."""
+    """`number`, `type`, `splats` (how many), `bits` by category, `offset` and `size` in bytes of a frame.
+
+    They are those of the base; `layers` has a summary of each of its chunks of layers.
+    """
 
     number: int
     type: FrameType
@@ -134,6 +212,7 @@ class FrameSummary:
     bits: dict[str, int]
     offset: int
     size: int
+    layers: tuple[LayerSummary, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -42,23 +42,33 @@ class Stream:
         A path, bytes, or a binary file.
     max_level
         Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
+    layer
+        The quality in which frames are decoded, from 0, the base alone, to `header.layer_count` - 1; None: the highest.
 
     Attributes
     ----------
     header
         The sequence header.
+    layer
+        The quality in which frames are decoded.
 
     Raises
     ------
     GsvcError
         The stream breaks a rule of spec.md.
     UsageError
-        There is no such level.
+        There is no such level, or the stream has no such layer.
     """
 
-    def __init__(self, source: Source, *, max_level: int = HIGHEST_LEVEL) -> None:
-        self._reader = StreamReader(source, max_level=max_level)
+    def __init__(self, source: Source, *, max_level: int = HIGHEST_LEVEL, layer: int | None = None) -> None:
+        self._reader = StreamReader(source, max_level=max_level, layer=layer)
         self.header: SequenceHeader = self._reader.header
+        self.layer = self.header.layer_count - 1 if layer is None else layer
+        if self.layer >= self.header.layer_count:
+            self._reader.close()
+            highest = self.header.layer_count - 1
+            have = f"layers 0 (the base) to {highest}" if highest else "no layer but the base, which is layer 0"
+            raise UsageError(f"layer {layer} was asked for; the stream has {have}")
 
     @property
     def format(self) -> VideoFormat:
@@ -129,6 +139,7 @@ def decode(
     threads: int | None = None,
     on_gap: Callable[[Gap], None] | None = None,
     max_level: int = HIGHEST_LEVEL,
+    layer: int | None = None,
 ) -> Iterator[Frame]:
     """Decode a stream to frames, lazily.
 
@@ -145,8 +156,8 @@ def decode(
     on_gap
         Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
-    max_level
-        Highest level that is decoded, as in `Stream`; an open Stream keeps its own.
+    max_level, layer
+        The highest level that is decoded, and the quality, as in `Stream`; an open Stream keeps its own.
 
     Yields
     ------
@@ -161,7 +172,8 @@ def decode(
     UsageError
         An argument is out of range, or a pipe is to be salvaged.
     """
-    with nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level) as stream:
+    opened = nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level, layer=layer)
+    with opened as stream:
         frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
         yield from _rendered(frames, stream.header, scale, precision, threads)
 
@@ -184,13 +196,15 @@ def _rendered(
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None
+    before: DecodedFrame | None = None
     for decoded in frames:
-        if last is None or decoded.type != "R":
-            origins = decoded.codes.origins if last is not None else None  # those of splats that were not rendered
+        if last is None or before is None or not decoded.repeats(before):
+            origins = None if before is None else decoded.origins(before)  # those of splats that were not rendered
             splats = scale_parameters(decoded.splats, header.width, header.height, width, height)
             if (width, height) != (header.width, header.height):
                 _check_scaled_work(splats, width, height, decoded.number)
             last = renderer.next_frame(splats, header.bit_depth, origins)
+        before = decoded
         yield last.copy()  # the renderer changes it, and an R-frame shows it again
 
 

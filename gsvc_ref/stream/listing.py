@@ -41,7 +41,7 @@ class Entry:
     chunk
         The type of its chunk, empty in front of the first; for one that is no ASCII letter, its code.
     frame
-        The number of the frame whose chunk it stands in; None outside of frames.
+        The number of the frame whose chunk, or whose layer's chunk, it stands in; None outside of frames.
     value
         An int, a float, bytes, or an array for a run; a sentence for a payload that is skipped; None for the element at
         fault, if the bits there are no such element.
@@ -77,6 +77,7 @@ class Entry:
         if self.block and self.chunk == "P":
             parts.append(f"{self.block} block")
         if self.frame is not None:
+            parts += ["chunk n"] if self.chunk == "n" else []
             parts.append(f"frame {self.frame}")
         elif self.chunk:
             parts.append(f"chunk {self.chunk}")
@@ -207,6 +208,8 @@ class Listing:
                 self._next_frame = first.value
             self._frame = self._next_frame
             self._next_frame = None if self._frame is None else self._frame + 1
+        if first is not None and first.name == "layer" and self._next_frame is not None:
+            self._frame = self._next_frame - 1  # a layer belongs to the frame before it
         for element in head:
             self._put(self._entry(element))
 
@@ -284,7 +287,7 @@ def list_elements(
     listing = Listing(emit_wanted)
     fault: GsvcError | None = None
     try:
-        with StreamReader(source, trace=listing) as reader:
+        with StreamReader(source, trace=listing, layer=None) as reader:
             listing.finish()
             if start:
                 listing.skip_to_frame()

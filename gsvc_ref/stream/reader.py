@@ -2,15 +2,16 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
 from gsvc_ref.bitstream.coder import Element, categories_of
-from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, SequenceHeader
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MOST_LAYERS, SequenceHeader
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
-from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
+from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, LayerSummary, StreamSummary
 from gsvc_ref.stream.salvage import Salvage
 from gsvc_ref.stream.seeking import find_frame, find_whole_frame, read_end
 from gsvc_ref.stream.source import PIECE, Source
@@ -31,13 +32,16 @@ class StreamReader:
         Called with each syntax element read, chunk by chunk (a chunk's type, length and checksum come first).
     max_level
         Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
+    layer
+        The quality in which frames are decoded: 0 the base alone, whose decoder skips layers and finds no fault in
+        them, up to 3; None: the highest. A layer that a stream does not have adds nothing.
 
     Raises
     ------
     GsvcError
         The stream breaks a rule of spec.md; `kind`, `rule` and `bit` say which one and where.
     UsageError
-        The source is of no use, or there is no such level.
+        The source is of no use, or there is no such level or layer.
     """
 
     def __init__(
@@ -46,12 +50,15 @@ class StreamReader:
         *,
         trace: Callable[[Element], None] | None = None,
         max_level: int = HIGHEST_LEVEL,
+        layer: int | None = 0,
     ) -> None:
         if max_level not in LEVELS:
             raise UsageError(f"max_level is {max_level}; it must be 1 to {HIGHEST_LEVEL}")
+        if layer is not None and layer not in range(MOST_LAYERS):
+            raise UsageError(f"layer is {layer}; it must be 0 (the base) to {MOST_LAYERS - 1}")
         self._source = Source(source)
         try:
-            self._decoder = ChunkDecoder(self._source, trace, max_level=max_level)
+            self._decoder = ChunkDecoder(self._source, trace, max_level=max_level, layer=layer)
         except BaseException:
             self._source.close()
             raise
@@ -108,24 +115,55 @@ class StreamReader:
     def _salvaged(self, start: int, stop: int | None) -> Iterator[DecodedFrame | Gap]:
         if stop == start:
             return
-        for part in Salvage(self._decoder, find_whole_frame(self._decoder, start)):
+        for part in self._whole_frames(iter(Salvage(self._decoder, find_whole_frame(self._decoder, start)))):
             if isinstance(part, Gap):
                 if part.reaches(start):
                     yield part.clipped(start, stop)
-            elif part.frame is not None and part.frame.number >= start:
-                if stop is None or part.frame.number < stop:
-                    yield part.frame
-                if stop is not None and part.frame.number + 1 >= stop:
+            elif part.number >= start:
+                if stop is None or part.number < stop:
+                    yield part
+                if stop is not None and part.number + 1 >= stop:
                     return
 
     def _frames(self, start: int, stop: int | None) -> Iterator[DecodedFrame]:
         if stop == start:
             return
-        for decoded in self._chunks(find_frame(self._decoder, start)):
-            if decoded.frame is not None and decoded.frame.number >= start:
-                yield decoded.frame
-                if decoded.frame.number + 1 == stop:
+        for frame in self._whole_frames(self._chunks(find_frame(self._decoder, start))):
+            assert isinstance(frame, DecodedFrame)  # there are gaps in salvage alone
+            if frame.number >= start:
+                yield frame
+                if frame.number + 1 == stop:
                     return  # R-12.6-5
+
+    def _whole_frames(
+        self, parts: Iterator[DecodedChunk] | Iterator[DecodedChunk | Gap]
+    ) -> Iterator[DecodedFrame | Gap]:
+        """The frames with their layers, and the gaps; each frame as soon as none of its layers can follow.
+
+        A fault that is raised behind a frame comes after it, as one in a layer takes nothing from what was before it.
+        """
+        frame: DecodedFrame | None = None  # one that may get more layers
+        while True:
+            try:
+                part = next(parts, None)
+            except GsvcError:
+                if frame is not None:
+                    yield frame
+                raise
+            if isinstance(part, DecodedChunk) and part.frame is None and frame is not None:
+                frame = frame if part.layer is None else frame.with_layer(part.layer)
+            elif frame is not None:
+                yield frame
+                frame = None
+            if part is None:
+                return
+            if isinstance(part, Gap):
+                yield part
+                continue
+            frame = part.frame or frame
+            if frame is not None and not self._decoder.may_have_layers(part.after):
+                yield frame
+                frame = None
 
     def _chunks(self, place: Place) -> Iterator[DecodedChunk]:
         while True:
@@ -161,7 +199,10 @@ class StreamReader:
                 if part.ancillary is not None and part.ancillary[0] == ancillary:
                     kept = bytes(part.ancillary[1])
                 if (f := part.frame) is not None:
-                    frames.append(FrameSummary(f.number, f.type, len(f.splats), f.bits, f.offset, f.size))
+                    frames.append(FrameSummary(f.number, f.type, len(f.state.splats), f.bits, f.offset, f.size))
+                if (n := part.layer) is not None:
+                    layer = LayerSummary(n.layer, n.type, len(n.splats), n.bits, n.offset, n.size)
+                    frames[-1] = replace(frames[-1], layers=(*frames[-1].layers, layer))
         except GsvcError as fault:
             error = fault
         file_bytes = self._source.size

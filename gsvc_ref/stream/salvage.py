@@ -70,7 +70,9 @@ class Salvage:
     - with an I-frame that has this number or a greater one;
     - with an end chunk whose `frame_count` is possible.
 
-    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is said and decoded all the same.
+    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is said and decoded all the same. A fault in a
+    layer loses no frame of the base; all layers then are missing until they begin anew, except those that the frame had
+    before the fault.
 
     What follows a second sequence header, up to its end chunk, belongs to another stream and is skipped.
 
@@ -101,7 +103,9 @@ class Salvage:
                 continue
             after = decoded.after
             if decoded.frame is None and not decoded.is_end:  # says nothing about missing frames
-                self._place = replace(self._place, offset=after.offset, index_length=after.index_length)
+                self._place = replace(
+                    self._place, offset=after.offset, index_length=after.index_length, layers=after.layers
+                )
                 yield decoded
                 continue
             number = decoded.frame.number if decoded.frame is not None else after.next_number
@@ -207,7 +211,8 @@ class Salvage:
         assert self._gap is not None
         self._gap.skipped += offset - self._place.offset
         self._gap.end = offset
-        self._place = replace(self._place, offset=offset, index_length=0, pace=None)
+        layers = None if self._place.layers is None else self._place.layers.interrupted()
+        self._place = replace(self._place, offset=offset, index_length=0, pace=None, layers=layers)
 
     def _closed_gap(self, missing_count: int | None) -> Iterator[Gap]:
         if self._gap is not None:

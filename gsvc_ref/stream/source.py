@@ -50,6 +50,7 @@ class Source:
             )
         self.seekable = hasattr(self._file, "seekable") and self._file.seekable()
         self.offset = 0
+        self._ahead = b""  # a byte that was peeked at
         self.lock = threading.RLock()
         self._closed = False
         self.size: int | None = None
@@ -69,11 +70,25 @@ class Source:
 
     def _piece(self, size: int) -> bytes:
         """Some of the next `size` bytes; none at the end of the source."""
+        piece = self._taken(size)
+        self.offset += len(piece)
+        return piece
+
+    def _taken(self, size: int) -> bytes:
+        """What `_piece` gives, not yet counted."""
+        if size > 0 and self._ahead:
+            ahead, self._ahead = self._ahead, b""
+            return ahead
         piece = self._file.read(min(size, PIECE)) if size > 0 else b""
         if not isinstance(piece, bytes):
             raise UsageError("the source yields text; open the file in mode 'rb'")
-        self.offset += len(piece)
         return piece
+
+    def peek(self) -> int | None:
+        """The next byte, which stays there; None at the end of the source."""
+        if not self._ahead:
+            self._ahead = self._taken(1)
+        return self._ahead[0] if self._ahead else None
 
     def seek(self, offset: int) -> None:
         """Go to an offset.
@@ -89,7 +104,7 @@ class Source:
             return
         if self.seekable:
             self._file.seek(self._start + offset)
-            self.offset = offset
+            self.offset, self._ahead = offset, b""
         elif offset < self.offset:
             raise UsageError("a pipe can be read only once, from its start; give a file to read it again")
         while self.offset < offset and self.read(min(PIECE, offset - self.offset)):
@@ -100,6 +115,7 @@ class Source:
         with self.lock:
             size = self._file.seek(0, 2) - self._start
             self._file.seek(self._start + self.offset)
+            self._ahead = b""
             return size
 
     def close(self) -> None:

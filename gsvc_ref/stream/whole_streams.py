@@ -203,6 +203,30 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
 
 
 @door
+def reconstruct_layers(stream: bytes, layer: int) -> StreamSplats:
+    """The splats of all complete frames of a stream in the quality of a layer, and its first fault (section 15.13).
+
+    Parameters
+    ----------
+    stream
+        Any bytes.
+    layer
+        0 to 3; 0 is the base, and what `reconstruct_stream` gives.
+
+    Returns
+    -------
+    StreamSplats
+        `counts`, `parameters` and `error`. A frame whose layer has the fault is there, with the layers before it.
+
+    Raises
+    ------
+    UsageError
+        There is no such layer.
+    """
+    return _splats_of(_frames_between(stream, 0, None, layer))
+
+
+@door
 def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     """The splats of frames `first` to `last`, decoded from the last I-frame at or before them (spec.md section 12.6).
 
@@ -221,8 +245,8 @@ def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     return _splats_of(_frames_between(stream, first, last + 1))
 
 
-def _frames_between(stream: bytes, start: int, stop: int | None) -> Iterator[DecodedFrame]:
-    yield from StreamReader(stream).frames(start, stop)
+def _frames_between(stream: bytes, start: int, stop: int | None, layer: int = 0) -> Iterator[DecodedFrame]:
+    yield from StreamReader(stream, layer=layer).frames(start, stop)
 
 
 def _splats_of(frames: Iterator[DecodedFrame]) -> StreamSplats:
@@ -255,9 +279,9 @@ def decode_stream(stream: bytes) -> Array:
     GsvcError
         The stream breaks a rule of spec.md.
     """
-    return np.stack(list(decode(stream)))
+    return np.stack(list(decode(stream, layer=0)))
 
 
 def decode_stream_deterministic(stream: bytes) -> Array:
     """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1)."""
-    return np.stack(list(decode(stream, precision="deterministic")))
+    return np.stack(list(decode(stream, precision="deterministic", layer=0)))

@@ -13,8 +13,11 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
 from gsvc_ref.errors import UsageError
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.main_profile.layers import LayerHead, Layers, layer_body, layer_head
 from gsvc_ref.rendering import rendering_work
-from gsvc_ref.stream.decoded import DecodedFrame
+from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of
 
@@ -92,6 +95,8 @@ class StreamWriter:
         The number of frames written so far.
     state
         The state of a decoder after the frames so far: predict from `state.splats`.
+    layers
+        The layers of the frame written last, as a decoder of the highest quality has them; None where there are none.
     bits
         The number of bits written by category (`categories_of` the profile).
     offset
@@ -126,6 +131,7 @@ class StreamWriter:
         self.state = self._profile.initial(header)
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
+        self.layers = Layers(header.layer_count - 1) if header.layer_count > 1 else None
         self.bits: Counter[str] = Counter()
         self.offset = 0
         s = make_writer(0)
@@ -184,9 +190,59 @@ class StreamWriter:
         self._most_work = max(self._most_work, work)
         self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
         self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
+        if self.layers is not None:
+            assert isinstance(state, MainState)
+            self.layers = self.layers.behind(codes.type, state)
         spent = {category: bits[category] for category in self._categories if bits[category]}
         size = self.offset - offset
         return DecodedFrame(number, codes.type, codes, state.splats, spent, offset, size, state)
+
+    def write_layer(self, layer: int, codes: MainCodes) -> DecodedLayer:
+        """Write a layer of the frame written last: what a reader will make of it (spec.md section 15.13).
+
+        Parameters
+        ----------
+        layer
+            1 to `layer_count` - 1, greater than that of any layer written behind the same frame.
+        codes
+            Its codes, which continue those of the same layer behind the frame before.
+
+        Raises
+        ------
+        UsageError
+            The codes break a rule or a limit; the message names it. Nothing has been written.
+        """
+        if self.layers is None or self.layers.base is None:
+            raise UsageError("a layer needs a header with a `layer_count` above 1, and a frame that it is added to")
+        header, before, offset = self.header, self.layers, self.offset
+        if not before.last < layer < header.layer_count:
+            least, most = before.last + 1, header.layer_count - 1
+            raise UsageError(f"layer {layer} cannot stand here; it must be {least} to {most} (R-15.13-1)")
+        body = self._make_writer(0)
+        state = layer_body(body, header, before, layer, codes.type, codes).after
+        after = before.with_layer(layer, state)
+        work = rendering_work(after.splats, header.width, header.height)
+        if work > header.limits.work:
+            limit = f"level {header.level} allows {header.limits.work}"
+            raise UsageError(
+                f"rendering frame {self.frame_count - 1} with layer {layer} takes {work} pairs; {limit} (R-5-4)"
+            )
+        checksum = parameter_checksum(state.splats) if header.parameter_checksum_flag else None
+
+        def content(p: Writer) -> None:
+            layer_head(p, header, before, LayerHead(layer, codes.type, checksum))
+            p.append(body)
+
+        s, payload_bits = self._chunk(chunks.LAYER_TYPE, content)
+        bits = self._append(s, payload_bits)
+        self.layers = after
+        splats = before.others(layer) + len(codes.modes) + codes.intra_count
+        self._most_splats = max(self._most_splats, splats, len(after.splats))
+        self._most_work = max(self._most_work, work)
+        self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
+        spent = {category: bits[category] for category in self._categories if bits[category]}
+        size = self.offset - offset
+        return DecodedLayer(self.frame_count - 1, layer, codes.type, codes, state.splats, spent, offset, size, after)
 
     def write_ancillary(self, chunk_type: str, payload: bytes) -> None:
         """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x.

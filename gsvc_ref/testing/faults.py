@@ -1,7 +1,7 @@
 """Streams with a fault: elements that lie, and surgery on chunks. Checksums are right, so that the fault is reached."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from typing import Any
@@ -15,8 +15,12 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.errors import UsageError
+from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.profiles import AnyCodes
+
+LayersOfFrames = Mapping[int, Sequence[tuple[int, MainCodes]]]
+"""Layers of frames with their codes, in their order, by the number of the frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +144,7 @@ def write_stream(
     *,
     index: bool = True,
     ancillary: dict[int, tuple[str, bytes]] | None = None,
+    layers: LayersOfFrames | None = None,
     lies: Iterable[Lie] = (),
 ) -> bytes:
     """The bytes of a stream.
@@ -152,6 +157,8 @@ def write_stream(
         Whether it has an index.
     ancillary
         Type and payload of a chunk by the number of the frame that it stands before.
+    layers
+        The layers of frames, by the number of the frame.
     lies
         Elements that say something else.
 
@@ -169,6 +176,8 @@ def write_stream(
         if ancillary and number in ancillary:
             writer.write_ancillary(*ancillary[number])
         writer.write_frame(codes)
+        for layer, layer_codes in (layers or {}).get(number, ()):
+            writer.write_layer(layer, layer_codes)
     writer.finish()
     untold = [lie for lie in lies if lie not in liar.told]
     if untold:

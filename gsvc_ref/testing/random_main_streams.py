@@ -16,6 +16,7 @@ from gsvc_ref.main_profile.cells import halving_count
 from gsvc_ref.main_profile.codes import SIDES, MainCodes
 from gsvc_ref.main_profile.densities import ALPHAS, PLANES, SLOPED, Densities, Density
 from gsvc_ref.main_profile.frames import MainState, code_run
+from gsvc_ref.main_profile.layers import Layers
 from gsvc_ref.main_profile.passes import ONE, Distributions, Run
 from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.reconstruction import FrameType
@@ -74,17 +75,40 @@ def random_main_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, 
 
 
 def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
-    """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities."""
+    """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities.
+
+    Where `layer_count` allows it, frames have layers; a chunk of each stands behind most frames.
+    """
     header = make_main_header(choices, max_pixels=max_pixels)
     state = MainState.initial(header.width, header.height)
     codes: list[MainCodes] = []
     splats: list[Splats] = []
+    layers: dict[int, list[tuple[int, MainCodes]]] = {}
+    behind = Layers(header.layer_count - 1)
     for number in range(choices.integer(1, max_frames)):
         frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
         codes.append(frame)
         splats.append(state.splats)
+        behind = behind.behind(frame.type, state)
+        layers[number] = []
+        for layer in range(1, header.layer_count):
+            room = MAX_SPLATS - behind.others(layer) - len(behind.start_of(layer, header).values)
+            if room >= 0 and choices.integer(0, 3) > 0:
+                found, behind = make_layer(choices, header, behind, layer, max_count=max_count)
+                layers[number].append((layer, found))
     header = replace(header, frame_count=len(codes))
-    return Stream(write_stream(header, codes, index=choices.boolean()), header, codes, splats)
+    data = write_stream(header, codes, index=choices.boolean(), layers=layers)
+    return Stream(data, header, codes, splats, layers)
+
+
+def make_layer(
+    choices: Choices, header: SequenceHeader, layers: Layers, layer: int, *, max_count: int = 120
+) -> tuple[MainCodes, Layers]:
+    """A layer that may follow, with at most `max_count` new splats, and the layers behind it."""
+    types = "IPR" if layer in layers.before else "I"
+    before, taken = layers.start_of(layer, header), layers.others(layer)
+    codes, state = make_main_frame(choices, header, before, types=types, max_count=max_count, taken=taken)
+    return codes, layers.with_layer(layer, state)
 
 
 def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
@@ -105,17 +129,19 @@ def make_main_frame(
     max_count: int = 120,
     count: int | None = None,
     kind: Kind | None = None,
+    taken: int = 0,
 ) -> tuple[MainCodes, MainState]:
     """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state behind it.
 
-    With `count` it has so many new splats, and with `kind` symbols of that kind.
+    With `count` it has so many new splats, and with `kind` symbols of that kind. Of the splats that a frame may have,
+    `taken` are those of other layers.
     """
     letters: tuple[FrameType, ...] = ("I", "P", "R")
     frame_type = choices.pick([letter for letter in letters if letter in types])
     if frame_type == "R":
         return MainCodes.repeated_frame(), state
     before = MainState.initial(header.width, header.height) if frame_type == "I" else state
-    room = min(max_count, MAX_SPLATS - len(before.values))
+    room = max(0, min(max_count, MAX_SPLATS - taken - len(before.values)))
     drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     count = drawn if count is None else count
     own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
@@ -129,7 +155,8 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    run = RandomRun(choices.generator(), kind or choices.pick(KINDS))
+    drawn_kind: Kind = choices.pick(KINDS) if kind is None else kind
+    run = RandomRun(choices.generator(), drawn_kind)
     after, codes = code_run(run, before, codes, count)
     return codes, after
 

@@ -25,7 +25,7 @@ from gsvc_ref.reconstruction import (
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing.choices import Choices, SeededChoices
-from gsvc_ref.testing.faults import Lie, write_stream
+from gsvc_ref.testing.faults import LayersOfFrames, Lie, write_stream
 
 MAX_SPLATS = 256
 """Number of splats of any size that every level allows on frames of any size: its work is 256 times its pixels."""
@@ -51,13 +51,16 @@ class Stream:
     header, frames
         Their contents.
     splats
-        The splats of each frame that they stand for, bit for bit.
+        The splats of each frame that they stand for, bit for bit; of a frame with layers, those of the base.
+    layers
+        The layers of frames, by the number of the frame.
     """
 
     data: bytes
     header: SequenceHeader
     frames: Sequence[AnyCodes]
     splats: list[Splats]
+    layers: LayersOfFrames = field(default_factory=dict)
 
     def __repr__(self) -> str:
         types = " ".join(f"{codes.type}({len(splats)})" for codes, splats in zip(self.frames, self.splats, strict=True))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gsvc_conformance.expectations import Exact, Expectation, Refusal
-from gsvc_conformance.operation import Values, exactly, operation, paired
+from gsvc_conformance.operation import exactly, paired
 from gsvc_conformance.operations.bitstream import CONTAINER_RULES
 from gsvc_conformance.spec import header_rows
 from gsvc_ref import spec
@@ -46,17 +46,15 @@ def _layers(**inputs: Any) -> dict[str, Expectation]:
     }
 
 
-@operation(
+paired(
+    "reconstruct_layers",
     "layers",
+    "The splats of all complete frames of a stream in the quality of a layer, and what is wrong with it.",
     inputs="stream: stream; layer: int",
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
     rules=("R-15.13-1", "R-15.13-2", "R-15.13-3"),
     oracle=_layers,
 )
-def reconstruct_layers(stream: bytes, layer: int) -> Values:
-    """The splats of all complete frames of a stream in the quality of a layer, and what is wrong with it."""
-    found: Values = spec.reconstruct_layers(stream, layer)
-    return found
 
 
 paired(

@@ -15,13 +15,14 @@ from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
-from gsvc_ref.main_encoder.intra import IntraSettings, encode_intra
+from gsvc_ref.main_encoder.intra import IntraSettings, encode_intra, encode_intra_psnr
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective, Renderer
+from gsvc_ref.splats import Splats
 
 MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
 """No level allows more splats in a frame."""
@@ -46,6 +47,9 @@ class MainFrameEncoder:
         The settings given.
     state
         The decoder's state after the frames so far.
+    below
+        (B, 8) f4, splats that stand in front of those of the next frame in its picture: the base and the layers below,
+        where it is a layer that is encoded. None: there are none.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -56,6 +60,7 @@ class MainFrameEncoder:
         self._inter = InterEncoder(InterSettings.quick())
         self._quantizer = 0
         self._before: F4 | None = None
+        self.below: F4 | None = None
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -76,22 +81,32 @@ class MainFrameEncoder:
             if codes.type != "R":
                 self.state = frame_body(Writer(), codes.type, self.state, 64, MOST_SPLATS, codes).after
             self._before = picture
-            decoded = self._renderer.frame(self.state.splats, self.bit_depth)
+            below = Splats.empty() if self.below is None else Splats.from_array(self.below)
+            decoded = self._renderer.frame(below.append(self.state.splats), self.bit_depth)
             quality = psnr(frame, decoded, peak)
         return EncodedFrame(codes, self.state, quality, 0, seconds)
 
     def _intra(self, picture: F4, number: int) -> MainCodes:
         rng = np.random.default_rng([self.settings.seed, number])
         threads, precision = self.settings.threads, self.settings.precision
-        found = encode_intra(
-            picture, self._total, rng, settings=IntraSettings.quick(), threads=threads, precision=precision
-        )
+        if self.settings.psnr is None:
+            found = encode_intra(
+                picture, self._total, rng, settings=IntraSettings.quick(), base=self.below, threads=threads,
+                precision=precision,
+            )  # fmt: skip
+        else:
+            found = encode_intra_psnr(
+                picture, self.settings.psnr, rng, IntraSettings.quick(), splats=self._total,
+                most_splats=self.settings.most_splats(self.state.width, self.state.height), base=self.below,
+                threads=threads, precision=precision,
+            )  # fmt: skip
         self._quantizer, self._inter.past = found.codes.quantizer, None
         return self._with_lanes(found.codes)
 
     def _predicted(self, picture: F4) -> MainCodes:
         assert self._before is not None
-        objective = Objective(picture, self.settings.threads, precision=self.settings.precision)
+        threads, precision = self.settings.threads, self.settings.precision
+        objective = Objective(picture, threads, precision=precision, background=self.below)
         quantizer = min(self._quantizer + COARSER, QUANTIZERS - 1)
         codes = self._inter.encode(PFrame(self.state, objective, self._before, picture, quantizer, self._total))
         return self._with_lanes(codes)

@@ -1,0 +1,63 @@
+"""Encoding frame after frame in profile `main` with layers, each in a closed loop of its own (spec.md section 15.13).
+
+Layer l is coded as the base is, with what is below it as a constant background: its splats are fitted to what the base
+and the layers up to l - 1 leave of the frame. It is predicted from itself, so no layer depends on the bits of another.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gsvc_ref.arrays import Frame
+from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.reconstruction import FrameType
+
+
+class LayeredFrameEncoder:
+    """Encodes frames with their layers in order.
+
+    Parameters
+    ----------
+    settings
+        All settings; `layers` or `layer_splats` says how many layers there are, and how good.
+    width, height, bit_depth
+        The size of the frames in pixels, and the bits of a sample.
+
+    Attributes
+    ----------
+    settings
+        The settings given.
+    parts
+        What encodes the base and each layer above it.
+    """
+
+    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+        self.settings = settings
+        self.parts = [MainFrameEncoder(one, width, height, bit_depth) for one in settings.of_layers()]
+
+    @property
+    def state(self) -> MainState:
+        """The decoder's state of the base after the frames so far."""
+        return self.parts[0].state
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that the profile has."""
+        return {**self.parts[0].elements(), "layer_count": len(self.parts)}
+
+    def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Encode a frame (H, W, 3) u1 or u2 and its layers; the next one is predicted from their reconstruction."""
+        base = self.parts[0].encode(frame, frame_type, number, progress)
+        below, quality, seconds = base.state.splats.to_array(), base.psnr, dict(base.seconds)
+        layers = [EncodedLayer(0, base.codes, base.state, quality)]
+        for layer, part in enumerate(self.parts[1:], 1):
+            part.below = below
+            encoded = part.encode(frame, frame_type, number, progress)
+            layers.append(EncodedLayer(layer, encoded.codes, encoded.state, encoded.psnr))
+            below, quality = np.concatenate([below, encoded.state.splats.to_array()]), encoded.psnr
+            for stage, spent in encoded.seconds.items():
+                seconds[stage] = seconds.get(stage, 0.0) + spent
+        return replace(base, psnr=quality, seconds=seconds, layers=tuple(layers))
