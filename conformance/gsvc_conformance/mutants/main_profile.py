@@ -94,6 +94,9 @@ ENTROPY: tuple[Mutant, ...] = (
     mutant(AREA, "density-to-zero", "places in a density rounded to zero below its centre",
         (U, "    product = (edges - 2 * centre) * int(EXP2[-256 * scale_code % 1024])\n"
             "    u = 2**15 + np.sign(product) * (abs(product) >> shift)\n")),
+    mutant(AREA, "density-in-32-bits", "products of a density that wrap around at 32 bits",
+        (U, "    product = (edges - 2 * centre) * int(EXP2[-256 * scale_code % 1024])\n"
+            "    u = 2**15 + ((product + 2**31) % 2**32 - 2**31 >> shift)\n")),
     mutant(AREA, "density-centre-once", "the centre of a density not doubled",
         ("(edges - 2 * centre) * int(EXP2", "(edges - centre) * int(EXP2")),
     mutant(AREA, "density-shift-rounded-down", "a shift of floor(scale_code / 4)",
@@ -314,6 +317,57 @@ INTER: tuple[Mutant, ...] = (
         ("        main.splats = np.concatenate([main.splats, new])\n", "        main.splats = np.concatenate([new, main.splats])\n")),
 )  # fmt: skip
 
+LAYERS: tuple[Mutant, ...] = (
+    mutant(AREA, "layers-in-front", "layers in front of the base",
+        ("np.concatenate([self.base, *map(self.of, sorted(self.there))])",
+         "np.concatenate([*map(self.of, sorted(self.there)), self.base])")),
+    mutant(AREA, "layers-last-first", "the highest layer next to the base",
+        ("*map(self.of, sorted(self.there))])", "*map(self.of, sorted(self.there, reverse=True))])")),
+    mutant(AREA, "layers-of-one-state", "layers that are predicted from the layer below",
+        ("copied(layers.before[layer]) if layer_type",
+         "copied({**layers.before, **layers.there}.get(layer - 1, layers.before[layer])) if layer_type")),
+    mutant(AREA, "layers-above-shown", "the layers above the one that is wanted shown as well",
+        ("    if layer > layers.quality:\n        return\n", "")),
+    mutant(AREA, "layers-below-left-out", "the wanted layer alone on the base, without those below it",
+        ("    if layer > layers.quality:\n", "    if layer != layers.quality:\n")),
+    mutant(AREA, "layers-kept-behind-p", "layers without a chunk that stay behind a P-frame",
+        ("dict(self.there) if frame[\"type\"] == \"R\" else {}", "dict(self.there) if frame[\"type\"] != \"I\" else {}")),
+    mutant(AREA, "layers-gone-behind-r", "layers without a chunk that are gone behind an R-frame",
+        ("dict(self.there) if frame[\"type\"] == \"R\" else {}", "{}")),
+    mutant(AREA, "layers-kept-behind-i", "layers that an I-frame of the base does not end",
+        ("        self.before = {} if frame[\"type\"] == \"I\" else self.there\n", "        self.before = self.there\n")),
+    mutant(AREA, "layers-forgotten-where-repeated", "a layer that is repeated without its splats",
+        ("    if layer_type in \"IP\":\n", "    if layer_type == \"R\":\n        main.forget()\n    else:\n")),
+    mutant(AREA, "layer-order-unchecked", "layers behind a frame in any order",
+        ("    if not layers.last < layer < header[\"layer_count\"]:", "    if not 0 < layer < header[\"layer_count\"]:")),
+    mutant(AREA, "layer-count-unchecked", "layers beyond layer_count",
+        ("    if not layers.last < layer < header[\"layer_count\"]:", "    if not layers.last < layer:")),
+    mutant(AREA, "layer-0-accepted", "a chunk of layer 0",
+        ("    if not layers.last < layer < header[\"layer_count\"]:",
+         "    if layer > 0 and not layers.last < layer < header[\"layer_count\"]:")),
+    mutant(AREA, "layer-types-unchecked", "other types of layers taken for R",
+        ("    if layer_type not in FRAMES:  # R-3.2-1\n", "    if False:\n")),
+    mutant(AREA, "layer-without-i-accepted", "a layer that begins with P or R",
+        ("    if layer_type != \"I\" and layer not in layers.before:  # R-15.13-2\n        raise Fault(\"R-15.13-2\", p.element)\n",
+         "    layers.before.setdefault(layer, MainState())\n")),
+    mutant(AREA, "layer-splats-alone-counted", "the splats of each layer held against the level alone",
+        ("{\"splats\": state.limits[\"splats\"] - len(layers.base) - others}", "{\"splats\": state.limits[\"splats\"]}")),
+    mutant(AREA, "layer-splats-of-two", "the splats of the base and one layer held against the level",
+        ("{\"splats\": state.limits[\"splats\"] - len(layers.base) - others}",
+         "{\"splats\": state.limits[\"splats\"] - len(layers.base)}")),
+    mutant(AREA, "layer-work-unchecked", "the rendering work of layers not held against the level",
+        ("        check_shown(layers.frame[\"parameters\"], chunk_bit, state)\n", "")),
+    mutant(AREA, "layer-checksum-unchecked", "checksums of layers that are not compared",
+        ("        if stated is not None and stated != parameter_checksum(layers.of(layer))[\"checksum\"]:", "        if False:")),
+    mutant(AREA, "layer-checksum-of-all", "checksums of layers over all splats of the frame",
+        ("parameter_checksum(layers.of(layer))", "parameter_checksum(layers.frame[\"parameters\"])")),
+    mutant(AREA, "layer-not-filled", "bytes left over in a layer accepted",
+        ("    check_filled(p)\n    before = layers.frame", "    before = layers.frame")),
+    mutant(AREA, "layers-before-a-fault-lost", "a frame that loses its layers where one of them has a fault",
+        ("        layers.frame[\"parameters\"] = before\n        raise\n",
+         "        layers.frame[\"parameters\"] = layers.base\n        raise\n")),
+)  # fmt: skip
+
 FAULTS: tuple[Mutant, ...] = (
     mutant(AREA, "too-many-lanes-accepted", "more lanes than lane_count accepted",
         ("    if 2 ** body[\"lane_exponent\"] > header[\"lane_count\"]:", "    if False and header:")),
@@ -332,4 +386,4 @@ FAULTS: tuple[Mutant, ...] = (
         ("    if count + before > limits[\"splats\"]:", "    if count > limits[\"splats\"]:")),
 )  # fmt: skip
 
-MUTANTS: Final[tuple[Mutant, ...]] = (*TABLES, *STATES, *ENTROPY, *INTRA, *MOTION, *INTER, *FAULTS)
+MUTANTS: Final[tuple[Mutant, ...]] = (*TABLES, *STATES, *ENTROPY, *INTRA, *MOTION, *INTER, *LAYERS, *FAULTS)
