@@ -188,7 +188,7 @@ def faults_above_the_quality(value: int) -> Inputs:
     assert result(expected, "error") == ""
 
 
-SIZE: Final = {"width": 256, "height": 256}
+SIZE: Final[dict[str, Any]] = {"width": 256, "height": 256}
 """A frame of which 512 splats that cover it are the rendering work of level 1."""
 
 
@@ -210,7 +210,7 @@ def layers_of_as_much_work_as_allowed() -> Inputs:
 @case("uncommon", "reconstruct_layers", flags=["lanes", "many"])
 def layers_of_many_lanes() -> Inputs:
     """Four qualities of 120 splats each, by 64 lanes, in frames of level 2."""
-    layers = [LayerPlan(n, layer, Plan("PI"[n == 0], 60 if n == 0 else 5, 32 - 6 * layer, 6)) for n in range(2)
+    layers = [LayerPlan(n, layer, Plan("P" if n else "I", 5 if n else 60, 32 - 6 * layer, 6)) for n in range(2)
               for layer in range(1, 4)]  # fmt: skip
     stream = with_layers(Draws(59), [Plan("I", 60, 32, 6), Plan("P", 3, 32, 6, 1)], layers, level=2, lane_count=64)
     expected = yield {"stream": stream, "layer": 3}
