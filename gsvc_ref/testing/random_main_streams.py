@@ -25,7 +25,7 @@ from gsvc_ref.testing.faults import write_stream
 from gsvc_ref.testing.random_streams import FEW_SPLATS, MAX_PIXELS, MAX_SPLATS, Stream, make_header
 
 Kind = Literal["likely", "any", "first", "last"]
-KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
+SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
 """Symbols as their frequencies make them likely, each as likely as another, the first, or the last of each pass."""
 
 
@@ -129,7 +129,7 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    run = RandomRun(choices.generator(), kind or choices.pick(KINDS))
+    run = RandomRun(choices.generator(), kind or choices.pick(SYMBOL_KINDS))
     after, codes = code_run(run, before, codes, count)
     return codes, after
 
