@@ -1,11 +1,14 @@
 """The profile of a vector: an implementation that claims it must pass the vector (spec.md section 13.1)."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from gsvc_conformance.operation import Operation, Values
 
 PROFILES: Final = ("paper", "main")
 """The profiles of spec.md section 5, by their values."""
+SINCE: Final[Mapping[str, int]] = {"paper": 1, "main": 3}
+"""The first set with vectors of a profile: those of older sets that state it were made when it was unknown."""
 ANY: Final = "any"
 """The profile of vectors that every claim needs."""
 

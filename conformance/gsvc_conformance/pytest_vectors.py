@@ -414,7 +414,7 @@ def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
 def _verdicts(report: Report) -> list[str]:
     """The verdict of each class of which anything was answered, and the words that can be quoted."""
     groups = report.groups()
-    lines = [f"class {group.name} {group.verdict}: {group.reason}" for group in groups if group.verdict != NOT_CLAIMED]
-    silent = [group.name for group in groups if group.verdict == NOT_CLAIMED]
+    lines = [f"class {group.title} {group.verdict}: {group.reason}" for group in groups if group.verdict != NOT_CLAIMED]
+    silent = [group.title for group in groups if group.verdict == NOT_CLAIMED]
     lines += [f"{NOT_CLAIMED}: {', '.join(silent)}"] * bool(silent)
     return [*lines, *report.quotes()]

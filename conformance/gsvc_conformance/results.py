@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, get_args
 
 from gsvc_conformance.claim import Claim
@@ -11,7 +11,7 @@ from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.names import dimensions, element
 from gsvc_conformance.operation import Group, operations
-from gsvc_conformance.profiles import PROFILES
+from gsvc_conformance.profiles import ANY, PROFILES
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
 from gsvc_ref.cli.text import plural, printable
@@ -117,6 +117,8 @@ class Result:
         The level of spec.md section 5 from which on a claim needs the vector.
     outside
         What the vector needs beside the features of the implementation, in words; empty if nothing, or not asked.
+    profile
+        The profile whose claims need the vector, or ``any``; of an answer of an encoder, that of its stream.
     """
 
     id: str
@@ -132,6 +134,7 @@ class Result:
     size: int = 0
     level: int = 1
     outside: str = ""
+    profile: str = ANY
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -182,6 +185,8 @@ class Summary:
     level
         Of a class: the level of the claim that it passes; without a claim the highest level up to which every vector
         passes. 0 if there is none.
+    profile
+        Of a class with vectors of several profiles: the one that the verdict is about, beside vectors of any profile.
     """
 
     name: str
@@ -191,6 +196,12 @@ class Summary:
     verdict: Verdict | None = None
     reason: str = ""
     level: int = 0
+    profile: str = ""
+
+    @property
+    def title(self) -> str:
+        """The name, with the profile if it is that of one."""
+        return f"{self.name}, profile {self.profile}" if self.profile else self.name
 
     @property
     def total(self) -> int:
@@ -310,11 +321,19 @@ class Report:
             return []
         groups = [group for group in self.groups() if self.claim or group.verdict in ("passed", "waived")]
         declared = self.claim.declared if self.claim else ()
-        return [*map(self._quote, groups), *(f"declares {option}, which no vector judges" for option in declared)]
+        quoted = [self._quote(group, profile) for group in groups for profile in self._quoted_profiles(group)]
+        return [*quoted, *(f"declares {option}, which no vector judges" for option in declared)]
 
-    def _quote(self, group: Summary) -> str:
+    def _quoted_profiles(self, group: Summary) -> Sequence[str]:
+        """The profiles for which a verdict on a class holds; on a class without one, all that have a verdict."""
+        if self.claim or group.profile:
+            return (self.claim.profile if self.claim else group.profile,)
+        own = [result for result in self.results if result.group == group.name and result.profile != ANY]
+        found = _there(own or self.results) or PROFILES[:1]
+        return found if len(found) == 1 or not own else ()  # an encoder whose streams are of several profiles
+
+    def _quote(self, group: Summary, profile: str) -> str:
         level = self.claim.level if self.claim else group.level
-        profile = self.claim.profile if self.claim else PROFILES[0]
         what = f"{self.vectors}, class {group.name}, profile {profile}, level {level}"
         if group.verdict in ("passed", "waived"):
             return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
@@ -325,7 +344,7 @@ class Report:
         """The verdict in a sentence."""
         names: dict[str, list[str]] = {}
         for group in self.groups():
-            names.setdefault(str(group.verdict), []).append(group.name)
+            names.setdefault(str(group.verdict), []).append(group.title)
         parts = [f"{verdict}: {', '.join(names[verdict])}" for verdict in get_args(Verdict) if verdict in names]
         of = f" (only {self.selection})" if self.selection else ""
         return f"{'; '.join(parts)}{of}"
@@ -359,11 +378,19 @@ class Report:
         return [_summary(name, [result for result in self.results if result.operation == name]) for name in names]
 
     def groups(self) -> list[Summary]:
-        """Each conformance class with its verdict, in the order of spec.md, section 13.1."""
+        """Each conformance class with its verdict, in the order of spec.md, section 13.1.
+
+        Without a claim, a class with vectors of several profiles has one verdict for each of them, about its vectors
+        and those of any profile; where nothing of any profile is answered, one verdict for all.
+        """
         there = {result.group for result in self.results}
         names = [name for name in get_args(Group) if name in there]
         claimed = self.claim.level if self.claim else None
-        return [_class(name, [result for result in self.results if result.group == name], claimed) for name in names]
+        return [
+            summary
+            for name in names
+            for summary in _classes(name, [result for result in self.results if result.group == name], claimed)
+        ]
 
 
 def simplest_first(results: Iterable[Result]) -> list[Result]:
@@ -408,6 +435,31 @@ def _element(operation: str, output: OutputResult) -> str:
     if known is None or len(place) != len(dimensions(known, output.name)):
         return str(list(place))
     return element(known, output.name, place)
+
+
+def _there(results: Iterable[Result]) -> tuple[str, ...]:
+    """The profiles of which any vector is answered, rightly or wrongly."""
+    found = {result.profile for result in results if result.outcome not in ("unsupported", "skipped")}
+    return tuple(profile for profile in PROFILES if profile in found)
+
+
+def _classes(name: str, results: Sequence[Result], claimed: int | None) -> list[Summary]:
+    """The verdicts of a class, one for each profile that it has vectors of."""
+    profiles = [profile for profile in PROFILES if any(result.profile == profile for result in results)]
+    answered = _there(results)
+    if len(profiles) < 2 or not answered or name == "encoder":
+        return [_class(name, results, claimed)]
+    return [
+        replace(
+            _class(
+                name,
+                [one for one in results if one.profile == profile or (profile in answered and one.profile == ANY)],
+                claimed,
+            ),
+            profile=profile,
+        )
+        for profile in profiles
+    ]
 
 
 def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,12 +15,19 @@ from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
+from gsvc_conformance.profiles import stated_profile
 from gsvc_conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from gsvc_conformance.side_by_side import comparison
 from gsvc_conformance.vector import Vector
 
 T = TypeVar("T")
 U = TypeVar("U")
+
+PROFILE_REASONS: Final[Mapping[str, Sequence[list[str]]]] = {
+    "main": ([], ["R-5-6"], ["R-5-6", "96"], ["R-3.2-1", "96"]),
+    "paper": (["R-5-6"], ["R-5-6", "96"]),
+}
+"""What stands behind `unsupported` where a stream of a profile is refused for its profile, at byte 12 (R-5-6)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +57,7 @@ def run_suite(
     repeat: int = 1,
     level: int = 1,
     features: Features | None = None,
+    profile: str = "",
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -69,6 +77,8 @@ def run_suite(
         Number of times that each is asked for, one after the other.
     level
         The level up to which no stream may be refused as unsupported: that of the claim, or the lowest.
+    profile
+        The profile of the claim, which streams of encoders must state; empty without a claim.
     features
         What the implementation is made for: it must answer every vector inside, and may refuse every other one.
     """
@@ -79,7 +89,7 @@ def run_suite(
             skipped = _result(vector, "skipped", skips[vector.id])
             return lambda: Judged(vector, None, by_features(skipped, features.outside(vector)) if features else skipped)
         answers = list(_asked(implementation, vector, repeat))
-        return lambda: judge_answers(vector, answers, implementation.in_full, level, features)
+        return lambda: judge_answers(vector, answers, implementation.in_full, level, features, profile)
 
     results = []
     with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
@@ -135,10 +145,13 @@ def judge_answers(
     in_full: bool = False,
     level: int = 1,
     features: Features | None = None,
+    profile: str = "",
 ) -> Judged:
     """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
     outside = features.outside(vector) if features else ""
     judged = [judge_answer(vector, answer, in_full, level, outside) for answer in answers]
+    if vector.operation.name == "encode_video":
+        judged = [replace(one, result=_by_profile(one, profile)) for one in judged]
     if features:
         judged = [replace(one, result=by_features(one.result, outside)) for one in judged]
     wrong = [number for number, one in enumerate(judged) if one.result.outcome in FAULTS]
@@ -148,6 +161,18 @@ def judge_answers(
     difference = _difference(keys, len(wrong), len(judged)) if len(set(keys)) > 1 else ""
     message = "; ".join(part for part in (difference, worst.result.message) if part)
     return replace(worst, result=replace(worst.result, message=message, seconds=seconds))
+
+
+def _by_profile(judged: Judged, claimed: str) -> Result:
+    """The result of an encoder, whose streams must be of the profile that is claimed, if one is (R-13-7)."""
+    if judged.outputs is None or judged.result.outcome != "pass":
+        return judged.result
+    stated = stated_profile(judged.outputs["stream"])
+    if claimed in ("", stated):
+        return replace(judged.result, profile=stated)
+    return replace(
+        judged.result, outcome="fail", message=f"output stream is of profile {stated}, and the claim is {claimed}"
+    )
 
 
 def _difference(keys: Sequence[object], wrong: int, times: int) -> str:
@@ -247,8 +272,9 @@ def judge_outputs(
     wrong = [output for output in judged if not output.passed]
     if not wrong:
         return _result(vector, "pass", "", judged, seconds)
-    if (outside or vector.level > level) and (refusal := _refusal_as_unsupported(vector, outputs)):
-        why = refusal if outside else f"{refusal}: its level is {vector.level}"
+    if refusal := _refusal_as_unsupported(vector, outputs, allowed=bool(outside) or vector.level > level):
+        above = vector.level > level and not outside
+        why = f"{refusal}: its level is {vector.level}" if above else refusal
         return _result(vector, "unsupported", why, seconds=seconds)
     message = "; ".join(
         f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
@@ -291,11 +317,16 @@ def _elements(vector: Vector, name: str, outputs: Values) -> str:
     return elements_named(vector, outputs[name], expectation.value) if isinstance(expectation, Refusal) else ""
 
 
-def _refusal_as_unsupported(vector: Vector, outputs: Values) -> str:
-    """The sentence about a stream that is refused as unsupported, without frames; empty if it is not."""
+def _refusal_as_unsupported(vector: Vector, outputs: Values, *, allowed: bool) -> str:
+    """The sentence about a stream that is refused as unsupported, without frames; empty if it is not.
+
+    It is `allowed` for any reason, or its profile must be the reason.
+    """
     for name, expected in vector.expected.items():
         given = outputs[name]
-        if isinstance(expected, Refusal) and isinstance(given, str) and given.split()[:1] == ["unsupported"]:
+        if not isinstance(expected, Refusal) or not isinstance(given, str) or given.split()[:1] != ["unsupported"]:
+            continue
+        if allowed or given.split()[1:] in PROFILE_REASONS.get(vector.profile, ()):
             others = [value for other, value in outputs.items() if other != name]
             return f"{name} is {given!r}" if all(map(_is_nothing, others)) else ""
     return ""
@@ -310,8 +341,9 @@ def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
     return Result(
-        vector.id, vector.title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level
-    )
+        vector.id, vector.title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level,
+        profile=vector.profile,
+    )  # fmt: skip
 
 
 def _copies(inputs: Values) -> Values:

@@ -9,6 +9,8 @@ from gsvc_ref import spec
 from gsvc_ref.document import PATH, blocks
 
 SPEC: Final = PATH
+SLOW: Final = "[nearest_exp2(i) for i in range(1024)]"
+"""What makes EXP2."""
 
 Patch = tuple[str, str]
 """A text of the code, which occurs exactly once, and what stands there instead."""
@@ -91,7 +93,13 @@ def _patched(patches: tuple[Patch, ...]) -> list[str]:
         if len(homes) != 1:
             raise LookupError(f"{old!r} occurs {len(homes)} times in the code of spec.md, not once")
         code[homes[0]] = code[homes[0]].replace(old, new)
-    return code
+    return [_with_table(block) if block == before else block for block, before in zip(code, blocks(), strict=True)]
+
+
+@cache
+def _with_table(block: str) -> str:
+    """A block with the numbers of EXP2 in place of what makes them, which takes longer than all the other code."""
+    return block.replace(SLOW, str(spec.EXP2.tolist()))
 
 
 @cache

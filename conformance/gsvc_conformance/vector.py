@@ -23,7 +23,7 @@ from gsvc_conformance.encoding import Task
 from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expectation, Rate, Refusal
 from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
-from gsvc_conformance.profiles import profile_of
+from gsvc_conformance.profiles import ANY, profile_of
 from gsvc_conformance.runs import pack, unpack
 from gsvc_ref.errors import UsageError
 
@@ -59,6 +59,11 @@ class Vector:
     def tier(self) -> str:
         """``core``, ``uncommon``, ``stress`` or ``faulty``."""
         return self.id.partition("/")[0]
+
+    @property
+    def profile(self) -> str:
+        """The profile whose claims need the vector, or ``any`` (spec.md section 13.1)."""
+        return str(self.manifest.get("profile", ANY))
 
     @property
     def level(self) -> int:

@@ -26,7 +26,7 @@ from gsvc_ref.testing.faults import write_stream
 from gsvc_ref.testing.random_streams import FEW_SPLATS, MAX_PIXELS, MAX_SPLATS, Stream, make_header
 
 Kind = Literal["likely", "any", "first", "last"]
-KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
+SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
 """Symbols as their frequencies make them likely, each as likely as another, the first, or the last of each pass."""
 
 

@@ -21,8 +21,13 @@ from gsvc_ref.bitstream.chunks import MAGIC, VERSION_MAJOR, VERSION_MINOR
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.crc import crc32c, parameter_checksum
 from gsvc_ref.bitstream.frames import splat_block
+from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
+from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import Densities, Density
+from gsvc_ref.main_profile.frames import MainState, frame_body
+from gsvc_ref.reconstruction import Kept, SplatBlock
+from gsvc_ref.spec import step_of
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream
 
@@ -139,26 +144,64 @@ def survivor_map(*symbols: int) -> Row:
     return Row(p.getvalue(), "`survivor_map`", "symbols " + ", ".join(map(str, symbols)))
 
 
-def second_profile() -> Example:
+MAIN_HEADER: Final = SequenceHeader(
+    profile=1, level=1, width=16, height=12, frame_rate_numerator=25, frame_count=3, layer_count=2
+)
+"""The header of the streams of profile `main`: that of section 4.2 as far as the elements are the same."""
+PLANES: Final = (Density(0, 8, 90), Density(1, 6, 10, 6), Density(1, 5, 8, 5), Density(0, 20, 20, -8),
+                 Density(1, 21, 2, 1), Density(0, 24, -3))  # fmt: skip
+
+
+def main_splat(cell: list[int], colors: list[int]) -> MainCodes:
+    """An I-frame of one round splat at a corner of a cell."""
+    new = IntraCodes(*(np.array([row], np.int64) for row in (cell, colors, [2, 0, 0], [0, 0])))
+    return MainCodes(type="I", quantizer=24, densities=Densities(PLANES, (3, 3, 3, 3)), new=new)
+
+
+def main_body(codes: MainCodes, before: MainState) -> tuple[list[Row], MainState]:
+    """The rows of frame_body(), and the state behind it."""
+    p = Writer()
+    after = frame_body(p, codes.type, before, 1, 16384, codes).after
+    data = p.getvalue()
+    count = "splat_count" if codes.type == "I" else "new_splat_count"
+    tools = f"{codes.motion_cell << 3 | (codes.densities is not None) << 2:08b}"
+    said = f"{tools} in binary: 1 lane, {'no field' if codes.motion_cell == 0 else 'a field'}"
+    rows = [
+        Row(data[:1], "`quantizer`", f"{codes.quantizer}: D is {step_of(codes.quantizer) / 16:g}"),
+        Row(data[1:2], "`lane_exponent` to `frame_reserved`", said + (", densities" if codes.densities else "")),
+        Row(data[2:3], f"`{count}`", str(len(codes.new))),
+    ]
+    end = 3
+    if codes.densities:
+        end += 18
+        rows.append(Row(data[3:end], "densities()", "six planes, and four halvings with α = 4"))
+    rows.append(Row(data[end : end + 4], "`lane_state`", f"{int.from_bytes(data[end : end + 4], 'little'):08X}"))
+    words = data[end + 4 :]
+    rows += [Row(words, "`word`", f"{len(words) // 2} words")] if words else []
+    return rows, after
+
+
+def main_frames() -> list[list[Row]]:
+    """The payloads of the frames I, P and R of profile `main`."""
+    first, state = main_body(main_splat([1, 1], [9, 2, 0]), MainState.initial(16, 12))
+    q = np.array([[3, -1, 0, 0, 0, -2, 0, 0]], np.int64)
+    second, _ = main_body(MainCodes(type="P", quantizer=24, modes=np.array([5]), differences=q), state)
+    return [[number("frame_number", n), *rows] for n, rows in enumerate((first, second, []))]
+
+
+def main_header() -> list[Row]:
     own = [
-        Row(
-            HEADER[23:30], "`bit_depth` to `chroma_sample_loc_type`", "as in section 4.2, here by choice of the profile"
-        ),
+        Row(HEADER[23:30], "`bit_depth` to `chroma_sample_loc_type`", AS_BEFORE, True),
         Row(b"\x01", "`lane_count`", "1"),
+        Row(b"\x02", "`layer_count`", "2"),
     ]
-    frame = [
-        number("frame_number", 0),
-        Row(b"\x28", "`qp`", "40: the quantiser of the frame, 8 steps an octave"),
-        number("splat_count", 1),
-        number("word_count", 0),
-        Row(
-            (1 << 16).to_bytes(4, "little"),
-            "`lane_state`",
-            "65536: the one run of the frame's entropy coder, empty here",
-        ),
-    ]
-    rows = [prefix(), *header(profile=1, frame_count=1, rest=own), *chunk("I", frame), *end(1)]
-    return Example("F.3", rows, 0, "unsupported R-3.2-1 96")
+    return header(profile=1, rest=own)
+
+
+def second_profile() -> Example:
+    """A stream of profile `main`."""
+    i, p, r = main_frames()
+    return Example("F.3", [prefix(), *main_header(), *chunk("I", i), *chunk("P", p), *chunk("R", r), *end(3)], 3)
 
 
 def optional_elements() -> Example:
@@ -218,20 +261,12 @@ def reordered(*, flagged: bool = True) -> Example:
 
 
 def layers() -> Example:
-    codes = SplatBlock(
-        positions=halves(0.25, 0.25),
-        cholesky=np.array([[4, 16, 4]], np.uint16),
-        colors=np.zeros((1, 1), np.uint16),
-        quantizer=Quantizer(np.full(3, 0.25, np.float32), np.array([0, -4, 0], np.float32)),
-        codebooks=(np.array([[0, 0.5, 0]], HALF),),
-    )
-    added = [
-        number("layer", 1),
-        number("splat_count", 1),
-        block("intra", codes, "a green splat at (10, 7.5) with l11 = l22 = 1"),
-    ]
-    rows = [prefix(), *known(0), *known(1), *chunk("n", added), *known(2), *known(3), *known(4)]
-    return Example("F.6", rows, 3)
+    """The stream of F.3 with a splat more in frame 0."""
+    i, p, r = main_frames()
+    body, _ = main_body(main_splat([2, 1], [2, 0, -6]), MainState.initial(16, 12))
+    added = [Row(b"\x01", "`layer`", "1"), Row(b"I", "`layer_type`", "`I`"), *body]
+    frames = [*chunk("I", i), *chunk("n", added), *chunk("P", p), *chunk("R", r)]
+    return Example("F.6", [prefix(), *main_header(), *frames, *end(3)], 3)
 
 
 def time_stamps() -> Example:

@@ -17,6 +17,7 @@ from growth_examples import (
     place,
     private_chunk,
     reordered,
+    second_profile,
     time_stamps,
     written,
 )
@@ -69,8 +70,8 @@ def test_the_container_is_the_same(example):
 
 
 def test_what_is_ancillary_changes_no_frame():
-    before = gsvc_ref.reconstruct_stream(OVERVIEW)
-    for example in (layers(), time_stamps(), private_chunk()):
+    paper, main = (gsvc_ref.reconstruct_stream(data) for data in (OVERVIEW, second_profile().data))
+    for before, example in ((main, layers()), (paper, time_stamps()), (paper, private_chunk())):
         answer = gsvc_ref.reconstruct_stream(example.data)
         assert answer.parameters.tobytes() == before.parameters.tobytes()
         assert answer.counts.tolist() == before.counts.tolist()
@@ -96,7 +97,7 @@ def test_the_shift_does_what_the_differences_did():
 
 def read_splats(names, p, kind, count, reference=None):
     """The splats of a block, by the code of spec.md, in a decoder of tomorrow."""
-    header = dict(zip((name for name, *_ in names["HEADER"]), [0] * 22, strict=True))
+    header = dict.fromkeys((name for name, *_ in spec.header_rows("paper")), 0)
     header |= {"level": 1, "cholesky_bits": 6, "color_stages": 1, "color_codewords": 1, "entropy_precision": 14}
     state = names["State"](header | {"lane_count": 1})
     block = names["read_splat_block"](p, state, count, kind)
@@ -108,12 +109,22 @@ def read_splats(names, p, kind, count, reference=None):
 
 
 def test_a_layer_holds_the_splat_that_it_is_said_to():
-    names = spec.namespace()
-    p = names["Bits"](payload(layers(), "n"))
-    assert [p.uv(), p.uv()] == [1, 1]
-    assert read_splats(names, p, "intra", 1).tolist() == [[10, 7.5, 1, 0, 1, 0, 0.5, 0]]
-    names["check_filled"](p)
-    assert "a green splat at (10, 7.5) with l11 = l22 = 1" in clause("F.6")
+    answer = spec.namespace()["reconstruct_layers"](layers().data, 1)
+    assert answer["error"] == ""
+    assert answer["counts"].tolist() == [2, 1, 1]
+    x, y, l11, l21, l22, r, g, b = answer["parameters"][1].tolist()
+    assert f"a green splat at ({x:g}, {y:g})" in clause("F.6")
+    assert (l11, l21) == (l22, 0)
+    assert g > 4 * abs(r)
+    assert r == b
+
+
+def test_the_stream_of_profile_main_holds_what_it_is_said_to():
+    answer = gsvc_ref.reconstruct_stream(second_profile().data)
+    places = answer.parameters[:, :2].tolist()
+    assert places[1] == places[2]
+    (x, y), (moved_x, moved_y) = places[:2]
+    assert f"moves from ({x:g}, {y:g}) to ({moved_x:g}, {moved_y:g})" in " ".join(clause("F.3").split())
 
 
 def test_a_frame_between_takes_the_splat_of_its_first_reference_half_of_the_way():
@@ -151,7 +162,7 @@ def test_the_registry_has_every_letter_once_and_in_its_class():
 def test_what_is_assigned_is_what_the_decoder_knows():
     assigned = {row[0].strip("`") for row in registry() if row[5] == "assigned"}
     assert {letter for letter in assigned if letter.isupper()} == set(spec.namespace()["CRITICAL"])
-    assert {letter for letter in assigned if letter.islower()} == {"x", "d"}
+    assert {letter for letter in assigned if letter.islower()} == {"x", "d", "n"}
     rows = re.findall(
         r"^\| `(profile|level)` \| (\d+)(?: to (\d+))? \| .*?\| ([a-z ]+) \|", clause("F.10"), re.MULTILINE
     )

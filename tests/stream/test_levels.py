@@ -43,7 +43,7 @@ def test_levels_up_to_the_highest_are_read(level: int, max_level: int) -> None:
 @pytest.mark.parametrize(
     ("lie", "rule"),
     [
-        (Lie("profile", 1), "R-3.2-1"),
+        (Lie("profile", 2), "R-3.2-1"),
         (Lie("level", 6), "R-3.2-1"),
         (Lie("flags", 128), "R-5-6"),
         (Lie("width", 0), "R-5-6"),

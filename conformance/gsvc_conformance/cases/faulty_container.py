@@ -27,7 +27,7 @@ OUT_OF_RANGE: Final = {
 }  # fmt: skip
 """Values beside the ranges of section 6.3."""
 
-RESERVED: Final = {"profile": (1, 255), "level": (0, 6, 255), "flags": (4, 7, 0x80)}
+RESERVED: Final = {"profile": (2, 255), "level": (0, 6, 255), "flags": (4, 7, 0x80)}
 """Reserved values of section 6.3."""
 
 CHUNK_NAMES: Final = ("header", "i_frame", "p_frame", "r_frame", "index", "end")

@@ -35,7 +35,7 @@ def version_faults() -> Iterator[Broken]:
     yield Broken("R-6.2-3", "malformed", "later_version_header_too_short",
                  "version_minor is 9, and the header lacks its last byte", STILL,
                  partial(_edited, 0, lambda payload: payload[:-1]))  # fmt: skip
-    for element, said in (("profile", 1), ("level", 6), ("flags", 4)):
+    for element, said in (("profile", 2), ("level", 6), ("flags", 4)):
         yield Broken("R-3.2-1", "unsupported", f"later_version_{element}_{said}",
                      f"version_minor is 9, {element} {said}", STILL,
                      partial(overview, LATER, Lie(element, said)))  # fmt: skip

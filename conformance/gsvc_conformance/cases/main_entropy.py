@@ -245,7 +245,7 @@ def unequal_halves(value: tuple[int, int]) -> Inputs:
     """7 splats where the second half is cut by the border, cells of it that are left: {key}; a density, no table."""
     expected = yield half(7, *value)
     frequencies = np.diff(result(expected, "cumulative"))
-    assert frequencies.argmax() == 7 * (256 * value[0] // sum(value)) // 256
+    assert abs(frequencies.argmax() - 7 * value[0] / sum(value)) < 0.5
 
 
 @case("core", "half_frequencies", flags=["ties"], each={"3_of_3": (3, 3), "5_of_20": (5, 20), "13_of_2": (13, 2)},

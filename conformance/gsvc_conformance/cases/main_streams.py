@@ -1,4 +1,4 @@
-"""Streams of profile `main`: frames of all types, fields, lanes, densities and layers (spec.md section 15)."""
+"""Streams of profile `main`: frames of all types, fields, lanes and densities (spec.md section 15)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -6,18 +6,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance.case import Inputs, case
-from gsvc_conformance.cases.building import frames_of, on, operated, result
+from gsvc_conformance.case import Inputs
+from gsvc_conformance.cases.building import frames_of, on, result
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.draws import Draws
 from gsvc_ref.main_profile.cells import halving_count
 from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import PLANES, Densities, Density
-from gsvc_ref.main_profile.frames import MainState, code_run, frame_body
+from gsvc_ref.main_profile.frames import MainState, code_run
 from gsvc_ref.reconstruction import FrameType
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing import write_stream
 from gsvc_ref.testing.random_main_streams import Kind, RandomRun
 
@@ -103,6 +101,14 @@ def one() -> MainCodes:
 
 def _rows(*row: int) -> Any:
     return np.array([row], np.int64)
+
+
+def crowd(header: SequenceHeader, sizes: Any, count: int) -> MainCodes:
+    """An I-frame of splats of class 2 in the first cell, whose codes of size and aspect are `sizes`."""
+    planes = (*PLAUSIBLE.planes[:3], Density(0, 20, 144), *PLAUSIBLE.planes[4:])
+    rows = np.ones((count, 1), np.int64)
+    new = IntraCodes(rows * [0, 0], rows * [4, -1, 0], rows * [*sizes, 0], rows * [0, 0])
+    return MainCodes(type="I", quantizer=24, densities=densities_for(header, planes), new=new)
 
 
 # --- Frames ----------------------------------------------------------------------------------------------------------
@@ -238,6 +244,29 @@ def main_rendered(rng: Draws) -> Inputs:
     assert result(expected, "frames").any()
 
 
+@on("core", *READ, equations=["15-12"], flags=["prediction"], each={"64_pixels": 1, "32_pixels": 2, "16_pixels": 3})
+def main_smooth_motion(value: int, rng: Draws) -> Inputs:
+    """A camera that turns and comes closer, twice: the field is smooth, and its cells are {key}."""
+    width, height, side = 240, 160, spec.SIDES[value]
+    header = replace(MAIN_HEADER, width=width, height=height)
+    first, state = frame_of(header, Plan("I", 60), MainState.initial(width, height), rng)
+    x, y = np.meshgrid(np.arange(side // 2, width + side // 2, side), np.arange(side // 2, height + side // 2, side))
+    vectors = np.stack([12 + (x - 120) // 20 - (y - 80) // 10, -5 + (x - 120) // 10 + (y - 80) // 20], axis=2)
+    moved = MainCodes(type="P", quantizer=24, motion_cell=value, vectors=vectors.astype(np.int64),
+                      modes=np.zeros(60, np.int64), differences=np.zeros((60, 8), np.int64))  # fmt: skip
+    expected = yield {"stream": write_stream(header, [first, moved, moved], index=False)}
+    if "fields" in expected:
+        assert len(np.unique(result(expected, "states").reshape(3, 60, 8)[1, :, 0] - state.values[:, 0])) > 10
+
+
+@on("core", *READ, flags=["many"])
+def main_three_frames_of_a_clip(rng: Draws) -> Inputs:
+    """Frames I, P and P of 176x144 as an encoder writes them: 90 splats, most of which stay as they are."""
+    plans = Plan("I", 90, 30, 2), Plan("P", 4, 30, 2, 2), Plan("P", 3, 30, 2, 2, own=False)
+    expected = yield {"stream": main_stream(rng, *plans, width=176, height=144, parameter_checksum_flag=True)}
+    assert len(result(expected, "counts")) == 3
+
+
 # --- Rare and extreme ------------------------------------------------------------------------------------------------
 
 
@@ -296,116 +325,12 @@ def main_extreme_densities(value: tuple[Density, ...], rng: Draws) -> Inputs:
     assert len(result(expected, "counts")) == 2
 
 
-# --- Layers ----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class LayerPlan:
-    """A chunk of a layer behind a frame: the frame, the layer, and what it has."""
-
-    frame: int
-    layer: int
-    plan: Plan
-
-
-def with_layers(rng: Draws, plans: tuple[Plan, ...], layers: Iterable[LayerPlan], **header: Any) -> bytes:
-    """A stream with chunks `n` behind its frames; `layers` by frame and layer."""
-    made = replace(MAIN_HEADER, layer_count=4, **header)
-    base = write_stream(made, codes_of(made, plans, rng), index=False)
-    behind: dict[int, list[tuple[bytes, bytes]]] = {}
-    states: dict[int, MainState] = {}
-    for entry in layers:
-        before = states.get(entry.layer, MainState.initial(made.width, made.height))
-        codes, after = frame_of(made, entry.plan, before, rng)
-        states[entry.layer] = after
-        chunk = b"n", layer_payload(made, entry.layer, entry.plan.type, before, codes, after.splats)
-        behind.setdefault(entry.frame, []).append(chunk)
-    frames = iter(range(len(plans)))
-    return operated(
-        lambda chunks: [
-            new for chunk in chunks for new in [chunk, *(behind.get(next(frames), []) if chunk[0] in b"IPR" else [])]
-        ],
-        base,
-    )
-
-
-def layer_payload(
-    header: SequenceHeader, layer: int, layer_type: FrameType, before: MainState, codes: MainCodes, splats: Splats
-) -> bytes:
-    """The payload of a chunk `n`."""
-    from gsvc_ref.bitstream.crc import parameter_checksum
-
-    s = Writer()
-    s.le("layer", 1, layer)
-    s.le("layer_type", 1, ord(layer_type))
-    if header.parameter_checksum_flag:
-        s.le("parameter_checksum", 4, int(parameter_checksum(splats)))
-    if layer_type != "R":
-        frame_body(s, layer_type, before, header.lane_count, header.limits.splats, codes)
-    return s.getvalue()
-
-
-BASE: Final = Plan("I", 6), Plan("P", 1), Plan("R"), Plan("P", 2)
-LAYERS: Final = (
-    LayerPlan(0, 1, Plan("I", 8, 16)), LayerPlan(0, 2, Plan("I", 4, 12)), LayerPlan(1, 1, Plan("P", 2, 16)),
-    LayerPlan(1, 2, Plan("R")), LayerPlan(2, 2, Plan("P", 1, 12)), LayerPlan(3, 1, Plan("P", 0, 20, motion_cell=3)),
-    LayerPlan(3, 2, Plan("I", 3, 8)), LayerPlan(3, 3, Plan("I", 2, 8)),
-)  # fmt: skip
-
-
-@case("core", "reconstruct_layers", each={str(layer): layer for layer in range(4)})
-def quality(value: int) -> Inputs:
-    """A stream of a base and three layers, in quality {key}: splats of layers stand behind those of the base."""
-    stream = with_layers(Draws(19), BASE, LAYERS)
-    expected = yield {"stream": stream, "layer": value}
-    assert result(expected, "error") == ""
-    counts = result(expected, "counts")
-    base = spec.reconstruct_stream(stream)["counts"]
-    assert (counts >= base).all()
-    assert bool((counts > base).any()) == (value > 0)
-
-
-@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
-def layer_behind_an_r_frame() -> Inputs:
-    """Behind an R-frame without its chunk a layer is there as before; behind a P-frame without it, it is gone."""
-    plans = Plan("I", 4), Plan("R"), Plan("P", 1), Plan("P"), Plan("I", 2)
-    layers = LayerPlan(0, 1, Plan("I", 5)), LayerPlan(3, 1, Plan("I", 3))
-    expected = yield {"stream": with_layers(Draws(23), plans, layers), "layer": 1}
-    base = spec.reconstruct_stream(with_layers(Draws(23), plans, layers))["counts"]
-    assert (result(expected, "counts") - base).tolist() == [5, 5, 0, 3, 0]
-
-
-@case("core", "reconstruct_layers", rules=["R-6.4-3"])
-def layers_with_checksums() -> Inputs:
-    """Each layer has the checksum of its own splats."""
-    stream = with_layers(Draws(29), BASE, LAYERS, parameter_checksum_flag=True)
-    expected = yield {"stream": stream, "layer": 3}
-    assert result(expected, "error") == ""
-
-
-@case("core", "reconstruct_stream")
-def base_of_layers() -> Inputs:
-    """A decoder that shows the base alone skips the chunks of layers."""
-    expected = yield {"stream": with_layers(Draws(19), BASE, LAYERS)}
-    assert result(expected, "error") == ""
-
-
-FAULTY_LAYERS: Final[dict[str, tuple[tuple[LayerPlan, ...], str, str]]] = {
-    "layer_0": ((LayerPlan(0, 0, Plan("I", 2)),), "R-15.13-1", "a chunk of layer 0, which is the base"),
-    "layer_4": ((LayerPlan(0, 4, Plan("I", 2)),), "R-15.13-1", "a chunk of layer 4, while layer_count is 4"),
-    "not_in_order": ((LayerPlan(0, 2, Plan("I", 2)), LayerPlan(0, 1, Plan("I", 2))), "R-15.13-1",
-                     "a chunk of layer 1 behind one of layer 2"),
-    "twice": ((LayerPlan(0, 1, Plan("I", 2)), LayerPlan(0, 1, Plan("P"))), "R-15.13-1", "two chunks of layer 1"),
-    "p_without_i": ((LayerPlan(0, 1, Plan("P", 2)),), "R-15.13-2", "a layer that begins with P"),
-    "r_without_i": ((LayerPlan(1, 1, Plan("R")),), "R-15.13-2", "a layer that begins with R"),
-    "p_behind_a_gap": ((LayerPlan(0, 1, Plan("I", 2)), LayerPlan(3, 1, Plan("P"))), "R-15.13-2",
-                       "a layer that goes on with P, while the P-frame before it has no chunk of it"),
-}  # fmt: skip
-
-
-@case("faulty", "reconstruct_layers", each=FAULTY_LAYERS, flags=["check-order"])
-def faulty_layer(value: tuple[tuple[LayerPlan, ...], str, str]) -> Inputs:
-    """A stream with layers: {key}."""
-    layers, rule, _ = value
-    expected = yield {"stream": with_layers(Draws(31), BASE, layers), "layer": 3}
-    assert result(expected, "error").split()[1] == rule
+@on("stress", *READ, equations=["15-6", "15-9"], flags=["overflow"])
+def main_products_beyond_32_bits(rng: Draws) -> Inputs:
+    """500 splats of 17 cells in a row, all of them in the last one: (e - 2 m) EXP2 of (15-6) exceeds 2^31."""
+    centre = 500 * (256 * 16 // 17) // 4
+    assert (2 * centre - 64) * int(spec.EXP2.min()) < 2**31 < (2 * centre - 64) * int(spec.EXP2[512])
+    planes = tuple(Density(d.family, 31, d.centre, d.slope) for d in PLAUSIBLE.planes)
+    expected = yield {"stream": main_stream(rng, Plan("I", 500, 50, planes=planes, kind="first"), width=68, height=4)}
+    if "states" in expected:
+        assert (result(expected, "states")[:, 0] >> 10 == 16).all()

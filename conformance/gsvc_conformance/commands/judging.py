@@ -216,6 +216,7 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                 implementation, plan.folder.read(order), waivers=plan.waivers.reasons(plan.names), skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
                 level=plan.claim.level if plan.claim else 1, features=plan.features,
+                profile=plan.claim.profile if plan.claim else "",
             )  # fmt: skip
             display.update("looking for causes", len(plan.names), len(plan.names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)

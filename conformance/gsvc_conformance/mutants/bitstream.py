@@ -1,6 +1,7 @@
 """Mutants of descriptors, chunks, frames, planes, entropy coding and counters."""
 
 from gsvc_conformance.mutants.mutant import Mutant, mutant
+from gsvc_conformance.mutants.places import FLAG, LIMIT, NUMBER, WORK, all_work, in_frames, modulo
 
 AREA = "bitstream"
 ENTROPY = "entropy coding"
@@ -43,7 +44,7 @@ SYNTAX: tuple[Mutant, ...] = (
     mutant(AREA, "aspect-ratio-demanded", "unknown sample aspect ratios refused",
         ('    ("sample_aspect_numerator", 2, 0, 65535),', '    ("sample_aspect_numerator", 2, 1, 65535),')),
     mutant(AREA, "checksum-flag-ignored", "no parameter checksum expected",
-        ('if state.header["flags"] & 1:', "if False:")),
+        *in_frames(NUMBER, FLAG, FLAG.replace('state.header["flags"] & 1', "False"))),
     mutant(AREA, "checksum-by-splat", "a parameter checksum over the parameters splat by splat",
         ("data = stored[:, 0:2].tobytes() + stored[:, 2:5].tobytes() + stored[:, 5:8].tobytes()",
          "data = stored.tobytes()")),
@@ -66,7 +67,7 @@ SYNTAX: tuple[Mutant, ...] = (
         ('np.stack([read_axis(p, state.header, count) for _ in "xy"], axis=1)',
          'np.stack([read_axis(p, state.header, count) for _ in "xy"][::-1], axis=1)')),
     mutant(AREA, "l21-and-l22-exchanged", "the channels in the order l11, l22, l21",
-        ("return np.stack(columns, axis=1)", "return np.stack([columns[0], columns[2], columns[1]], axis=1)")),
+        ("    return np.stack(columns, axis=1)\n", "    return np.stack([columns[0], columns[2], columns[1]], axis=1)\n")),
     mutant(AREA, "one-quantizer", "one quantiser for all channels",
         ('kept["quantizer"] = np.array(scale, np.float32), np.array(offset, np.float32)',
          'kept["quantizer"] = np.array(scale[:1] * 3, np.float32), np.array(offset[:1] * 3, np.float32)')),
@@ -159,7 +160,8 @@ RANS: tuple[Mutant, ...] = (
         ("    if taken < word_count:\n", "    if False:\n")),
     mutant(ENTROPY, "encoder-forwards", "an encoder that goes through the symbols forwards",
         ("for i in reversed(range(len(symbols))):", "for i in range(len(symbols)):")),
-    mutant(ENTROPY, "encoder-words-not-reversed", "an encoder that does not reverse its words", ("    words.reverse()\n", "")),
+    mutant(ENTROPY, "encoder-words-not-reversed", "an encoder that does not reverse its words",
+        (" + cumulative[s]  # (7-2)\n    words.reverse()\n", " + cumulative[s]  # (7-2)\n")),
     mutant(ENTROPY, "encoder-emits-late", "an encoder that lets states grow beyond their bound",
         ("while x >= frequencies[s] << (32 - entropy_precision):", "while x > frequencies[s] << (32 - entropy_precision):")),
     mutant(ENTROPY, "encoder-starts-at-zero", "an encoder whose lanes do not begin at 2^16",
@@ -174,17 +176,16 @@ COUNTERS: tuple[Mutant, ...] = (
     mutant(AREA, "frame-counter-8-bits", "frames counted in 8 bits",
         ("    state.next_number += 1\n", "    state.next_number = (state.next_number + 1) % 2**8\n")),
     mutant(AREA, "frame-number-8-bits", "frame numbers compared by their lowest 8 bits",
-        ('if frame["frame_number"] != state.next_number:', 'if frame["frame_number"] % 2**8 != state.next_number % 2**8:')),
+        *modulo(8)),
     mutant(AREA, "frame-number-14-bits", "frame numbers compared by their lowest 14 bits",
-        ('if frame["frame_number"] != state.next_number:', 'if frame["frame_number"] % 2**14 != state.next_number % 2**14:')),
+        *modulo(14)),
     mutant(AREA, "frame-number-16-bits", "frame numbers compared by their lowest 16 bits",
-        ('if frame["frame_number"] != state.next_number:', 'if frame["frame_number"] % 2**16 != state.next_number % 2**16:')),
+        *modulo(16)),
     mutant(AREA, "256-frames", "no more than 256 frames decoded",
         ("for frame in read_frames(s, state)])}", "for frame in read_frames(s, state)][:256])}"),
         ('return {"frames": np.stack(frames)}', 'return {"frames": np.stack(frames[:256])}')),
     mutant(AREA, "work-32-bits", "the rendering work of a frame in 32 bits",
-        ('    work = rendering_work(parameters, state.header["width"], state.header["height"])["work"]\n',
-         '    work = rendering_work(parameters, state.header["width"], state.header["height"])["work"] % 2**32\n')),
+        *all_work(WORK + "    work = work % 2**32\n" + LIMIT)),
     mutant(ENTROPY, "word-bytes-32-bits", "the bytes of the words counted in 32 bits",
         ("    if 2 * word_count > p.bits_left() // 8:", "    word_count %= 2**31\n    if 2 * word_count > p.bits_left() // 8:")),
     mutant(AREA, "index-numbers-32-bits", "frame numbers of an index that exceed 32 bits refused",

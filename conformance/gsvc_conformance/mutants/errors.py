@@ -1,6 +1,7 @@
 """Mutants of checks: rules that are not checked, limits that are one off, another order or kind, later minor versions."""
 
 from gsvc_conformance.mutants.mutant import Mutant, mutant
+from gsvc_conformance.mutants.places import COUNTS, ERROR, LIMIT, WORK, all_work, frame_numbers, frame_work
 
 ERRORS = "errors"
 
@@ -21,7 +22,7 @@ CHECKS: tuple[Mutant, ...] = (
     unchecked("R-5-1", "too many pixels accepted", ('header["width"] * value > LEVELS', 'header["width"] > LEVELS')),
     unchecked("R-5-3", "too long chunks accepted",
               ('if chunk_length > (LONGEST_HEADER if chunk_type == "H" else longest):', "if chunk_length > longest:")),
-    unchecked("R-5-4", "any rendering work accepted", ('if work > state.limits["work"]:', "if False:")),
+    unchecked("R-5-4", "any rendering work accepted", *all_work(WORK)),
     unchecked("R-6.1-1", "half of the magic number compared", ("if s.raw(8) != MAGIC:", "if s.raw(8)[:5] != MAGIC[:5]:")),
     unchecked("R-6.1-3", "a first chunk of any type taken for the header", ('if chunk_type != "H":  # R-6.1-3', "if False:")),
     unchecked("R-6.1-4", "bytes behind the end accepted", ("if s.bits_left() > 0:  # R-6.1-4", "if False:")),
@@ -32,7 +33,7 @@ CHECKS: tuple[Mutant, ...] = (
     unchecked("R-6.2-3", "bytes left over in a payload accepted", ("    if p.bits_left() > 0:\n", "    if False:\n")),
     unchecked("R-6.3-2", "a frame count of the header that is wrong accepted",
               ('if state.header["frame_count"] != 0 and state.header["frame_count"] != frame_count:', "if False:")),
-    unchecked("R-6.4-1", "wrong frame numbers accepted", ('if frame["frame_number"] != state.next_number:', "if False:")),
+    unchecked("R-6.4-1", "wrong frame numbers accepted", *frame_numbers("False")),
     unchecked("R-6.4-2", "a first frame that is predicted accepted", ('and chunk_type in "PR":', 'and chunk_type in "!":')),
     unchecked("R-6.4-3", "wrong parameter checksums accepted",
               ('if stated is not None and stated != parameter_checksum(parameters)["checksum"]:', "if False:")),
@@ -71,7 +72,7 @@ CHECKS: tuple[Mutant, ...] = (
         ('        self.kept = {"intra": {}, "inter": {}}',
          '        self.kept = {"intra": {}, "inter": getattr(self, "kept", {}).get("inter", {})}')),
     mutant(ERRORS, "work-of-p-frames-unchecked", "the rendering work of I-frames alone held against the level",
-        ('if work > state.limits["work"]:', 'if work > state.limits["work"] and frame_type == "I":')),
+        *frame_work(WORK + LIMIT.replace('["work"]', '["work"] and frame_type == "I"'))),
     mutant(ERRORS, "colors-not-demanded", "intra blocks without colours accepted",
         ('if kind == "intra" and flag == 0:', 'if kind == "intra" and flag == 0 and name != "colors":')),
     mutant(ERRORS, "cholesky-not-demanded", "intra blocks without Cholesky factors accepted",
@@ -143,7 +144,7 @@ CHECKS: tuple[Mutant, ...] = (
     mutant(ERRORS, "splats-limit-one-off", "a limit of splats that may not be reached",
         ('    if splat_count > state.limits["splats"]:', '    if splat_count >= state.limits["splats"]:')),
     mutant(ERRORS, "work-limit-one-off", "a limit of rendering work that may not be reached",
-        ('if work > state.limits["work"]:', 'if work >= state.limits["work"]:')),
+        *all_work(WORK + LIMIT.replace(">", ">="))),
     mutant(ERRORS, "header-limit-one-off", "a header of the longest length refused",
         ("LONGEST_HEADER = 1024  # bytes", "LONGEST_HEADER = 1023  # bytes")),
     mutant(ERRORS, "splats-together-unchecked", "survivors and new splats checked apart, not together",
@@ -158,17 +159,17 @@ CHECKS: tuple[Mutant, ...] = (
     mutant(ERRORS, "refuses-everything", "a decoder that refuses everything",
         ("    s, version_minor = read_prefix(stream)\n", '    raise Fault("R-6.1-1", 0)\n')),
     mutant(ERRORS, "frames-before-fault-lost", "no frames before a fault",
-        ('        error = f"{fault.kind} {fault.rule} {fault.bit}"\n',
-         '        error = f"{fault.kind} {fault.rule} {fault.bit}"\n        parameters = []\n')),
+        (ERROR + COUNTS, ERROR + "        parameters = []\n" + COUNTS)),
     mutant(ERRORS, "accepts-everything", "faults that are not reported",
-        ('        error = f"{fault.kind} {fault.rule} {fault.bit}"\n', '        error = ""\n')),
+        (ERROR + COUNTS, '        error = ""\n' + COUNTS)),
 )  # fmt: skip
 
 LATER_VERSIONS: tuple[Mutant, ...] = (
     mutant(ERRORS, "later-version-left-over", "bytes left over in frames ignored under a later minor version",
         ("    return s, State(header)\n", "    state = State(header)\n    state.minor = version_minor\n    return s, state\n"),
-        ("    frame = read_frame(p, frame_type, state)\n    check_filled(p)\n",
-         "    frame = read_frame(p, frame_type, state)\n    if state.minor == 0:\n        check_filled(p)\n")),
+        *((f"        frame = {reader}(p, frame_type, state)\n        check_filled(p)\n",
+           f"        frame = {reader}(p, frame_type, state)\n        if state.minor == 0:\n            check_filled(p)\n")
+          for reader in ("read_frame", "read_main_frame"))),
     mutant(ERRORS, "later-version-flags", "reserved flags ignored under a later minor version",
         ("def read_sequence_header(p, max_level):", "def read_sequence_header(p, max_level, minor):"),
         ("    header = read_sequence_header(p, max_level)\n", "    header = read_sequence_header(p, max_level, version_minor)\n"),

@@ -60,7 +60,7 @@ def mutant(area: str, name: str, sentence: str, *patches: tuple[str, str]) -> Mu
     return Mutant(name, area, sentence, patches)
 
 
-@lru_cache(maxsize=512)  # more than there are mutants; pairs of them come and go
+@lru_cache(maxsize=2048)  # more than there are mutants; pairs of them come and go
 def _namespace(mutant: Mutant) -> dict[str, Any]:
     return spec.namespace(mutant.patches)
 

@@ -4,7 +4,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from gsvc_conformance.results import Conclusion, Report, Summary
+from gsvc_conformance.profiles import ANY
+from gsvc_conformance.results import Conclusion, Report, Result, Summary
 
 LABEL: Final = "GSVC conformance"
 COLORS: Final[Mapping[Conclusion, str]] = {
@@ -36,8 +37,17 @@ def badge_message(report: Report) -> str:
     judged = [summary for summary in (report.operations() if part else report.groups()) if _answered(summary)]
     if not judged:
         return "nothing judged"
-    passing, total = (sum(counts) for counts in zip(*((s.counts.get("pass", 0), s.total) for s in judged), strict=True))
-    return f"{_names([summary.name for summary in judged], 'operations' if part else 'classes')} {passing}/{total}"
+    results = [result for result in report.results if any(_is_about(summary, result, part) for summary in judged)]
+    passing = sum(result.passed for result in results)
+    names = [*dict.fromkeys(summary.name for summary in judged)]
+    return f"{_names(names, 'operations' if part else 'classes')} {passing}/{len(results)}"
+
+
+def _is_about(summary: Summary, result: Result, part: bool) -> bool:
+    """Whether a result is one of those that a summary counts: of an operation, or of a class and its profile."""
+    if part:
+        return result.operation == summary.name
+    return result.group == summary.name and (not summary.profile or result.profile in (ANY, summary.profile))
 
 
 def _answered(summary: Summary) -> bool:

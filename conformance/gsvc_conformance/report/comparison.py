@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.report.console import conclusion, ratio_text
 from gsvc_conformance.results import Report, Summary
 from gsvc_ref.errors import UsageError
@@ -107,8 +108,9 @@ def _notes(entries: Sequence[Entry]) -> Iterable[str]:
 
 
 def _classes(entries: Sequence[Entry]) -> str:
-    verdicts = [{group.name: _verdict(group) for group in entry.report.groups()} for entry in entries]
-    names = [name for name in get_args(Group) if any(name in verdict for verdict in verdicts)]
+    verdicts = [{group.title: _verdict(group) for group in entry.report.groups()} for entry in entries]
+    titles = [title for name in get_args(Group) for title in (name, *(f"{name}, profile {p}" for p in PROFILES))]
+    names = [title for title in titles if any(title in verdict for verdict in verdicts)]
     rows = [[name, *(verdict.get(name, NOTHING) for verdict in verdicts)] for name in names]
     return table(["class", *(entry.name for entry in entries)], rows)
 

@@ -151,7 +151,7 @@ def _conclusion(report: Report) -> tuple[str, str]:
     if report.conclusion != "incomplete":
         return CONCLUSIONS[report.conclusion]
     words = "its features hold" if report.features_hold else "nothing is wrong"
-    verdicts = {group.name: group.verdict for group in report.groups()}
+    verdicts = {group.title: group.verdict for group in report.groups()}
     incomplete = ", ".join(name for name, verdict in verdicts.items() if verdict == "incomplete")
     complete = not {"passed", "waived"}.isdisjoint(verdicts.values())
     return words, f", but incomplete: {incomplete}" if complete else "; no class is complete"
@@ -270,8 +270,8 @@ def folded(operations: Sequence[Summary]) -> tuple[list[Summary], str]:
 def class_table(report: Report) -> list[str]:
     """The verdict of each class."""
     groups = report.groups()
-    width = max(len(group.name) for group in groups)
-    lines = [f"class {group.name.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
+    width = max(len(group.title) for group in groups)
+    lines = [f"class {group.title.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
     quotes = report.quotes()
     return [
         *lines, *[f"of {report.selection} only"] * bool(report.selection), *[""] * bool(quotes), *quotes

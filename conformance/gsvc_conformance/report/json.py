@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import features_of
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
 from gsvc_ref.errors import UsageError
 
@@ -86,6 +87,7 @@ def _class_object(group: Summary, report: Report) -> dict[str, Any]:
         "bit": sum(what == REFUSED[0] for what in refused),
     }
     about = {"verdict": group.verdict, "reason": group.reason, "level": group.level}
+    about |= _filled(profile=group.profile)
     return {**_summary_object(group), **about, **_filled(refusals=counts if refused else None)}
 
 
@@ -106,6 +108,7 @@ def result_object(result: Result) -> dict[str, Any]:
     return {
         "id": result.id, "title": result.title, "class": result.group, "outcome": result.outcome,
         **({"level": result.level} if result.level > 1 else {}),
+        **({"profile": result.profile} if result.profile != ANY else {}),
         **_filled(outside=result.outside, message=result.message, outputs=outputs, causes=list(result.causes),
                   log=result.log, table=_table_object(result.table), size=result.size),
         "seconds": round(result.seconds, 3),
@@ -171,7 +174,7 @@ def result_from(value: Any, what: str) -> Result:
         name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
         tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"), _from_table(entry),
         entry.get("size", int, 0), entry.get("level", int, 1),
-        entry.text("outside", ""),
+        entry.text("outside", ""), entry.text("profile", ANY),
     )  # fmt: skip
 
 

@@ -77,8 +77,8 @@ def _counts(report: Report) -> str:
 def _classes(groups: Sequence[Summary]) -> str:
     """The classes of which anything passes or is wrong."""
     claimed = [group for group in groups if group.verdict != "not claimed"]
-    rows = [(group.name, f"**{group.verdict}**", _plain(group.reason)) for group in claimed]
-    others = [group.name for group in groups if group.verdict == "not claimed"]
+    rows = [(group.title, f"**{group.verdict}**", _plain(group.reason)) for group in claimed]
+    others = [group.title for group in groups if group.verdict == "not claimed"]
     rows += [(", ".join(others), "not claimed", "")] * bool(others)
     return markdown_table(("class", "verdict", "because"), rows)
 

@@ -81,7 +81,7 @@ def _pairs(entries: Mapping[str, str]) -> str:
 def _classes(report: Report) -> str:
     """The verdicts, and the words for them; those of a claim stand in the overview."""
     rows = "".join(
-        f'<tr><td class="text">{html.escape(group.name)}</td>'
+        f'<tr><td class="text">{html.escape(group.title)}</td>'
         f'<td class="text"><span class="badge {BADGES.get(str(group.verdict), "other")}">{group.verdict}</span></td>'
         f'<td class="text long">{html.escape(group.reason)}</td></tr>'
         for group in report.groups()

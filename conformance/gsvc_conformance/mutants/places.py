@@ -1,0 +1,48 @@
+"""Lines of spec.md's code that stand at several places, each with enough around it to occur once.
+
+A mistake that both profiles, or frames and layers, may have in common is made at all of these places.
+"""
+
+from typing import Final
+
+Patches = tuple[tuple[str, str], ...]
+
+FRAMES: Final = (
+    '    frame = {"type": frame_type, "survivors": np.zeros(0, np.uint16), "inter": None, "intra": None}\n',
+    '    frame = {"type": frame_type}\n',
+)
+"""The first lines of the functions that read a frame, of profile `paper` and of `main`."""
+NUMBER: Final = '    frame["frame_number"] = p.uv()\n    if frame["frame_number"] != state.next_number:  # R-6.4-1\n'
+FLAG: Final = '        raise Fault("R-6.4-1", p.element)\n    frame["parameter_checksum"] = None\n    if state.header["flags"] & 1:\n'
+WORK: Final = '    work = rendering_work(parameters, state.header["width"], state.header["height"])["work"]\n'
+LIMIT: Final = '    if work > state.limits["work"]:  # R-5-4\n        raise Fault("R-5-4", chunk_bit)\n'
+FRAME_END: Final = '    stated = frame["parameter_checksum"]\n'
+LAYER: Final = "def check_shown(parameters, chunk_bit, state):\n"
+ERROR: Final = '        error = f"{fault.kind} {fault.rule} {fault.bit}"\n'
+COUNTS: Final = "    counts = np.array([len(part) for part in parameters], np.int64)\n"
+
+
+def in_frames(after: str, old: str, new: str) -> Patches:
+    """Lines `old` behind the lines `after` at the beginning of a frame of either profile, and what replaces them."""
+    return tuple((first + after + old, first + after + new) for first in FRAMES)
+
+
+def frame_numbers(test: str) -> Patches:
+    """Another test of `frame_number`."""
+    read, _, _ = NUMBER.partition("    if")
+    return in_frames(read, NUMBER.removeprefix(read), f"    if {test}:\n")
+
+
+def modulo(bits: int) -> Patches:
+    """A test of so many lower bits of `frame_number`."""
+    return frame_numbers(f'frame["frame_number"] % 2**{bits} != state.next_number % 2**{bits}')
+
+
+def frame_work(new: str) -> Patches:
+    """Other lines than `WORK` and `LIMIT` for a frame."""
+    return ((WORK + LIMIT + FRAME_END, new + FRAME_END),)
+
+
+def all_work(new: str) -> Patches:
+    """The same for a frame and for layers."""
+    return (*frame_work(new), (LAYER + WORK + LIMIT, LAYER + new))
