@@ -22,6 +22,19 @@ from gsvc_conformance.adapters.host import stream_operations
 from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
 from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from gsvc_conformance.adapters.webgpu.gpu import Array, device
+from gsvc_conformance.adapters.webgpu.main_operations import (
+    adapt_model,
+    density_frequencies,
+    encode_run,
+    half_frequencies,
+    main_inter,
+    main_intra,
+    mode_contexts,
+    model_frequencies,
+    motion_of_splats,
+    splat_classes,
+    state_parameters,
+)
 
 Outputs = dict[str, Array]
 
