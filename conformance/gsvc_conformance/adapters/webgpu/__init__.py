@@ -22,6 +22,7 @@ from gsvc_conformance.adapters.host import stream_operations
 from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
 from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from gsvc_conformance.adapters.webgpu.gpu import Array, device
+from gsvc_conformance.adapters.webgpu.main_frames import Device
 from gsvc_conformance.adapters.webgpu.main_operations import (
     adapt_model,
     density_frequencies,
@@ -131,7 +132,7 @@ _BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
     "render_sum_deterministic": render_sum_deterministic,
     "to_frame_deterministic": to_frame_deterministic,
 }
-_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols)
+_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, Device())
 
 
 def read_stream(stream: bytes) -> dict[str, Any]:
@@ -157,3 +158,13 @@ def decode_stream(stream: bytes) -> dict[str, Any]:
 def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
     """The frames of a stream, in `deterministic` rendering: section 12.4."""
     return _STREAM_OPERATIONS["decode_stream_deterministic"](stream)
+
+
+def read_main_stream(stream: bytes) -> dict[str, Any]:
+    """The contents of the bytes of a stream of profile `main`: section 15.12."""
+    return _STREAM_OPERATIONS["read_main_stream"](stream)
+
+
+def reconstruct_layers(stream: bytes, layer: int) -> dict[str, Any]:
+    """The splats of all complete frames in the quality of a layer, and the first fault: section 15.13."""
+    return _STREAM_OPERATIONS["reconstruct_layers"](stream, layer)

@@ -113,7 +113,7 @@ class Recording:
     """Dispatches that are handed to the device together; each sees what the ones before have written."""
 
     def __init__(self) -> None:
-        self._dispatches: list[tuple[Any, int, Mapping[int, Any]]] = []
+        self._dispatches: list[tuple[Any, int, Mapping[int, Any], bool]] = []
         self._uniforms: list[bytes] = []
 
     def dispatch(
@@ -132,10 +132,11 @@ class Recording:
         buffers
             By their binding in group 0, from binding 1 on.
         numbers
-            Integers of 32 bits, signed or not: the structure at binding 0; what is missing at its end is 0.
+            Integers of 32 bits, signed or not: the structure at binding 0; what is missing at its end is 0. Without any
+            there is no binding 0.
         """
         if workgroups > 0:
-            self._dispatches.append((pipeline(shader, entry_point), workgroups, buffers))
+            self._dispatches.append((pipeline(shader, entry_point), workgroups, buffers, bool(numbers)))
             raw = np.array([number & 0xFFFFFFFF for number in numbers], np.uint32).tobytes()
             self._uniforms.append(raw + bytes(UNIFORM_STEP - len(raw)))
 
@@ -146,9 +147,9 @@ class Recording:
         shared = device().create_buffer_with_data(data=b"".join(self._uniforms), usage=wgpu.BufferUsage.UNIFORM)
         encoder = device().create_command_encoder()
         compute = encoder.begin_compute_pass()
-        for place, (chosen, workgroups, buffers) in enumerate(self._dispatches):
+        for place, (chosen, workgroups, buffers, has_uniform) in enumerate(self._dispatches):
             own = {"buffer": shared, "offset": UNIFORM_STEP * place, "size": UNIFORM_STEP}
-            entries = [{"binding": 0, "resource": own}]
+            entries: list[dict[str, Any]] = [{"binding": 0, "resource": own}] if has_uniform else []
             entries += [{"binding": binding, "resource": {"buffer": buffer}} for binding, buffer in buffers.items()]
             compute.set_pipeline(chosen)
             compute.set_bind_group(0, device().create_bind_group(layout=_layout(chosen), entries=entries))

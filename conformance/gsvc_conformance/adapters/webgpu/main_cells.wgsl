@@ -1,7 +1,7 @@
 // The cells of new splats (spec.md, section 15.8): parts of the frame are halved, each an invocation.
 //
 //     pass     dispatch          bindings          what
-//     ask      parts / 256       0 1 2 3 4 5       the density of each part that is asked
+//     ask      parts / 256       0 2 3 4 5         the density of each part that is asked
 //     halve    parts / 256       0 2 3 4 6 7 8     both halves of each part, from what was decoded
 //     locate   splats / 256      0 2 3 5 6         the cell of each splat
 //

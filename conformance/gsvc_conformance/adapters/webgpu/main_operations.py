@@ -47,7 +47,7 @@ def encode_run(starts: Array, frequencies: Array, lanes: Array, lane_count: int)
     condition = [count, 0, 1, 0, 0xFFFFFFFF, 0]
     recording.dispatch(shader("main_lists"), "choose", 1, {1: emitted, 2: found}, condition)
     buffers = {1: emitted, 2: found, 3: words}
-    recording.dispatch(shader("main_lists"), "words", groups(count, 512), buffers, condition)
+    recording.dispatch(shader("main_lists"), "words", groups(count, 512), buffers, [])
     recording.submit()
     given = int(download(found, np.uint32, 1)[0])
     return {"lane_states": download(states, np.uint32, lane_count), "words": download(words, np.uint16, given)}
