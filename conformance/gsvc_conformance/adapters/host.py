@@ -46,7 +46,7 @@ def stream_operations(
     """
     names: dict[str, Any] = {}
     functions = dict(back_end)
-    found = STREAM_OPERATIONS
+    found: Sequence[str] = STREAM_OPERATIONS
     if main_profile is not None:
         functions |= main_functions(main_profile, names)
         found = MAIN_OPERATIONS

@@ -37,6 +37,41 @@ from gsvc_conformance.adapters.webgpu.main_operations import (
     state_parameters,
 )
 
+__all__ = [
+    "adapt_model",
+    "decode_plane",
+    "decode_stream",
+    "decode_stream_deterministic",
+    "density_frequencies",
+    "encode_plane",
+    "encode_run",
+    "environment",
+    "from_half",
+    "half_frequencies",
+    "lsq_dequantize",
+    "main_inter",
+    "main_intra",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
+    "read_main_stream",
+    "read_stream",
+    "reconstruct_inter",
+    "reconstruct_intra",
+    "reconstruct_layers",
+    "reconstruct_stream",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "render_sum_deterministic",
+    "scale_parameters",
+    "splat_classes",
+    "state_parameters",
+    "to_frame",
+    "to_frame_deterministic",
+    "to_half",
+]
+
 Outputs = dict[str, Array]
 
 

@@ -272,9 +272,7 @@ class _Decoding:
         self.read_bits(bits, count, low, LOWER, self.chosen(bits, count))
         return low
 
-    def read_modeled(
-        self, model: "_Model", contexts: Any, count: int, items: Any = None
-    ) -> tuple[Any, Any]:
+    def read_modeled(self, model: "_Model", contexts: Any, count: int, items: Any = None) -> tuple[Any, Any]:
         """The symbols of items by a model, and how many low bits follow each, if they are classes of magnitudes."""
         found, bits = storage(4 * count), storage(4 * count)
         buffers = {5: contexts, 6: model.cumulative, 7: found, 8: model.seen, 9: bits}
