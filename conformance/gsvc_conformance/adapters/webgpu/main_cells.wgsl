@@ -14,7 +14,7 @@ struct Halving {
     axis: u32,         // 0: left and right, 1: upper and lower
     size: i32,         // cells of a first half along the axis
     inside: i32,       // cells of the frame along it
-    alpha: u32,
+    halving_code: u32,
 }
 
 struct Part {
@@ -51,7 +51,7 @@ fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
         let second = second_half(part);
         is_asked = second > 0;
         if (is_asked) {
-            densities[id.x] = half_density(part.splats, u32(halving.size), u32(second), halving.alpha);
+            densities[id.x] = half_density(part.splats, u32(halving.size), u32(second), halving.halving_code);
         }
     }
     asked[id.x] = u32(is_asked);

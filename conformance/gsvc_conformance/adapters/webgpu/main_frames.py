@@ -36,12 +36,14 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance.adapters.host import MainBody, MainFrame
-from gsvc_conformance.adapters.webgpu.entropy import ROUNDS_AT_ONCE
 from gsvc_conformance.adapters.webgpu.gpu import Array, Recording, download, groups, storage, upload
 from gsvc_conformance.adapters.webgpu.main_operations import SIDES, integers, parameters_of, signed
-from gsvc_conformance.adapters.webgpu.main_tables import shader, step_of, tables
+from gsvc_conformance.adapters.webgpu.main_tables import ALPHAS, shader, step_of, tables
 
 MAX_LANES: Final = 64
+ROUNDS_AT_ONCE: Final = 1 << 12
+"""A dispatch decodes so many symbols of each lane, each with a search of 10 rounds at most: Mesa's software rasteriser
+leaves the loops of an invocation after 65,535 rounds of all of them together."""
 CELL: Final = 4
 """Side of a cell of an I-frame in pixels."""
 PART: Final = 12
@@ -416,7 +418,7 @@ class _Decoding:
             axis = halving % 2
             size = size // 2 if axis == 0 else size
             most = min(2**halving, count)
-            numbers = [most, axis, size, inside[axis], alpha]
+            numbers = [most, axis, size, inside[axis], ALPHAS.index(alpha)]
             densities, asked, halves = storage(DENSITY * most), storage(4 * most), storage(2 * PART * most)
             buffers = {2: parts, 3: items, 4: densities, 5: asked}
             self.recording.dispatch(shader("main_cells"), "ask", groups(most, 256), buffers, numbers)

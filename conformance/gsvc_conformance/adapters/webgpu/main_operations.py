@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_conformance.adapters.webgpu.entropy import ROUNDS_AT_ONCE
 from gsvc_conformance.adapters.webgpu.gpu import Array, Recording, download, groups, storage, upload
-from gsvc_conformance.adapters.webgpu.main_tables import shader, step_of, tables
+from gsvc_conformance.adapters.webgpu.main_tables import ALPHAS, shader, step_of, tables
 
 Outputs = dict[str, Any]
 
@@ -69,7 +69,7 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
     """C of how many of `count` splats are in the first half, and how many low bits are raw: (15-8), (15-9)."""
     most = min(count, 2**9) + 2
     result, density = storage(4 * most), storage(36)
-    numbers = [count, 0, 0, 0, 0, 0, first_half, second_half, alpha]
+    numbers = [count, 0, 0, 0, 0, 0, first_half, second_half, ALPHAS.index(alpha)]
     dispatch("main_frequencies", "half_frequencies", most, {1: tables(), 3: result, 4: density}, numbers)
     *_, bins, low_bits = signed(density, 9)
     return {"cumulative": signed(result, bins + 1), "low_bits": low_bits}

@@ -2,13 +2,18 @@
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance.adapters.webgpu.gpu import upload, wgsl
+from gsvc_conformance.adapters.webgpu.gpu import Recording, upload, wgsl
 
-OCTAVE = 1024
+OCTAVE: Final = 1024
+ALPHAS: Final = (1, 2, 3, 4, 6, 10, 20, 100)
+"""α by `halving_code`."""
+MOST_TABLED: Final = 15
+HALF_TABLE: Final = 17
+"""Splats of the largest part that has a table, and the numbers of a table."""
 
 
 def _nearest_exp2(i: int) -> int:
@@ -32,12 +37,17 @@ def step_of(quantizer: int) -> int:
 
 @cache
 def tables() -> Any:
-    """The buffer of EXP2, LOGISTIC and LAPLACE, (15-3)."""
+    """The buffer of EXP2, LOGISTIC and LAPLACE, (15-3), and of the tables of (15-8) for all n up to 15 and all α."""
     falling = [96 * (128 - i) for i in range(1, 129)]
     tail = [exp2_table()[v % OCTAVE] << v // OCTAVE for v in falling]
     lower = [[2**31 // (2**15 + t) for t in tail], [2**30 // t for t in tail]]
     families = [[0, *half, *(2**16 - v for v in half[-2::-1]), 2**16] for half in lower]
-    return upload(np.array([*exp2_table(), *families[0], *families[1]], np.uint32))
+    room = [0] * (HALF_TABLE * MOST_TABLED * len(ALPHAS))
+    buffer = upload(np.array([*exp2_table(), *families[0], *families[1], *room], np.uint32))
+    recording = Recording()
+    recording.dispatch(shader("main_frequencies"), "half_tables", len(ALPHAS), {3: buffer}, [])
+    recording.submit()
+    return buffer
 
 
 @cache

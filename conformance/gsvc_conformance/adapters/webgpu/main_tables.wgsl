@@ -4,7 +4,7 @@
 // or not; the products that spec.md has in 64 bits are made here of parts, and where a product looks too large a comment
 // says why it is not. Binary32 begins at the parameters.
 
-@group(0) @binding(1) var<storage, read> tables: array<u32>;    // EXP2, LOGISTIC, LAPLACE of section 15.3
+@group(0) @binding(1) var<storage, read> tables: array<u32>;    // EXP2, LOGISTIC, LAPLACE of section 15.3, and (15-8)
 
 const TOTAL = 0x4000u;          // 2^14, the sum of all frequencies
 
