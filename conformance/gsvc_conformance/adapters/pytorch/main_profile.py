@@ -17,7 +17,7 @@ TOTAL: Final = 2**14
 X_MOST, S_MOST, N_MOST, STEP_MOST = 2**25, 32767, 2**28, 2**17 - 1
 A_LEAST, A_MOST = -3072, 13311
 SIDES: Final = (0, 64, 32, 16)
-K1, K2, K3 = (float.fromhex(f"0x1.{digits}p-14") for digits in ("4edc56", "9a1e72", "d99086"))
+K1, K2, K3 = map(float.fromhex, ("0x1.4edc56p-14", "0x1.9a1e72p-14", "0x1.d99086p-15"))
 """MAIN_K1, MAIN_K2 and MAIN_K3, which are binary32 numbers."""
 
 
@@ -109,7 +109,7 @@ def main_intra(quantizer: int, cells: Array, colors: Array, shapes: Array, place
     step = _step(quantizer)
     n = tensor(colors).clamp(-(N_MOST // step), N_MOST // step) * step
     j = _classes(n, step)[:, None]
-    size, aspect, shear = tensor(shapes).split(1, 1)
+    size, aspect, shear = tensor(shapes).tensor_split(3, 1)
     logs = (torch.cat((size + aspect, size - aspect), 1) * (1477 >> j)).clamp(A_LEAST, A_MOST)
     g = ((logs >> 10) + 1 - j).clamp(-4, 2)
     positions = 1024 * tensor(cells) + (tensor(places) << (g + 8)) + (1 << (g + 7))
@@ -180,7 +180,7 @@ def main_inter(quantizer: int, state: Array, motion: Array, differences: Array) 
 
 
 def _power_of_two(v: Tensor) -> Tensor:
-    """2^(v/1024) as an exact binary32 number; torch.ldexp takes a power of two that is not always exact."""
+    """2^(v/1024) as an exact binary32 number, whose power of two is made of its bits: no power is calculated."""
     scale = ((127 - 15 + (v >> 10)) << 23).to(torch.int32).view(torch.float32)
     return _exp2_table()[v & (OCTAVE - 1)].float() * scale
 
