@@ -10,6 +10,10 @@ It has a whole decoder (entropy coding, reconstruction, bounded and deterministi
 gradients; the shader of bounded rendering is that of the browser page, ../web/render.wgsl.js. Streams are parsed by
 the code inside spec.md. Missing are the rest of training and quantisation, colour, metrics, and what a decoder asks of
 a frame on the host before it renders it: its checksum and its rendering work.
+
+Of profile `main` it has every operation. A frame is one submission: the host hands over the elements of the body, the
+lane states and the words, and reads back what R-7-1 asks for; passes, models and states stay on the device. The
+docstring of `main_frames` maps the passes of spec.md 15.1 to dispatches; main_passes.wgsl has the lanes.
 """
 
 from collections.abc import Callable

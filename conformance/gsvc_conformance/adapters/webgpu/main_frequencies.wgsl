@@ -77,7 +77,7 @@ fn weights_of(n: u32, alpha: u32) -> array<u32, 17> {
     var weights: array<u32, 17>;
     weights[0] = 0x10000u;
     for (var i = 0u; i < n / 2u; i++) {
-        // ⌊w a / b⌋ with w = q b + r is q a + ⌊r a / b⌋: a is at most 1500, b at most 912, and the result below 2^28.
+        // ⌊w a / b⌋ with w = q b + r is q a + ⌊r a / b⌋: a is at most 1500, b at most 756, and the result below 2^28.
         let a = (n - i) * (i + alpha);
         let b = (i + 1u) * (n - i - 1u + alpha);
         weights[i + 1u] = (weights[i] / b) * a + ((weights[i] % b) * a) / b;
