@@ -8,8 +8,8 @@ import pytest
 wgpu = pytest.importorskip("wgpu", reason="wgpu is one of the extra adapters")
 
 from gsvc_conformance import spec  # noqa: E402
-from gsvc_conformance.adapters import webgpu  # noqa: E402
-from gsvc_conformance.adapters.webgpu import entropy, gpu, main_frames, main_operations, main_tables, rendering  # noqa: E402
+from gsvc_conformance.adapters import main_frames, main_operations, main_tables, webgpu  # noqa: E402
+from gsvc_conformance.adapters.webgpu import entropy, gpu, main_profile, rendering  # noqa: E402
 from gsvc_conformance.cases.main_streams import Plan, main_stream  # noqa: E402
 from gsvc_ref.draws import Draws  # noqa: E402
 from gsvc_ref.testing.random_main_streams import random_main_stream  # noqa: E402
@@ -287,8 +287,8 @@ def test_lists_have_the_items_that_fulfil_a_condition_in_their_order(count):
     items = gpu.storage(4 * (count + 1))
     recording = gpu.Recording()
     condition = [count, 1, 3, 8, 12, 4]
-    buffers = {1: main_operations.integers(numbers), 2: items}
-    recording.dispatch(main_tables.shader("main_lists"), "choose", 1, buffers, condition)
+    buffers = {1: main_profile.MAIN.integers(numbers), 2: items}
+    recording.dispatch(main_profile.shader("main_lists"), "choose", 1, buffers, condition)
     recording.submit()
     expected = np.flatnonzero(((numbers[1::3] ^ 8) & 12) > 4)
     found = gpu.download(items, np.uint32, count + 1)
@@ -298,9 +298,10 @@ def test_lists_have_the_items_that_fulfil_a_condition_in_their_order(count):
 
 def test_an_encoded_run_of_more_symbols_than_a_dispatch_takes():
     rng = np.random.default_rng(5)
-    frequencies = rng.integers(1, 2**14, 40_000)
+    count = main_operations.SYMBOLS_AT_ONCE + 1000
+    frequencies = rng.integers(1, 2**14, count)
     starts = rng.integers(0, 2**14 - frequencies + 1)
-    lanes = rng.integers(0, 5, 40_000)
+    lanes = rng.integers(0, 5, count)
     found = webgpu.encode_run(starts, frequencies, lanes, 5)
     assert same_outputs(found, spec.namespace()["encode_run"](starts, frequencies, lanes, 5))
 

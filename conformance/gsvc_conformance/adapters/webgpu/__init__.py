@@ -13,7 +13,8 @@ a frame on the host before it renders it: its checksum and its rendering work.
 
 Of profile `main` it has every operation. A frame is one submission: the host hands over the elements of the body, the
 lane states and the words, and reads back what R-7-1 asks for; passes, models and states stay on the device. The
-docstring of `main_frames` maps the passes of spec.md 15.1 to dispatches; main_passes.wgsl has the lanes.
+docstring of `gsvc_conformance.adapters.main_frames` maps the passes of spec.md 15.1 to dispatches; main_passes.wgsl
+has the lanes.
 """
 
 from collections.abc import Callable
@@ -26,20 +27,7 @@ from gsvc_conformance.adapters.host import stream_operations
 from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
 from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from gsvc_conformance.adapters.webgpu.gpu import Array, device
-from gsvc_conformance.adapters.webgpu.main_frames import Device
-from gsvc_conformance.adapters.webgpu.main_operations import (
-    adapt_model,
-    density_frequencies,
-    encode_run,
-    half_frequencies,
-    main_inter,
-    main_intra,
-    mode_contexts,
-    model_frequencies,
-    motion_of_splats,
-    splat_classes,
-    state_parameters,
-)
+from gsvc_conformance.adapters.webgpu.main_profile import MAIN
 
 __all__ = [
     "adapt_model",
@@ -171,7 +159,19 @@ _BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
     "render_sum_deterministic": render_sum_deterministic,
     "to_frame_deterministic": to_frame_deterministic,
 }
-_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, Device())
+adapt_model = MAIN.adapt_model
+density_frequencies = MAIN.density_frequencies
+encode_run = MAIN.encode_run
+half_frequencies = MAIN.half_frequencies
+main_inter = MAIN.main_inter
+main_intra = MAIN.main_intra
+mode_contexts = MAIN.mode_contexts
+model_frequencies = MAIN.model_frequencies
+motion_of_splats = MAIN.motion_of_splats
+splat_classes = MAIN.splat_classes
+state_parameters = MAIN.state_parameters
+
+_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, MAIN)
 
 
 def read_stream(stream: bytes) -> dict[str, Any]:

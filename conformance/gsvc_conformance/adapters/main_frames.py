@@ -9,9 +9,9 @@ taken, and how many splats stayed.
 A pass of the entropy coder is one workgroup of main_passes.wgsl, each lane an invocation. Its items depend on no other
 one of the pass, so what is around a pass is done for all items at once:
 
-    choose      (main_lists.wgsl)        the items of a pass: those that have raw bits, a sign, the bit of a group, ...
-    read_...    (main_passes.wgsl)       the pass: all lanes at once
-    the rest    (main_splats.wgsl, ...)  what the next pass needs: contexts, classes, sizes, densities
+    choose      (main_lists)        the items of a pass: those that have raw bits, a sign, the bit of a group, ...
+    read_...    (main_passes)       the pass: all lanes at once
+    the rest    (main_splats, ...)  what the next pass needs: contexts, classes, sizes, densities
 
     P-frame     model_frequencies of all models
                 [field]     x: read_modeled, low bits -> field_contexts -> y: the same -> signs of x, of y
@@ -30,15 +30,14 @@ one of the pass, so what is around a pass is done for all items at once:
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from gsvc_conformance.adapters.host import MainBody, MainFrame
-from gsvc_conformance.adapters.webgpu.gpu import Array, Recording, download, groups, storage, upload
-from gsvc_conformance.adapters.webgpu.main_operations import SIDES, integers, parameters_of, signed
-from gsvc_conformance.adapters.webgpu.main_tables import ALPHAS, shader, step_of, tables
+from gsvc_conformance.adapters.main_operations import SIDES, Array, MainOperations, Recording, groups
+from gsvc_conformance.adapters.main_tables import ALPHAS, step_of
 
 MAX_LANES: Final = 64
 ROUNDS_AT_ONCE: Final = 1 << 12
@@ -99,10 +98,10 @@ def symbols_of(model: str) -> int:
     return 9 if model == "mode" else 24
 
 
-def _counts_at_the_start() -> dict[str, Any]:
+def _counts_at_the_start(on: MainOperations) -> dict[str, Any]:
     """The buffers of the counts of all models."""
     return {
-        name: integers(np.array([[*row, *[1] * (symbols_of(name) - len(row))] for row in rows]))
+        name: on.integers(np.array([[*row, *[1] * (symbols_of(name) - len(row))] for row in rows]))
         for name, rows in COUNTS.items()
     }
 
@@ -113,6 +112,8 @@ class DeviceState:
 
     Attributes
     ----------
+    on
+        What the device does.
     count
         The number of splats.
     splats
@@ -123,35 +124,37 @@ class DeviceState:
         The counts of each model; a buffer is never changed once a frame is decoded.
     """
 
-    count: int = 0
-    splats: Any = None
-    past: Any = None
-    counts: Mapping[str, Any] = field(default_factory=_counts_at_the_start)
+    on: MainOperations
+    count: int
+    splats: Any
+    past: Any
+    counts: Mapping[str, Any]
 
     def __len__(self) -> int:
         return self.count
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         """The states, i8 (count, 8)."""
-        found = signed(self.splats, self.count, 8) if self.count else np.zeros((0, 8), np.int64)
+        found = self.on.signed(self.splats, self.count, 8) if self.count else np.zeros((0, 8), np.int64)
         return found if dtype is None else found.astype(dtype)
 
 
-class Device:
+class MainDecoder(MainOperations):
     """The back end of `gsvc_conformance.adapters.host` for profile `main`."""
 
     def no_splats(self) -> DeviceState:
         """The state before an I-frame."""
-        return DeviceState()
+        none = self.accelerator.storage(0)
+        return DeviceState(self, 0, none, none, _counts_at_the_start(self))
 
     def parameters(self, state: DeviceState | Array) -> Array:
         """The parameters f4 (N, 8) of a state."""
-        buffer = state.splats if isinstance(state, DeviceState) else integers(state)
-        return parameters_of(buffer, len(state)) if len(state) else np.zeros((0, 8), np.float32)
+        buffer = state.splats if isinstance(state, DeviceState) else self.integers(state)
+        return self.parameters_of(buffer, len(state))
 
     def decode(self, state: DeviceState, body: MainBody) -> MainFrame:
         """A frame, from the state before it."""
-        decoding = _Decoding(state, body)
+        decoding = _Decoding(self, state, body)
         if state.count:
             decoding.predict()
         if body.count:
@@ -162,36 +165,38 @@ class Device:
 class _Decoding:
     """The dispatches of a frame."""
 
-    def __init__(self, state: DeviceState, body: MainBody) -> None:
-        self.state, self.body = state, body
-        self.recording = Recording()
+    def __init__(self, on: MainOperations, state: DeviceState, body: MainBody) -> None:
+        self.on, self.state, self.body = on, state, body
+        self.recording = on.accelerator.recording()
         self.lanes = len(body.lane_states)
         self.step = step_of(body.quantizer)
-        self.run = upload(np.concatenate([body.lane_states, np.zeros(MAX_LANES + 1 - self.lanes, np.uint32)]))
-        self.words = upload(np.ascontiguousarray(body.words, np.uint16))
-        self.splats = storage(32 * (state.count + body.count))
-        self.past = storage(4 * (state.count + body.count))
-        self.stays = storage(4 * (state.count + 1))
+        self.run = self.on.accelerator.upload(
+            np.concatenate([body.lane_states, np.zeros(MAX_LANES + 1 - self.lanes, np.uint32)])
+        )
+        self.words = self.on.accelerator.upload(np.ascontiguousarray(body.words, np.uint16))
+        self.splats = self.on.accelerator.storage(32 * (state.count + body.count))
+        self.past = self.on.accelerator.storage(4 * (state.count + body.count))
+        self.stays = self.on.accelerator.storage(4 * (state.count + 1))
         self.counts: Mapping[str, Any] = state.counts
         self.side = SIDES[body.motion_cell]
         self.columns = -(-body.width // self.side) if self.side else 0
         self.rows = -(-body.height // self.side) if self.side else 0
-        self.vectors = storage(8 * self.rows * self.columns)
-        self.modes = storage(4 * state.count)
-        self.differences = storage(32 * state.count)
-        self.unused = storage(4)
+        self.vectors = self.on.accelerator.storage(8 * self.rows * self.columns)
+        self.modes = self.on.accelerator.storage(4 * state.count)
+        self.differences = self.on.accelerator.storage(32 * state.count)
+        self.unused = self.on.accelerator.storage(4)
 
     def finish(self) -> MainFrame:
         """Hand the frame to the device, and read what the host has to know."""
         self.recording.submit()
-        run = download(self.run, np.uint32, MAX_LANES + 1)
+        run = self.on.accelerator.download(self.run, np.uint32, MAX_LANES + 1)
         before = self.state.count
-        count = int(download(self.stays, np.uint32, 1)[0]) + self.body.count
+        count = int(self.on.accelerator.download(self.stays, np.uint32, 1)[0]) + self.body.count
         return MainFrame(
-            DeviceState(count, self.splats, self.past, self.counts),
-            signed(self.vectors, self.rows, self.columns, 2),
-            signed(self.modes, before),
-            signed(self.differences, before, 8),
+            DeviceState(self.on, count, self.splats, self.past, self.counts),
+            self.on.signed(self.vectors, self.rows, self.columns, 2),
+            self.on.signed(self.modes, before),
+            self.on.signed(self.differences, before, 8),
             [int(x) for x in run[: self.lanes]],
             int(run[MAX_LANES]),
         )
@@ -217,7 +222,7 @@ class _Decoding:
         }
         values = [*(fields | numbers).values()]
         threads = 8 * count if entry_point == "differences" else count
-        self.recording.dispatch(shader("main_splats"), entry_point, groups(threads, 256), buffers, values)
+        self.recording.dispatch("main_splats", entry_point, groups(threads, 256), buffers, values)
 
     def chosen(
         self,
@@ -232,9 +237,9 @@ class _Decoding:
         into: Any = None,
     ) -> Any:
         """The list of the items with ((number ^ flipped) & mask) > threshold."""
-        items = into or storage(4 * (count + 1))
+        items = into or self.on.accelerator.storage(4 * (count + 1))
         condition = [count, offset, stride, flipped, mask, threshold]
-        self.recording.dispatch(shader("main_lists"), "choose", 1, {1: numbers, 2: items}, condition)
+        self.recording.dispatch("main_lists", "choose", 1, {1: numbers, 2: items}, condition)
         return items
 
     # ---- Passes
@@ -257,7 +262,7 @@ class _Decoding:
         rounds = -(-most // self.lanes)
         for first in range(0, rounds, ROUNDS_AT_ONCE):
             pieces = [self.lanes, len(self.body.words), first, min(rounds - first, ROUNDS_AT_ONCE), *values]
-            self.recording.dispatch(shader("main_passes"), entry_point, 1, bound, pieces)
+            self.recording.dispatch("main_passes", entry_point, 1, bound, pieces)
 
     def read_bits(
         self, bits: Any, count: int, values: Any, kind: int, items: Any, offset: int = 0, stride: int = 1
@@ -268,7 +273,7 @@ class _Decoding:
 
     def low_bits(self, bits: Any, count: int, *, large: bool = False) -> Any:
         """The low bits of items that have so many; `large`: some may have more than 14."""
-        low = storage(4 * count)
+        low = self.on.accelerator.storage(4 * count)
         if large:
             self.read_bits(bits, count, low, UPPER, self.chosen(bits, count, threshold=14))
         self.read_bits(bits, count, low, LOWER, self.chosen(bits, count))
@@ -276,7 +281,7 @@ class _Decoding:
 
     def read_modeled(self, model: "_Model", contexts: Any, count: int, items: Any = None) -> tuple[Any, Any]:
         """The symbols of items by a model, and how many low bits follow each, if they are classes of magnitudes."""
-        found, bits = storage(4 * count), storage(4 * count)
+        found, bits = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
         buffers = {5: contexts, 6: model.cumulative, 7: found, 8: model.seen, 9: bits}
         numbers = {"chosen_by": BY_CHOICE, "symbols": model.symbols, "magnitudes": int(model.name != "mode")}
         self.decode_pass("read_modeled", count, buffers, items, **numbers)
@@ -294,15 +299,15 @@ class _Decoding:
         items: Any = None,
     ) -> tuple[Any, Any]:
         """The bins of items, and how many low bits follow each."""
-        found, bits = storage(4 * count), storage(4 * count)
-        buffers = {1: tables(), 5: choices or self.unused, 6: densities, 7: found, 9: bits}
+        found, bits = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
+        buffers = {1: self.on.tables, 5: choices or self.unused, 6: densities, 7: found, 9: bits}
         numbers = {"chosen_by": chosen_by, "first_choice": DENSITIES_OF_PLANE * plane, "magnitudes": int(magnitudes)}
         self.decode_pass("read_densities", count, buffers, items, **numbers)
         return found, bits
 
     def signs(self, numbers: Any, count: int, into: Any = None, offset: int = 0, stride: int = 1) -> Any:
         """The signs of items whose number is not 0."""
-        found = into or storage(4 * count)
+        found = into or self.on.accelerator.storage(4 * count)
         items = self.chosen(numbers, count, offset=offset, stride=stride)
         self.read_bits(self.unused, count, found, SIGNS, items, offset, stride)
         return found
@@ -312,18 +317,18 @@ class _Decoding:
     def predict(self) -> None:
         """The field, modes and differences, and the splats that stay."""
         count = self.state.count
-        models = {name: _Model(name, counts, self.recording) for name, counts in self.state.counts.items()}
-        motion = storage(8 * count)
+        models = {name: _Model(self.on, name, counts, self.recording) for name, counts in self.state.counts.items()}
+        motion = self.on.accelerator.storage(8 * count)
         if self.side:
             self.read_field(models["vector"])
             self.on_splats("motion_of_splats", count, {2: self.state.splats, 3: self.vectors, 6: motion})
-        contexts = storage(4 * count)
+        contexts = self.on.accelerator.storage(4 * count)
         buffers = {2: self.state.splats, 3: self.state.past, 4: motion, 5: self.vectors, 6: contexts}
         self.on_splats("mode_contexts", count, buffers)
         self.modes, _ = self.read_modeled(models["mode"], contexts, count)
         self.read_differences(models)
         self.chosen(self.modes, count, flipped=8, mask=8, into=self.stays)
-        buffers = {1: tables(), 2: self.state.splats, 3: motion, 4: self.differences, 5: self.stays}
+        buffers = {1: self.on.tables, 2: self.state.splats, 3: motion, 4: self.differences, 5: self.stays}
         buffers |= {6: self.splats, 7: self.modes, 8: self.past}
         self.on_splats("stay", count, buffers)
         self.counts = {name: model.adapted(self.recording) for name, model in models.items()}
@@ -331,14 +336,14 @@ class _Decoding:
     def read_field(self, model: "_Model") -> None:
         """The vectors of the field."""
         cells = self.rows * self.columns
-        contexts, codes = storage(4 * cells), storage(8 * cells)
+        contexts, codes = self.on.accelerator.storage(4 * cells), self.on.accelerator.storage(8 * cells)
         classes, low = [], []
         for axis in range(2):
             found, bits = self.read_modeled(model, contexts, cells)
             classes.append(found)
             low.append(self.low_bits(bits, cells))
             if axis == 0:
-                contexts = storage(4 * cells)
+                contexts = self.on.accelerator.storage(4 * cells)
                 self.on_splats("field_contexts", cells, {2: found, 6: contexts})
         signs = [self.signs(found, cells) for found in classes]
         for axis in range(2):
@@ -349,10 +354,10 @@ class _Decoding:
     def read_differences(self, models: Mapping[str, "_Model"]) -> None:
         """The differences of all groups."""
         count = self.state.count
-        magnitudes, signs = storage(32 * count), storage(32 * count)
+        magnitudes, signs = self.on.accelerator.storage(32 * count), self.on.accelerator.storage(32 * count)
         for bit, (group, first, end) in enumerate(GROUPS):
             items = self.chosen(self.modes, count, mask=1 << bit)
-            before, contexts = storage(4 * count), storage(4 * count)
+            before, contexts = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
             for component in range(first, end):
                 classes, bits = self.read_modeled(models[group], contexts, count, items)
                 low = self.low_bits(bits, count)
@@ -376,12 +381,16 @@ class _Decoding:
     def add_splats(self) -> None:
         """The splats of an I-frame, or the new ones of a P-frame."""
         count = self.body.count
-        densities = storage(DENSITY * DENSITIES_OF_PLANE * 6)
+        densities = self.on.accelerator.storage(DENSITY * DENSITIES_OF_PLANE * 6)
         told = [number for plane in self.body.planes for number in plane]
-        buffers = {1: tables(), 4: densities}
-        self.recording.dispatch(shader("main_frequencies"), "plane_densities", 1, buffers, told)
+        buffers = {1: self.on.tables, 4: densities}
+        self.recording.dispatch("main_frequencies", "plane_densities", 1, buffers, told)
         cells = self.read_cells()
-        colors, shapes, places = storage(12 * count), storage(12 * count), storage(8 * count)
+        colors, shapes, places = (
+            self.on.accelerator.storage(12 * count),
+            self.on.accelerator.storage(12 * count),
+            self.on.accelerator.storage(8 * count),
+        )
         luma = None
         for plane in range(SHAPES):
             chosen_by = BY_CHOICE if plane >= CHROMA else FIRST
@@ -393,7 +402,7 @@ class _Decoding:
             signs = self.signs(classes, count)
             buffers = {2: classes, 3: low, 4: signs, 6: colors}
             self.on_splats("signed_codes", count, buffers, component=plane, components=3)
-        j = storage(4 * count)
+        j = self.on.accelerator.storage(4 * count)
         self.on_splats("code_classes", count, {3: colors, 6: j})
         for component in range(3):
             plane = SHAPES + component
@@ -402,7 +411,7 @@ class _Decoding:
             first = DENSITIES_OF_PLANE * plane
             self.on_splats("window_codes", count, buffers, first=first, component=component, components=3)
         for axis in range(2):
-            bits = storage(4 * count)
+            bits = self.on.accelerator.storage(4 * count)
             self.on_splats("place_bits", count, {2: j, 4: shapes, 6: bits}, component=axis)
             self.read_bits(bits, count, places, LOWER, self.chosen(bits, count), axis, 2)
         buffers = {2: cells, 3: colors, 4: shapes, 5: places, 6: self.splats, 7: self.stays, 8: self.past}
@@ -413,43 +422,47 @@ class _Decoding:
         count = self.body.count
         inside = -(-self.body.width // CELL), -(-self.body.height // CELL)
         size = 2 ** (len(self.body.alphas) // 2)
-        parts, items = integers(np.array([0, 0, count])), integers(np.array([1, 0]))
+        parts, items = self.on.integers(np.array([0, 0, count])), self.on.integers(np.array([1, 0]))
         for halving, alpha in enumerate(self.body.alphas):
             axis = halving % 2
             size = size // 2 if axis == 0 else size
             most = min(2**halving, count)
             numbers = [most, axis, size, inside[axis], ALPHAS.index(alpha)]
-            densities, asked, halves = storage(DENSITY * most), storage(4 * most), storage(2 * PART * most)
+            densities, asked, halves = (
+                self.on.accelerator.storage(DENSITY * most),
+                self.on.accelerator.storage(4 * most),
+                self.on.accelerator.storage(2 * PART * most),
+            )
             buffers = {2: parts, 3: items, 4: densities, 5: asked}
-            self.recording.dispatch(shader("main_cells"), "ask", groups(most, 256), buffers, numbers)
+            self.recording.dispatch("main_cells", "ask", groups(most, 256), buffers, numbers)
             which = self.chosen(asked, most)
             bins, bits = self.read_densities(densities, most, chosen_by=BY_ITEM, items=which)
             low = self.low_bits(bits, most)
             buffers = {2: parts, 3: items, 4: densities, 6: bins, 7: low, 8: halves}
-            self.recording.dispatch(shader("main_cells"), "halve", groups(most, 256), buffers, numbers)
+            self.recording.dispatch("main_cells", "halve", groups(most, 256), buffers, numbers)
             parts, items = halves, self.chosen(halves, 2 * most, offset=2, stride=3)
-        firsts, cells = storage(4 * count), storage(8 * count)
-        self.recording.dispatch(shader("main_lists"), "starts", 1, {1: parts, 2: items, 3: firsts}, [0, 2, 3])
+        firsts, cells = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(8 * count)
+        self.recording.dispatch("main_lists", "starts", 1, {1: parts, 2: items, 3: firsts}, [0, 2, 3])
         buffers = {2: parts, 3: items, 5: firsts, 6: cells}
-        self.recording.dispatch(shader("main_cells"), "locate", groups(count, 256), buffers, [count])
+        self.recording.dispatch("main_cells", "locate", groups(count, 256), buffers, [count])
         return cells
 
 
 class _Model:
     """A model while a P-frame is decoded: its frequencies, and how often each symbol was seen."""
 
-    def __init__(self, name: str, counts: Any, recording: Recording) -> None:
-        self.name, self.counts = name, counts
+    def __init__(self, on: MainOperations, name: str, counts: Any, recording: Recording) -> None:
+        self.on, self.name, self.counts = on, name, counts
         self.contexts, self.symbols = len(COUNTS[name]), symbols_of(name)
-        self.cumulative = storage(4 * self.contexts * (self.symbols + 1))
-        self.seen = storage(4 * self.contexts * self.symbols)
+        self.cumulative = self.on.accelerator.storage(4 * self.contexts * (self.symbols + 1))
+        self.seen = self.on.accelerator.storage(4 * self.contexts * self.symbols)
         numbers = [self.contexts, self.symbols]
         buffers = {2: counts, 3: self.cumulative}
-        recording.dispatch(shader("main_frequencies"), "model_frequencies", 1, buffers, numbers)
+        recording.dispatch("main_frequencies", "model_frequencies", 1, buffers, numbers)
 
     def adapted(self, recording: Recording) -> Any:
         """The buffer of the counts behind the frame."""
-        counts = storage(4 * self.contexts * self.symbols)
+        counts = self.on.accelerator.storage(4 * self.contexts * self.symbols)
         buffers = {2: self.counts, 3: counts, 5: self.seen}
-        recording.dispatch(shader("main_frequencies"), "adapt_model", 1, buffers, [self.contexts, self.symbols])
+        recording.dispatch("main_frequencies", "adapt_model", 1, buffers, [self.contexts, self.symbols])
         return counts
