@@ -105,7 +105,7 @@ class MainOperations:
         }
         recording = self.accelerator.recording()
         for done in range(0, count, SYMBOLS_AT_ONCE):
-            numbers = [count, count - 1 - done, min(count - done, SYMBOLS_AT_ONCE)]
+            numbers = [count, count - 1 - done, min(count - done, SYMBOLS_AT_ONCE), lane_count]
             recording.dispatch("main_encode", "encode", 1, symbols, numbers)
         found, words = self.accelerator.storage(4 * (count + 1)), self.accelerator.storage(4 * (count + 1))
         condition = [count, 0, 1, 0, 0xFFFFFFFF, 0]

@@ -8,6 +8,7 @@ struct Run {
     count: u32,        // symbols
     last: u32,         // the first one to be encoded
     rounds: u32,       // symbols of this dispatch
+    lane_count: u32,
 }
 
 @group(0) @binding(0) var<uniform> run: Run;
@@ -19,7 +20,7 @@ struct Run {
 
 @compute @workgroup_size(64)
 fn encode(@builtin(local_invocation_index) lane: u32) {
-    if (lane >= arrayLength(&states)) {
+    if (lane >= run.lane_count) {
         return;
     }
     var x = states[lane];
