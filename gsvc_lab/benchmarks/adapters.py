@@ -42,11 +42,13 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance import implementations, reference
+from gsvc_conformance.cases.main_streams import Plan, main_stream
 from gsvc_conformance.vector import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.machine import environment, processors
+from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
 
 OURS: Final = "gsvc_ref"
@@ -130,6 +132,19 @@ def _stream(vector: str) -> dict[str, Any]:
     return {"stream": (VECTORS / vector / "stream.gsvc").read_bytes()}
 
 
+def _main_stream(count: int, lane_exponent: int) -> dict[str, Any]:
+    """A stream of profile `main`: an I-frame and four P-frames that change its splats; symbols are random."""
+    frames = [Plan("I", count, lane_exponent=lane_exponent)]
+    frames += [Plan("P", lane_exponent=lane_exponent, motion_cell=3)] * 4
+    return {"stream": main_stream(Draws(count), *frames, width=352, height=288, level=4, lane_count=64)}
+
+
+def _of_lanes(count: int, lane_exponent: int) -> Work:
+    lanes = f"{2**lane_exponent} lanes" if lane_exponent else "1 lane"
+    sentence = f"read_main_stream, 352x288, an I-frame and four P-frames of {count:,} splats, {lanes}"
+    return Work(sentence, "read_main_stream", lambda: _main_stream(count, lane_exponent))
+
+
 WORKS: Final = {
     "render_sum_1080p": Work(
         "render_sum, 1920x1080, 10,000 trained splats", "render_sum", lambda: _splats(1920, 1080, 10_000)
@@ -149,6 +164,11 @@ WORKS: Final = {
         "decode_stream",
         lambda: _stream("core/reconstruct_stream/as_much_work_as_allowed"),
     ),
+    **{
+        f"read_main_stream_{count}_{2**lane_exponent}": _of_lanes(count, lane_exponent)
+        for count in (2000, 10_000)
+        for lane_exponent in (0, 2, 4, 6)
+    },
 }
 """Works by id."""
 

@@ -8,8 +8,11 @@ import pytest
 wgpu = pytest.importorskip("wgpu", reason="wgpu is one of the extra adapters")
 
 from gsvc_conformance import spec  # noqa: E402
-from gsvc_conformance.adapters import webgpu  # noqa: E402
-from gsvc_conformance.adapters.webgpu import entropy, gpu, rendering  # noqa: E402
+from gsvc_conformance.adapters import main_frames, main_operations, main_tables, webgpu  # noqa: E402
+from gsvc_conformance.adapters.webgpu import entropy, gpu, main_profile, rendering  # noqa: E402
+from gsvc_conformance.cases.main_streams import Plan, main_stream  # noqa: E402
+from gsvc_ref.draws import Draws  # noqa: E402
+from gsvc_ref.testing.random_main_streams import random_main_stream  # noqa: E402
 
 MODULE = "gsvc_conformance.adapters.webgpu"
 OPERATIONS = (
@@ -31,6 +34,19 @@ OPERATIONS = (
     "to_frame_deterministic",
     "decode_stream_deterministic",
     "render_gradients",
+    "read_main_stream",
+    "reconstruct_layers",
+    "encode_run",
+    "density_frequencies",
+    "half_frequencies",
+    "model_frequencies",
+    "adapt_model",
+    "mode_contexts",
+    "splat_classes",
+    "main_intra",
+    "motion_of_splats",
+    "main_inter",
+    "state_parameters",
 )
 
 
@@ -237,3 +253,70 @@ def test_words_that_are_missing_are_counted():
     states, words = entropy.encode_symbols(symbols, frequencies, 12, 4)
     needed = entropy.decode_symbols(len(symbols), frequencies, 12, states, words[:-3])[2]
     assert needed > len(words) - 3
+
+
+def same_outputs(found, expected):
+    return all(np.array_equal(found[name], expected[name]) for name in expected)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_streams_of_main_say_what_the_code_of_the_specification_finds(seed):
+    stream = random_main_stream(seed).data
+    assert same_outputs(webgpu.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
+
+
+def test_a_pass_of_main_may_take_several_dispatches(monkeypatch):
+    plans = Plan("I", 300, lane_exponent=2), Plan("P", 40, lane_exponent=1, motion_cell=3), Plan("P", kind="any")
+    stream = main_stream(Draws(1), *plans, width=150, height=70)
+    whole = webgpu.read_main_stream(stream)
+    monkeypatch.setattr(main_frames, "ROUNDS_AT_ONCE", 7)
+    parts = webgpu.read_main_stream(stream)
+    assert len(whole["modes"]) > 600
+    assert same_outputs(parts, whole)
+
+
+def test_one_lane_of_main_decodes_more_symbols_than_a_dispatch_takes():
+    count = main_frames.ROUNDS_AT_ONCE + 1000
+    stream = main_stream(Draws(2), Plan("I", count), Plan("P", motion_cell=1), width=352, height=288, level=4)
+    assert same_outputs(webgpu.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
+
+
+@pytest.mark.parametrize("count", [1, 31, 32, 33, 255, 256, 257, 5000])
+def test_lists_have_the_items_that_fulfil_a_condition_in_their_order(count):
+    numbers = np.random.default_rng(count).integers(0, 16, 3 * count)
+    items = gpu.storage(4 * (count + 1))
+    recording = gpu.Recording()
+    condition = [count, 1, 3, 8, 12, 4]
+    buffers = {1: main_profile.MAIN.integers(numbers), 2: items}
+    recording.dispatch(main_profile.shader("main_lists"), "choose", 1, buffers, condition)
+    recording.submit()
+    expected = np.flatnonzero(((numbers[1::3] ^ 8) & 12) > 4)
+    found = gpu.download(items, np.uint32, count + 1)
+    assert found[0] == len(expected)
+    assert np.array_equal(found[1 : 1 + len(expected)], expected)
+
+
+def test_an_encoded_run_of_more_symbols_than_a_dispatch_takes():
+    rng = np.random.default_rng(5)
+    count = main_operations.SYMBOLS_AT_ONCE + 1000
+    frequencies = rng.integers(1, 2**14, count)
+    starts = rng.integers(0, 2**14 - frequencies + 1)
+    lanes = rng.integers(0, 5, count)
+    found = webgpu.encode_run(starts, frequencies, lanes, 5)
+    assert same_outputs(found, spec.namespace()["encode_run"](starts, frequencies, lanes, 5))
+
+
+def test_bounds_that_shaders_of_main_rely_on():
+    """Comments of main_frequencies.wgsl state these: 32 bits suffice for (15-8)."""
+    sums = []
+    for alpha in main_tables.ALPHAS:
+        for n in range(1, main_tables.MOST_TABLED + 1):
+            weights = [2**16]
+            for i in range(n // 2):
+                a, b = (n - i) * (i + alpha), (i + 1) * (n - i - 1 + alpha)
+                assert a <= 1500
+                assert b <= 756
+                weights.append(weights[i] * a // b)
+                assert weights[-1] < 2**28
+            sums.append(sum(weights[min(i, n - i)] for i in range(n + 1)))
+    assert max(sums) == 1315760602

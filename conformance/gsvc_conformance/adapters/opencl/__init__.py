@@ -9,8 +9,9 @@ neither binary64 nor correctly rounded quotients, has no exact ones. A frame is 
 may be as large as CL_DEVICE_MAX_MEM_ALLOC_SIZE says, often a quarter of the memory.
 
 The kernels are in `kernels/`, to be read in this order: splats.cl, lists.cl, render.cl, gradients.cl; then
-reconstruct.cl, checks.cl, training.cl, pruning.cl, quantization.cl, codebooks.cl. They are compiled twice: for speed,
-and for identical bytes. The Python around them allocates, uploads, launches and downloads, operation by operation.
+reconstruct.cl, checks.cl, training.cl, pruning.cl, quantization.cl, codebooks.cl; and for profile `main`
+main_entropy.cl, whose lanes decode a pass at once, and main_splats.cl. They are compiled twice: for speed, and for
+identical bytes. The Python around them allocates, uploads, launches and downloads, operation by operation.
 
 Streams are parsed by the decoder inside spec.md, through `gsvc_conformance.adapters.host`, which also finds the
 rendering work of frames: so a device without binary64 decodes, too. Not here: `read_stream`, `seek` and the planes,
@@ -21,6 +22,7 @@ numbers (`learning_rates`, `converged`, `pruning_plan`, `select_key_frames`).
 from gsvc_conformance.adapters import host
 from gsvc_conformance.adapters.host import Operations
 from gsvc_conformance.adapters.opencl.device import environment
+from gsvc_conformance.adapters.opencl.main_profile import MAIN
 from gsvc_conformance.adapters.opencl.quantization import (
     commitment,
     lsq_dequantize,
@@ -58,21 +60,32 @@ from gsvc_conformance.adapters.opencl.training import (
 
 __all__ = [
     "adan_step",
+    "adapt_model",
     "augment",
     "commitment",
     "compact",
     "decode_stream",
     "decode_stream_deterministic",
+    "density_frequencies",
+    "encode_run",
     "environment",
     "from_half",
+    "half_frequencies",
     "loss",
     "lsq_dequantize",
     "lsq_gradients",
     "lsq_quantize",
+    "main_inter",
+    "main_intra",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
     "parameter_checksum",
     "prune",
+    "read_main_stream",
     "reconstruct_inter",
     "reconstruct_intra",
+    "reconstruct_layers",
     "reconstruct_stream",
     "render_frame",
     "render_gradients",
@@ -82,6 +95,8 @@ __all__ = [
     "rvq_assign",
     "rvq_update",
     "scale_parameters",
+    "splat_classes",
+    "state_parameters",
     "to_frame",
     "to_frame_deterministic",
     "to_half",
@@ -89,14 +104,29 @@ __all__ = [
     "weighted_parameters",
 ]
 
-_streams: Operations = host.stream_operations({
+adapt_model = MAIN.adapt_model
+density_frequencies = MAIN.density_frequencies
+encode_run = MAIN.encode_run
+half_frequencies = MAIN.half_frequencies
+main_inter = MAIN.main_inter
+main_intra = MAIN.main_intra
+mode_contexts = MAIN.mode_contexts
+model_frequencies = MAIN.model_frequencies
+motion_of_splats = MAIN.motion_of_splats
+splat_classes = MAIN.splat_classes
+state_parameters = MAIN.state_parameters
+
+_back_end = {
     "reconstruct_intra": reconstruct_intra,
     "reconstruct_inter": reconstruct_inter,
     "parameter_checksum": parameter_checksum,
     "render_frame": render_frame,
     "render_sum_deterministic": render_sum_deterministic,
     "to_frame_deterministic": to_frame_deterministic,
-})  # fmt: skip
+}
+_streams: Operations = host.stream_operations(_back_end, main_profile=MAIN)
+read_main_stream = _streams["read_main_stream"]
+reconstruct_layers = _streams["reconstruct_layers"]
 reconstruct_stream = _streams["reconstruct_stream"]
 decode_stream = _streams["decode_stream"]
 decode_stream_deterministic = _streams["decode_stream_deterministic"]

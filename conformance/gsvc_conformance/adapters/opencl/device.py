@@ -26,6 +26,8 @@ SOURCES: Final = (
     "quantization",
     "codebooks",
     "checks",
+    "main_entropy",
+    "main_splats",
 )
 """One program: what a file defines, those behind it may use."""
 NO_DEVICE: Final = (

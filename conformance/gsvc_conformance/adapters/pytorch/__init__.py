@@ -5,7 +5,9 @@
 needs PyTorch: pip install torch, or the command of pytorch.org for a GPU (ROCm's calls itself CUDA, too).
 `GSVC_TORCH_DEVICE=cpu` or `cuda:1` chooses a device; it must have binary64, which Apple's MPS has not. Start at
 `rendering.render`, which can be put into any loss as it is, and `training.loss_of`. Streams are parsed by the code of
-spec.md on the host, so `read_stream`, `decode_plane`, `encode_plane` and `seek` are not here.
+spec.md on the host, so `read_stream`, `decode_plane`, `encode_plane` and `seek` are not here. Of
+profile `main` the host has the passes of the entropy coder, too (`read_main_stream`, `reconstruct_layers`,
+`encode_run`, `half_frequencies`); what is done to all splats, contexts or bins at once is in `main_profile`.
 """
 
 import platform
@@ -20,6 +22,17 @@ from gsvc_conformance.adapters.pytorch.deterministic import (
     to_frame_deterministic,
 )
 from gsvc_conformance.adapters.pytorch.device import DEVICE
+from gsvc_conformance.adapters.pytorch.main_profile import (
+    adapt_model,
+    density_frequencies,
+    main_inter,
+    main_intra,
+    mode_contexts,
+    model_frequencies,
+    motion_of_splats,
+    splat_classes,
+    state_parameters,
+)
 from gsvc_conformance.adapters.pytorch.metrics import metrics
 from gsvc_conformance.adapters.pytorch.quantization import (
     commitment,
@@ -52,12 +65,14 @@ from gsvc_conformance.adapters.pytorch.training import (
 
 __all__ = [
     "adan_step",
+    "adapt_model",
     "augment",
     "commitment",
     "compact",
     "converged",
     "decode_stream",
     "decode_stream_deterministic",
+    "density_frequencies",
     "environment",
     "frame_to_planes",
     "from_half",
@@ -66,7 +81,12 @@ __all__ = [
     "lsq_dequantize",
     "lsq_gradients",
     "lsq_quantize",
+    "main_inter",
+    "main_intra",
     "metrics",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
     "parameter_checksum",
     "planes_to_frame",
     "prune",
@@ -83,6 +103,8 @@ __all__ = [
     "rvq_update",
     "scale_parameters",
     "select_key_frames",
+    "splat_classes",
+    "state_parameters",
     "to_frame",
     "to_frame_deterministic",
     "to_half",

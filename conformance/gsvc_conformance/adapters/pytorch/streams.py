@@ -3,6 +3,7 @@
 from gsvc_conformance.adapters import host
 from gsvc_conformance.adapters.pytorch.deterministic import render_sum_deterministic, to_frame_deterministic
 from gsvc_conformance.adapters.pytorch.device import Arrays
+from gsvc_conformance.adapters.pytorch.main_profile import state_parameters
 from gsvc_conformance.adapters.pytorch.reconstruction import (
     parameter_checksum,
     reconstruct_inter,
@@ -15,6 +16,7 @@ _OPERATIONS = host.stream_operations(
     {
         "reconstruct_intra": reconstruct_intra,
         "reconstruct_inter": reconstruct_inter,
+        "state_parameters": state_parameters,
         "parameter_checksum": parameter_checksum,
         "rendering_work": rendering_work,
         "render_frame": render_frame,

@@ -10,6 +10,11 @@ It has a whole decoder (entropy coding, reconstruction, bounded and deterministi
 gradients; the shader of bounded rendering is that of the browser page, ../web/render.wgsl.js. Streams are parsed by
 the code inside spec.md. Missing are the rest of training and quantisation, colour, metrics, and what a decoder asks of
 a frame on the host before it renders it: its checksum and its rendering work.
+
+Of profile `main` it has every operation. A frame is one submission: the host hands over the elements of the body, the
+lane states and the words, and reads back what R-7-1 asks for; passes, models and states stay on the device. The
+docstring of `gsvc_conformance.adapters.main_frames` maps the passes of spec.md 15.1 to dispatches; main_passes.wgsl
+has the lanes.
 """
 
 from collections.abc import Callable
@@ -22,6 +27,42 @@ from gsvc_conformance.adapters.host import stream_operations
 from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
 from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from gsvc_conformance.adapters.webgpu.gpu import Array, device
+from gsvc_conformance.adapters.webgpu.main_profile import MAIN
+
+__all__ = [
+    "adapt_model",
+    "decode_plane",
+    "decode_stream",
+    "decode_stream_deterministic",
+    "density_frequencies",
+    "encode_plane",
+    "encode_run",
+    "environment",
+    "from_half",
+    "half_frequencies",
+    "lsq_dequantize",
+    "main_inter",
+    "main_intra",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
+    "read_main_stream",
+    "read_stream",
+    "reconstruct_inter",
+    "reconstruct_intra",
+    "reconstruct_layers",
+    "reconstruct_stream",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "render_sum_deterministic",
+    "scale_parameters",
+    "splat_classes",
+    "state_parameters",
+    "to_frame",
+    "to_frame_deterministic",
+    "to_half",
+]
 
 Outputs = dict[str, Array]
 
@@ -118,7 +159,19 @@ _BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
     "render_sum_deterministic": render_sum_deterministic,
     "to_frame_deterministic": to_frame_deterministic,
 }
-_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols)
+adapt_model = MAIN.adapt_model
+density_frequencies = MAIN.density_frequencies
+encode_run = MAIN.encode_run
+half_frequencies = MAIN.half_frequencies
+main_inter = MAIN.main_inter
+main_intra = MAIN.main_intra
+mode_contexts = MAIN.mode_contexts
+model_frequencies = MAIN.model_frequencies
+motion_of_splats = MAIN.motion_of_splats
+splat_classes = MAIN.splat_classes
+state_parameters = MAIN.state_parameters
+
+_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, MAIN)
 
 
 def read_stream(stream: bytes) -> dict[str, Any]:
@@ -144,3 +197,13 @@ def decode_stream(stream: bytes) -> dict[str, Any]:
 def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
     """The frames of a stream, in `deterministic` rendering: section 12.4."""
     return _STREAM_OPERATIONS["decode_stream_deterministic"](stream)
+
+
+def read_main_stream(stream: bytes) -> dict[str, Any]:
+    """The contents of the bytes of a stream of profile `main`: section 15.12."""
+    return _STREAM_OPERATIONS["read_main_stream"](stream)
+
+
+def reconstruct_layers(stream: bytes, layer: int) -> dict[str, Any]:
+    """The splats of all complete frames in the quality of a layer, and the first fault: section 15.13."""
+    return _STREAM_OPERATIONS["reconstruct_layers"](stream, layer)

@@ -40,7 +40,7 @@ def decode_symbols(
     }
     spread = [("spread", (groups(slots, 256),), (0, 1, 2))]
     for buffers[0] in _rounds(count, precision, lanes, len(words), len(frequencies)):
-        run(wgsl("rans.wgsl"), [*spread, ("decode", (1,), (0, 1, 2, 3, 4, 5, 6))], buffers)
+        run(wgsl("ballots.wgsl") + wgsl("rans.wgsl"), [*spread, ("decode", (1,), (0, 1, 2, 3, 4, 5, 6))], buffers)
         spread = []
     symbols = download(buffers[5], np.uint32, count).astype(np.uint16)
     final_states = [int(state) for state in download(buffers[3], np.uint32, lanes)]
@@ -67,7 +67,7 @@ def encode_symbols(symbols: Array, frequencies: Array, precision: int, lane_coun
         7: storage(4 * count),
     }
     for buffers[0] in _rounds(count, precision, lanes, 0, len(frequencies)):
-        run(wgsl("rans.wgsl"), [("encode", (1,), (0, 1, 3, 5, 6, 7))], buffers)
+        run(wgsl("ballots.wgsl") + wgsl("rans.wgsl"), [("encode", (1,), (0, 1, 3, 5, 6, 7))], buffers)
     given = int(download(buffers[6], np.uint32, 1)[0])
     words = download(buffers[7], np.uint32, given)[::-1].astype(np.uint16)
     return download(buffers[3], np.uint32, lanes), words

@@ -17,6 +17,10 @@ Pass = tuple[str, Sequence[int], Sequence[int]]
 _STORAGE: Final = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST
 
 
+UNIFORM_STEP: Final = 256
+"""Bytes from the uniform of a dispatch to that of the next one: the alignment that every device allows."""
+
+
 NO_DEVICE: Final = (
     "there is no WebGPU device: install the driver of the GPU for Vulkan, or mesa-vulkan-drivers (Debian, Ubuntu), "
     "whose lavapipe takes the CPU"
@@ -103,6 +107,62 @@ def run(shader: str, passes: Sequence[Pass], buffers: Mapping[int, Any]) -> None
         compute.dispatch_workgroups(*workgroups)
         compute.end()
     device().queue.submit([encoder.finish()])
+
+
+class Recording:
+    """Dispatches that are handed to the device together; each sees what the ones before have written."""
+
+    def __init__(self) -> None:
+        self._dispatches: list[tuple[Any, int, Mapping[int, Any], bool]] = []
+        self._uniforms: list[bytes] = []
+
+    def dispatch(
+        self, shader: str, entry_point: str, workgroups: int, buffers: Mapping[int, Any], numbers: Sequence[int]
+    ) -> None:
+        """Add a dispatch; none if it has no workgroups.
+
+        Parameters
+        ----------
+        shader
+            The text of the module.
+        entry_point
+            Its name.
+        workgroups
+            In x.
+        buffers
+            By their binding in group 0, from binding 1 on.
+        numbers
+            Integers of 32 bits, signed or not: the structure at binding 0; what is missing at its end is 0. Without any
+            there is no binding 0.
+        """
+        if workgroups > 0:
+            self._dispatches.append((pipeline(shader, entry_point), workgroups, buffers, bool(numbers)))
+            raw = np.array([number & 0xFFFFFFFF for number in numbers], np.uint32).tobytes()
+            self._uniforms.append(raw + bytes(UNIFORM_STEP - len(raw)))
+
+    def submit(self) -> None:
+        """Hand everything to the device."""
+        if not self._dispatches:
+            return
+        shared = device().create_buffer_with_data(data=b"".join(self._uniforms), usage=wgpu.BufferUsage.UNIFORM)
+        encoder = device().create_command_encoder()
+        compute = encoder.begin_compute_pass()
+        for place, (chosen, workgroups, buffers, has_uniform) in enumerate(self._dispatches):
+            own = {"buffer": shared, "offset": UNIFORM_STEP * place, "size": UNIFORM_STEP}
+            entries: list[dict[str, Any]] = [{"binding": 0, "resource": own}] if has_uniform else []
+            entries += [{"binding": binding, "resource": {"buffer": buffer}} for binding, buffer in buffers.items()]
+            compute.set_pipeline(chosen)
+            compute.set_bind_group(0, device().create_bind_group(layout=_layout(chosen), entries=entries))
+            compute.dispatch_workgroups(workgroups)
+        compute.end()
+        device().queue.submit([encoder.finish()])
+        self._dispatches.clear()
+        self._uniforms.clear()
+
+
+@cache
+def _layout(chosen: Any) -> Any:
+    return chosen.get_bind_group_layout(0)
 
 
 def download(buffer: Any, dtype: npt.DTypeLike, count: int) -> Array:

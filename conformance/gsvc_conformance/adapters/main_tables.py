@@ -1,0 +1,45 @@
+"""The tables of profile `main` (spec.md 15.3), for adapters that have kernels for it."""
+
+import math
+from functools import cache
+from typing import Final
+
+OCTAVE: Final = 1024
+ALPHAS: Final = (1, 2, 3, 4, 6, 10, 20, 100)
+"""α by `halving_code`."""
+MOST_TABLED: Final = 15
+HALF_TABLE: Final = 17
+"""Splats of the largest part that has a table, and the numbers of a table."""
+
+
+def _nearest_exp2(i: int) -> int:
+    """The integer nearest to 2^(15 + i/1024)."""
+    power = 1 << (16 * OCTAVE + i)
+    for _ in range(10):
+        power = math.isqrt(power)
+    return (power + 1) >> 1
+
+
+@cache
+def exp2_table() -> tuple[int, ...]:
+    """EXP2."""
+    return tuple(_nearest_exp2(i) for i in range(OCTAVE))
+
+
+def step_of(quantizer: int) -> int:
+    """D in 1/16 (15-4)."""
+    return exp2_table()[128 * (quantizer % 8)] << (quantizer // 8) >> 12
+
+
+@cache
+def families() -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """LOGISTIC and LAPLACE, (15-3)."""
+    falling = [96 * (128 - i) for i in range(1, 129)]
+    tail = [exp2_table()[v % OCTAVE] << v // OCTAVE for v in falling]
+    logistic, laplace = [2**31 // (2**15 + t) for t in tail], [2**30 // t for t in tail]
+    return _distribution(logistic), _distribution(laplace)
+
+
+def _distribution(lower: list[int]) -> tuple[int, ...]:
+    """257 values from those at 1 to 128."""
+    return (0, *lower, *(2**16 - value for value in lower[-2::-1]), 2**16)

@@ -1,0 +1,203 @@
+"""Profile `main` (section 15): frequencies, classes, states and parameters, all splats at once, in integers of 64 bits.
+
+The passes themselves are not here: a lane depends on itself, symbol by symbol, and tensors have no lanes.
+"""
+
+import math
+from functools import cache
+from typing import Final
+
+import torch
+from torch import Tensor
+
+from gsvc_conformance.adapters.pytorch.device import DEVICE, Array, Arrays, array, tensor
+
+OCTAVE: Final = 1024
+TOTAL: Final = 2**14
+X_MOST, S_MOST, N_MOST, STEP_MOST = 2**25, 32767, 2**28, 2**17 - 1
+A_LEAST, A_MOST = -3072, 13311
+SIDES: Final = (0, 64, 32, 16)
+K1, K2, K3 = map(float.fromhex, ("0x1.4edc56p-14", "0x1.9a1e72p-14", "0x1.d99086p-15"))
+"""MAIN_K1, MAIN_K2 and MAIN_K3, which are binary32 numbers."""
+
+
+@cache
+def _exp2_table() -> Tensor:
+    """EXP2 (15.3): ten square roots are the root of order 1024, rounded down."""
+    roots = []
+    for i in range(OCTAVE):
+        power = 1 << (16 * OCTAVE + i)
+        for _ in range(10):
+            power = math.isqrt(power)
+        roots.append((power + 1) >> 1)
+    return torch.tensor(roots, device=DEVICE)
+
+
+def exp2(v: Tensor, k: int) -> Tensor:
+    """(15-2)."""
+    shift = (v >> 10) - 15 + k
+    mantissa = _exp2_table()[v & (OCTAVE - 1)]
+    return torch.where(shift >= 0, mantissa << shift.clamp(min=0), mantissa >> (-shift).clamp(0, 63))
+
+
+@cache
+def _families() -> Tensor:
+    """LOGISTIC and LAPLACE, (15-3), (2, 257) i8."""
+    tail = exp2(96 * (128 - torch.arange(1, 129, device=DEVICE)), 15)
+    lower = torch.stack((2**31 // (2**15 + tail), 2**30 // tail))
+    zero = torch.zeros_like(lower[:, :1])
+    return torch.cat((zero, lower, 2**16 - lower[:, :-1].flip(1), zero + 2**16), 1)
+
+
+def _step(quantizer: int) -> int:
+    """D (15-4)."""
+    return int(_exp2_table()[128 * (quantizer % 8)]) << (quantizer // 8) >> 12
+
+
+def _classes(n: Tensor, step: int) -> Tensor:
+    """(15-4): the thresholds that the energy reaches."""
+    k = ((n.abs() + step // 2) // step).clamp(max=1024)
+    thresholds = 2 ** (2 * torch.arange(1, 11, device=DEVICE) - 1)
+    return torch.searchsorted(thresholds, (k * k).sum(1), right=True)
+
+
+def _clipped(state: Tensor) -> Tensor:
+    """R-15.4-1."""
+    most = torch.tensor([X_MOST] * 2 + [A_MOST] * 2 + [S_MOST] + [N_MOST] * 3, device=DEVICE)
+    least = torch.tensor([-X_MOST] * 2 + [A_LEAST] * 2 + [-S_MOST] + [-N_MOST] * 3, device=DEVICE)
+    return torch.minimum(torch.maximum(state, least), most)
+
+
+def density_frequencies(edges: Array, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Arrays:
+    """Operation: (15-6)."""
+    bins, T = len(edges) + 1, _families()[density_family]
+    scale = int(_exp2_table()[-256 * scale_code % OCTAVE])
+    shift = 4 - -scale_code // 4 + unit_bits
+    u = (2**15 + ((tensor(edges) - 2 * centre) * scale >> shift)).clamp(0, 2**16 - 1)
+    place = u >> 8
+    v = T[place] + ((T[place + 1] - T[place]) * (u & 255) >> 8)
+    inner = torch.arange(1, bins, device=DEVICE) + ((TOTAL - bins) * v >> 16)
+    ends = torch.tensor([0, TOTAL], device=DEVICE)
+    return {"cumulative": array(torch.cat((ends[:1], inner, ends[1:])), "i8")}
+
+
+def model_frequencies(counts: Array) -> Arrays:
+    """Operation: (15-14)."""
+    c = tensor(counts)
+    octaves = 2 ** torch.arange(17, 33, device=DEVICE)
+    c = c >> torch.searchsorted(octaves, c.sum(1, keepdim=True), right=True)
+    f = 1 + (TOTAL - c.shape[1]) * c // c.sum(1, keepdim=True)
+    first = (f == f.amax(1, keepdim=True)).long().cumsum(1).cumsum(1) == 1  # of the greatest
+    f = f + first * (TOTAL - f.sum(1, keepdim=True))
+    return {"cumulative": array(torch.cat((torch.zeros_like(f[:, :1]), f.cumsum(1)), 1), "i8")}
+
+
+def adapt_model(counts: Array, seen: Array) -> Arrays:
+    """Operation: (15-11)."""
+    c, h = tensor(counts), tensor(seen)
+    used = (h > 0).any(1, keepdim=True)
+    return {"counts": array(torch.where(used, (7 * c >> 3) + 64 * h, c), "i8")}
+
+
+def splat_classes(state: Array, quantizer: int) -> Arrays:
+    """Operation: (15-4)."""
+    return {"classes": array(_classes(tensor(state)[:, 5:], _step(quantizer)), "i8")}
+
+
+def main_intra(quantizer: int, cells: Array, colors: Array, shapes: Array, places: Array) -> Arrays:
+    """Operation: (15-10) and (15-15)."""
+    step = _step(quantizer)
+    n = tensor(colors).clamp(-(N_MOST // step), N_MOST // step) * step
+    j = _classes(n, step)[:, None]
+    size, aspect, shear = tensor(shapes).tensor_split(3, 1)
+    logs = (torch.cat((size + aspect, size - aspect), 1) * (1477 >> j)).clamp(A_LEAST, A_MOST)
+    g = ((logs >> 10) + 1 - j).clamp(-4, 2)
+    positions = 1024 * tensor(cells) + (tensor(places) << (g + 8)) + (1 << (g + 7))
+    return {"state": array(_clipped(torch.cat((positions, logs, shear * (2048 >> j), n), 1)), "i8")}
+
+
+def _between(position: Tensor, side: int, cells: int) -> tuple[Tensor, Tensor, Tensor]:
+    """The cell before a position and the one behind it, and the 64ths of the way between their centres."""
+    b = (256 * side).bit_length() - 1
+    u = (position - 128 * side).clamp(0, (cells - 1) << b)
+    i = (u >> b).clamp(max=max(cells - 2, 0))
+    return i, (i + 1).clamp(max=cells - 1), ((u - (i << b)) >> (b - 6))[:, None]
+
+
+def motion_of_splats(state: Array, vectors: Array, motion_cell: int) -> Arrays:
+    """Operation: (15-12)."""
+    X, Y = tensor(state)[:, :2].unbind(1)
+    V, side = tensor(vectors), SIDES[motion_cell]
+    i, i1, f = _between(X, side, V.shape[1])
+    j, j1, h = _between(Y, side, V.shape[0])
+    upper, lower = ((64 - f) * V[row, i] + f * V[row, i1] for row in (j, j1))
+    return {"motion": array(((64 - h) * upper + h * lower + 32) >> 6, "i8")}
+
+
+def mode_contexts(
+    width: int, height: int, state: Array, past: Array, motion: Array, vectors: Array, motion_cell: int
+) -> Arrays:
+    """Operation: the contexts of section 15.11."""
+    where, V, side = tensor(state)[:, :2], tensor(vectors), SIDES[motion_cell]
+    moved = where + tensor(motion)
+    outside = ((moved < 0) | (moved >= torch.tensor([256 * width, 256 * height], device=DEVICE))).any(1)
+    contexts = 3 * tensor(past)
+    if side:
+        unrest = torch.zeros(V.shape[:2], dtype=torch.int64, device=DEVICE)
+        for axis in range(2):
+            size = V.shape[axis]
+            step = V.diff(dim=axis).abs().sum(2)
+            unrest.narrow(axis, 0, size - 1).copy_(torch.maximum(unrest.narrow(axis, 0, size - 1), step))
+            unrest.narrow(axis, 1, size - 1).copy_(torch.maximum(unrest.narrow(axis, 1, size - 1), step))
+        column, row = (where // (256 * side)).unbind(1)
+        own = unrest[row.clamp(0, V.shape[0] - 1), column.clamp(0, V.shape[1] - 1)]
+        contexts = contexts + (own > 2).long() + (own > 7).long()
+    return {"contexts": array(torch.where(outside, torch.full_like(contexts, 9), contexts), "i8")}
+
+
+def main_inter(quantizer: int, state: Array, motion: Array, differences: Array) -> Arrays:
+    """Operation: (15-13)."""
+    step, s, q, d = _step(quantizer), tensor(state), tensor(differences), tensor(motion)
+    X, Y, A, B, S = s[:, :5].unbind(1)
+    j = _classes(s[:, 5:], step)
+    g_x, g_y = (exp2(v + 512 - 1024 * j, 8).clamp(1, STEP_MOST) for v in (A, B))
+    g_s = S.sign() * (S.abs() * g_y >> 10).clamp(max=STEP_MOST)
+    h = 1477 >> j
+    new_A = (A + (q[:, 2] + q[:, 3]) * h).clamp(A_LEAST, A_MOST)
+    new_B = (B + (q[:, 2] - q[:, 3]) * h).clamp(A_LEAST, A_MOST)
+    v = (new_A - A) - (new_B - B)
+    product, shift = S.abs() * _exp2_table()[v & (OCTAVE - 1)], (v >> 10) - 15
+    grown = torch.where(shift >= 0, product << shift.clamp(min=0), product >> (-shift).clamp(0, 63))
+    sheared = S.sign() * grown.clamp(max=S_MOST)
+    columns = (
+        X + d[:, 0] + q[:, 0] * g_x,
+        Y + d[:, 1] + q[:, 0] * g_s + q[:, 1] * g_y,
+        new_A,
+        new_B,
+        sheared + q[:, 4] * (2048 >> j),
+    )
+    return {"state": array(_clipped(torch.cat((torch.stack(columns, 1), s[:, 5:] + q[:, 5:] * step), 1)), "i8")}
+
+
+def _power_of_two(v: Tensor) -> Tensor:
+    """2^(v/1024) as an exact binary32 number, whose power of two is made of its bits: no power is calculated."""
+    scale = ((127 - 15 + (v >> 10)) << 23).to(torch.int32).view(torch.float32)
+    return _exp2_table()[v & (OCTAVE - 1)].float() * scale
+
+
+def state_parameters(state: Array) -> Arrays:
+    """Operation: (15-5), each operation a kernel of its own, which rounds once."""
+    X, Y, A, B, S, *n = tensor(state).unbind(1)
+    l22, g = _power_of_two(B), _power_of_two(-(A + B) >> 1)
+    a, b, c = (value.float() * k for value, k in zip(n, (K1, K2, K3), strict=True))
+    columns = (
+        X.float() / 256,
+        Y.float() / 256,
+        _power_of_two(A),
+        S.float() / 1024 * l22,
+        l22,
+        ((a + b) + c) * g,
+        (a - 2 * c) * g,
+        ((a - b) + c) * g,
+    )
+    return {"parameters": array(torch.stack(columns, 1), "f4")}

@@ -1,0 +1,105 @@
+// Densities of profile `main` (spec.md, sections 15.7 and 15.8): cumulative frequencies, one by one, without tables.
+//
+// The text of main_tables.wgsl stands in front of it, and it in front of the shaders that need it.
+
+// Bins 0 to bins - 1, with doubled inner edges (2 ((first + i) << edge_shift) - 1) edge_unit: those of magnitudes and
+// halves have another unit, those of a window a first bin and a shift.
+struct Density {
+    family: u32,            // density_family, or BETA_BINOMIAL
+    scale_code: i32,
+    unit_bits: i32,         // w
+    centre: i32,            // m; where the frequencies stand in `tables` if the family is BETA_BINOMIAL
+    first: i32,
+    edge_shift: u32,
+    edge_unit: i32,
+    bins: u32,
+    low_bits: u32,          // raw ones behind the bins; those of magnitudes depend on the bin
+}
+
+const LOGISTIC = 0u;
+const BETA_BINOMIAL = 2u;
+const HALVES = 1538u;               // where the tables of (15-8) begin, behind those of section 15.3
+const HALF_TABLE = 17u;             // numbers of each
+const PLANES = 6u;                  // luma, chroma1, chroma2, size, aspect, shear
+const DENSITIES_OF_PLANE = 40u;     // one for each class of magnitudes of k0, or for each class of splats
+const MAGNITUDE_CLASSES = 40u;
+
+// v of (15-6) for e - 2 m = distance. Distances are below 2^18, also for the inputs that density_frequencies may have,
+// and EXP2 below 2^16. The shift is at least 4: the four low bits of EXP2 go first, and rounding down twice is rounding
+// down once. What is left are products below 2^30 and below 2^22.
+fn reached(distance: i32, family: u32, scale_code: i32, unit_bits: i32) -> u32 {
+    let scale = i32(mantissa(-256 * scale_code));
+    let shift = u32(4 + ((scale_code + 3) >> 2u) + unit_bits);
+    let product = distance * (scale >> 4u) + ((distance * (scale & 15)) >> 4u);    // 2^-4 of it
+    let u = u32(clamp(0x8000 + (product >> (shift - 4u)), 0, 0xffff));
+    let place = 1024u + 257u * family + (u >> 8u);
+    return tables[place] + (((tables[place + 1u] - tables[place]) * (u & 0xffu)) >> 8u);
+}
+
+// C[i] of a density of bins.
+fn before_bin(density: Density, i: u32) -> u32 {
+    if (i == 0u || i == density.bins) {
+        return select(TOTAL, 0u, i == 0u);
+    }
+    if (density.family == BETA_BINOMIAL) {
+        return tables[u32(density.centre) + i];
+    }
+    let edge = (2 * ((density.first + i32(i)) << density.edge_shift) - 1) * density.edge_unit;
+    let v = reached(edge - 2 * density.centre, density.family, density.scale_code, density.unit_bits);
+    return i + (((TOTAL - density.bins) * v) >> 16u);
+}
+
+fn alpha_of(halving_code: u32) -> u32 {
+    var alphas = array<u32, 8>(1u, 2u, 3u, 4u, 6u, 10u, 20u, 100u);
+    return alphas[halving_code];
+}
+
+// Where (15-8) stands for n splats and an α of a number.
+fn half_table(n: u32, halving_code: u32) -> u32 {
+    return HALVES + (15u * halving_code + n - 1u) * HALF_TABLE;
+}
+
+// The density of how many of n splats are in the first half, p and q being the cells of both.
+fn half_density(n: u32, p: u32, q: u32, halving_code: u32) -> Density {
+    if (p == q && n <= 15u) {
+        return Density(BETA_BINOMIAL, 0, 0, i32(half_table(n, halving_code)), 0, 0u, 0, n + 1u, 0u);
+    }
+    let low_bits = u32(max(23 - i32(countLeadingZeros(n)), 0));
+    let m = n >> low_bits;                                    // below 2^9
+    let b = 256u * p / (p + q);
+    // (15-9): m b (256 - b) is below 2^23, the other factor below 2^20. ⌊· / 2^16⌋ from the twelve low bits of the
+    // first one and the rest: both products are below 2^32, and their sum, too.
+    let first = m * b * (256u - b);
+    let alpha = alpha_of(halving_code);
+    let second = (2u * alpha + m) * 1245u;
+    let v = (((first >> 12u) * second + (((first & 0xfffu) * second) >> 12u)) >> 4u) / (2u * alpha + 1u);
+    let e = 31u - countLeadingZeros(max(v, 1u));
+    let scale_code = 2u * e + select(0u, (v >> (max(e, 1u) - 1u)) & 1u, e > 0u);
+    return Density(LOGISTIC, i32(scale_code), 0, i32(m * b / 4u), 0, 0u, 64, m + 1u, low_bits);
+}
+
+struct Symbol {
+    value: u32,
+    start: u32,         // c(s)
+    frequency: u32,     // f(s)
+}
+
+// The bin of a slot: C[s] <= slot < C[s + 1].
+fn symbol_of_density(density: Density, slot: u32) -> Symbol {
+    var low = 0u;
+    var high = density.bins;
+    var start = 0u;
+    var end = TOTAL;
+    while (high - low > 1u) {
+        let middle = (low + high) / 2u;
+        let reached_there = before_bin(density, middle);
+        if (reached_there <= slot) {
+            low = middle;
+            start = reached_there;
+        } else {
+            high = middle;
+            end = reached_there;
+        }
+    }
+    return Symbol(low, start, end - start);
+}

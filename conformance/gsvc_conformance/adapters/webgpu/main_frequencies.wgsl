@@ -1,0 +1,198 @@
+// Cumulative frequencies of profile `main` (spec.md, sections 15.7, 15.8 and 15.11), and what they are made of.
+//
+//     pass                  dispatch         bindings    what
+//     density_frequencies   bins / 256       0 1 2 3     (15-6) of any edges
+//     half_frequencies      bins / 256       0 1 3 4     (15-8), (15-9)
+//     half_tables           8                3           the tables of (15-8)
+//     plane_densities       1                0 1 4       the densities of a frame's planes
+//     model_frequencies     contexts / 256   0 2 3       (15-14)
+//     adapt_model           contexts / 256   0 2 3 5     (15-11)
+//
+// The texts of main_tables.wgsl and main_densities.wgsl stand in front.
+
+struct Numbers {
+    count: u32,            // bins, splats or contexts
+    symbols: u32,          // of a context
+    centre: i32,
+    family: u32,
+    scale_code: i32,
+    unit_bits: i32,
+    first_half: u32,
+    second_half: u32,
+    halving_code: u32,
+}
+
+struct Planes {
+    planes: array<vec4<i32>, 6>,    // density_family, scale_code, centre and slope; both without what was added
+}
+
+@group(0) @binding(0) var<uniform> numbers: Numbers;
+@group(0) @binding(0) var<uniform> planes: Planes;
+@group(0) @binding(2) var<storage, read> edges: array<i32>;
+@group(0) @binding(2) var<storage, read> counts: array<u32>;               // (contexts, symbols)
+@group(0) @binding(3) var<storage, read_write> result: array<u32>;
+@group(0) @binding(4) var<storage, read_write> densities: array<Density>;
+@group(0) @binding(5) var<storage, read> seen: array<u32>;
+
+@compute @workgroup_size(256)
+fn density_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
+    let i = id.x;
+    if (i > numbers.count) {
+        return;
+    }
+    if (i == 0u || i == numbers.count) {
+        result[i] = select(TOTAL, 0u, i == 0u);
+        return;
+    }
+    let distance = edges[i - 1u] - 2 * numbers.centre;
+    let v = reached(distance, numbers.family, numbers.scale_code, numbers.unit_bits);
+    result[i] = i + (((TOTAL - numbers.count) * v) >> 16u);
+}
+
+// `result` has room for n + 2 numbers; those behind C[bins] stay 0.
+@compute @workgroup_size(256)
+fn half_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
+    let density = half_density(numbers.count, numbers.first_half, numbers.second_half, numbers.halving_code);
+    if (id.x <= density.bins) {
+        result[id.x] = before_bin(density, id.x);
+    }
+    if (id.x == 0u) {
+        densities[0] = density;
+    }
+}
+
+// (15-8) for all n up to 15 and all α, once for a device: an invocation for each number of each table.
+@compute @workgroup_size(255)
+fn half_tables(@builtin(global_invocation_id) id: vec3<u32>) {
+    let halving_code = id.x / (15u * HALF_TABLE);
+    let n = (id.x / HALF_TABLE) % 15u + 1u;
+    let i = id.x % HALF_TABLE;
+    if (i <= n + 1u) {
+        result[half_table(n, halving_code) + i] = before_count(weights_of(n, alpha_of(halving_code)), n, i);
+    }
+}
+
+// (15-8): the weights for n splats, and behind them their sum, which is at most 1315760602.
+fn weights_of(n: u32, alpha: u32) -> array<u32, 17> {
+    var weights: array<u32, 17>;
+    weights[0] = 0x10000u;
+    for (var i = 0u; i < n / 2u; i++) {
+        // ⌊w a / b⌋ with w = q b + r is q a + ⌊r a / b⌋: a is at most 1500, b at most 756, and the result below 2^28.
+        let a = (n - i) * (i + alpha);
+        let b = (i + 1u) * (n - i - 1u + alpha);
+        weights[i + 1u] = (weights[i] / b) * a + ((weights[i] % b) * a) / b;
+    }
+    var sum = 0u;
+    for (var i = 0u; i <= n; i++) {
+        weights[i] = weights[min(i, n - i)];
+        sum += weights[i];
+    }
+    weights[16] = sum;
+    return weights;
+}
+
+// ⌊part · factor / whole⌋ for part <= whole and a factor below 2^14, bit by bit of the factor: what is doubled is below
+// the whole, and 3 · 1315760602 < 2^32.
+fn share(part: u32, factor: u32, whole: u32) -> u32 {
+    var quotient = 0u;
+    var rest = 0u;
+    for (var bit = 14u; bit > 0u; bit--) {
+        rest = 2u * rest + part * ((factor >> (bit - 1u)) & 1u);
+        quotient = 2u * quotient + rest / whole;
+        rest %= whole;
+    }
+    return quotient;
+}
+
+// C[i] of the number of n splats in the first half.
+fn before_count(given: array<u32, 17>, n: u32, i: u32) -> u32 {
+    var weights = given;    // what is indexed by a variable has to be one
+    var sum = 0u;
+    for (var k = 0u; k < i; k++) {
+        sum += weights[k];
+    }
+    return select(TOTAL, i + share(sum, TOTAL - n - 1u, weights[16]), i <= n);
+}
+
+@compute @workgroup_size(240)
+fn plane_densities(@builtin(local_invocation_index) at: u32) {
+    let plane = at / DENSITIES_OF_PLANE;
+    let number = i32(at % DENSITIES_OF_PLANE);
+    let told = planes.planes[plane];
+    if (plane < 3u) {
+        let centre = told.z + ((told.w * number) >> 2u);    // luma has no slope
+        densities[at] = Density(u32(told.x), told.y, 2, centre, 0, 0u, 16, MAGNITUDE_CLASSES, 0u);
+    } else {
+        let j = min(number, 10);
+        let h = select(1477 >> u32(j), 2048 >> u32(j), plane == 5u);
+        densities[at] = window(u32(told.x), told.y, 64 * told.z + 16 * told.w * j, h);
+    }
+}
+
+// (15-7): 8 scales are below 2^15, centres below 2^17.
+fn window(family: u32, scale_code: i32, centre: i32, h: i32) -> Density {
+    let scale = power(256 * scale_code, 4);
+    var low_bits = 0u;
+    while (16 * scale > 512 * (h << low_bits)) {
+        low_bits++;
+    }
+    let width = h << low_bits;
+    let first = floor_quotient(centre - 8 * scale, width);
+    let last = -floor_quotient(-centre - 8 * scale, width);
+    return Density(family, scale_code, 4, centre, first, low_bits, h, u32(last - first + 1), low_bits);
+}
+
+// An invocation for each context. c' is below 2^17, so (2^14 - K) c' is below 2^31.
+@compute @workgroup_size(256)
+fn model_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= numbers.count) {
+        return;
+    }
+    let first = id.x * numbers.symbols;
+    var sum = 0u;
+    for (var s = 0u; s < numbers.symbols; s++) {
+        sum += counts[first + s];
+    }
+    let shift = u32(max(15 - i32(countLeadingZeros(sum)), 0));
+    var kept = 0u;
+    for (var s = 0u; s < numbers.symbols; s++) {
+        kept += counts[first + s] >> shift;
+    }
+    var missing = TOTAL;
+    var most = 0u;         // the greatest frequency, and the first symbol that has it
+    var most_at = 0u;
+    for (var s = 0u; s < numbers.symbols; s++) {
+        let frequency = 1u + ((TOTAL - numbers.symbols) * (counts[first + s] >> shift)) / kept;
+        missing -= frequency;
+        if (frequency > most) {
+            most = frequency;
+            most_at = s;
+        }
+    }
+    let cumulative = id.x * (numbers.symbols + 1u);
+    var before = 0u;
+    for (var s = 0u; s < numbers.symbols; s++) {
+        result[cumulative + s] = before;
+        before += 1u + ((TOTAL - numbers.symbols) * (counts[first + s] >> shift)) / kept;
+        before += select(0u, missing, s == most_at);
+    }
+    result[cumulative + numbers.symbols] = before;
+}
+
+// An invocation for each context. ⌊7 c / 8⌋ is c - ⌈c / 8⌉, which needs no more bits than c.
+@compute @workgroup_size(256)
+fn adapt_model(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= numbers.count) {
+        return;
+    }
+    let first = id.x * numbers.symbols;
+    var used = false;
+    for (var s = 0u; s < numbers.symbols; s++) {
+        used = used || seen[first + s] > 0u;
+    }
+    for (var s = 0u; s < numbers.symbols; s++) {
+        let c = counts[first + s];
+        let adapted = c - (c >> 3u) - u32((c & 7u) != 0u) + 64u * seen[first + s];
+        result[first + s] = select(c, adapted, used);
+    }
+}
