@@ -130,10 +130,19 @@ def test_the_command_runs_keeps_and_shows(only_splats, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "one step" in out
     assert "Does it hold? partly. Because it is < 1." in out
+    assert "Numbers\n\n| what" in out
     assert "1 of 9 experiments" in out
     assert (tmp_path / "index.html").is_file()
     assert (document.parent / "experiments" / "splats-one.svg").read_text() == "<svg/>"
     assert "Splats & quality" in document.read_text(encoding="utf-8")
+
+
+def test_json_is_all_that_is_printed(only_splats, tmp_path, capsys):
+    assert command.main(["splats", "--output", str(tmp_path), "--json"]) == 0
+    captured = capsys.readouterr()
+    (made,) = json.loads(captured.out)
+    assert made == json.loads((tmp_path / "splats.json").read_text(encoding="utf-8"))
+    assert "one step" in captured.err
 
 
 def test_an_experiment_that_cannot_be_made_does_not_stop_the_others(only_splats, tmp_path, capsys):
