@@ -10,7 +10,7 @@ from gsvc_lab.experiments.rate_distortion.measure import Curve, gsvc_point
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.encoder import Settings
 
-WRITTEN: Final = "layers" in {field.name for field in fields(Settings)}
+WRITTEN: Final = "layer_splats" in {field.name for field in fields(Settings)}
 """Whether this encoder writes layers."""
 
 COUNT: Final = 3
@@ -24,8 +24,8 @@ class Layered:
     ----------
     clip
         Title of the clip.
-    asked
-        The PSNR that each layer was to reach, in dB.
+    splats
+        N of a frame with the base, with layer 1, ..., growing.
     psnr
         PSNR of all layers together in dB, the mean over frames.
     bytes
@@ -35,7 +35,7 @@ class Layered:
     """
 
     clip: str
-    asked: tuple[float, ...]
+    splats: tuple[int, ...]
     psnr: float
     bytes: int
     single_bytes: float | None
@@ -47,8 +47,8 @@ class Layered:
 
 
 def layered(clip: PlanarClip, single: Curve, folder: Path, threads: int | None) -> Layered:
-    """Code a clip in layers of the qualities that the first points of a single layer's curve have."""
-    asked = tuple(round(point.psnr, 1) for point in single.points[:COUNT])
-    made, _ = gsvc_point(clip, MAIN.settings(layers=asked, threads=threads), folder)
+    """Code a clip in layers with the numbers of splats of the first points of a single layer's curve."""
+    splats = tuple(point.splats for point in single.points[:COUNT] if point.splats is not None)
+    made, _ = gsvc_point(clip, MAIN.settings(layer_splats=splats, threads=threads), folder)
     rate = rate_at(single.pairs("psnr"), made.psnr)
-    return Layered(clip.title, asked, made.psnr, made.bytes, None if rate is None else rate * clip.pixels / 8)
+    return Layered(clip.title, splats, made.psnr, made.bytes, None if rate is None else rate * clip.pixels / 8)

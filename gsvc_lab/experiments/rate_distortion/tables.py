@@ -111,7 +111,7 @@ def layers_table(found: Sequence[Layered]) -> Table:
     rows = [
         (
             one.clip,
-            ", ".join(f"{value:g}" for value in one.asked),
+            ", ".join(map(str, one.splats)),
             f"{one.psnr:.2f}",
             f"{8 * one.bytes:,}",
             "–" if one.single_bytes is None else f"{8 * one.single_bytes:,.0f}",
@@ -119,7 +119,7 @@ def layers_table(found: Sequence[Layered]) -> Table:
         )
         for one in found
     ]
-    columns = ("clip", "asked, dB", "PSNR of all, dB", "bits", "bits of one layer there", "more")
+    columns = ("clip", "N of the layers together", "PSNR of all, dB", "bits", "bits of one layer there", "more")
     return Table("GSVC main, quick: three layers against one at full quality", columns, rows)
 
 

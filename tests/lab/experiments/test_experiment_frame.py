@@ -8,7 +8,7 @@ from html_pages import parsed
 
 from gsvc_lab.experiments import command, results
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
-from gsvc_lab.experiments.markdown import anchor, document
+from gsvc_lab.experiments.markdown import anchor, document, write_document
 from gsvc_lab.experiments.page import page
 from gsvc_ref.errors import UsageError
 
@@ -91,6 +91,25 @@ def test_the_document_has_claim_verdict_numbers_and_command(made):
     assert "| what | PSNR, dB |\n|---|---:|\n| a\\|b & c | 30.50 |" in text
     assert "`python -m gsvc_lab.experiments splats`" in text
     assert f"(#{anchor('Splats & quality')})" in text
+
+
+def test_sections_without_a_record_stay_as_they_are(made, tmp_path):
+    target = tmp_path / "docs" / "experiments.md"
+    results_of = tmp_path / "results"
+    results_of.mkdir()
+    (results_of / "splats-one.svg").write_text("<svg/>")
+    (results_of / "old.svg").write_text("<svg/>")
+    other = made | {"name": "time", "title": "Time", "figures": {"old": "Old."}}
+    target.parent.mkdir()
+    write_document([made, other], results_of, target, print)
+    whole = target.read_text(encoding="utf-8")
+    changed = made | {"setting": "Measured anew.", "verdict": {"holds": "yes", "sentence": "Now."}}
+    write_document([changed], results_of, target, print)
+    again = target.read_text(encoding="utf-8")
+    assert again == document([changed, other], "experiments")
+    assert again.split("\n## ")[2] == whole.split("\n## ")[2]
+    write_document([other | {"figures": {}}], results_of, target, print)
+    assert sorted(path.name for path in (target.parent / "experiments").iterdir()) == ["splats-one.svg"]
 
 
 def test_a_verdict_says_what_it_is_about(quiet):
