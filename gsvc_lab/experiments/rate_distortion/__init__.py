@@ -138,9 +138,13 @@ def result(measured: Measured, settings: Run) -> Result:
         [one for one in main if one.clip not in short] or main, curves, measured.seconds, measured.layers
     )
     tables = [goals_table(reached), bd_table(f"BD-rate of {MAIN.name}: {MORE}", main, means(main)), why_table()]
-    for name in (SLOW.name, PAPER.name, OWN.name):
-        if found := against.get(name):
-            tables.append(bd_table(f"BD-rate of {name}: {MORE}", found, means(found)))
+    if slow := against.get(SLOW.name):
+        tables.append(bd_table(f"BD-rate of {SLOW.name}: {MORE}", slow, means(slow)))
+    for name in (PAPER.name, OWN.name):
+        if found := against[name]:
+            tables.append(
+                bd_table(f"BD-rate of {name}: {MORE}, means over the clips", found, means(found), clips=False)
+            )
     anchor = first_of("AVC", means(main))
     if anchor is not None:
         versus = compared(curves, MAIN.name, anchor)

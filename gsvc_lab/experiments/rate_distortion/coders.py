@@ -47,7 +47,7 @@ DENSER: Final = (100, 50, 25, 12)
 """Those of `main`, whose splats take about a quarter of the bits: so its curve covers the qualities of `paper`."""
 
 MAIN: Final = Coder("GSVC main, quick", "quick", DENSER, {"profile": "main"})
-SLOW: Final = Coder("GSVC main, slow", "slow", DENSER, {"profile": "main"})
+SLOW: Final = Coder("GSVC main, slow", "slow", DENSER[:3], {"profile": "main"})
 PAPER: Final = Coder("GSVC paper, quick", "quick", DENSITIES, {"profile": "paper"})
 LONG: Final = Coder(
     "GSVC paper, quick with 600 iterations", "quick", DENSITIES[1:], {"profile": "paper", "iterations": 600}

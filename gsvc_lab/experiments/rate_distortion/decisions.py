@@ -33,8 +33,8 @@ DECISIONS: Final = (
         "settings",
         "One rule for all clips: the preset as it is, seed 0, and N by the area of the picture: one splat for 200, 100,"
         " 50 and 25 pixels in profile paper, for 100, 50, 25 and 12 in profile main, whose splats take about a quarter "
-        "of the bits. With 600 iterations paper's quick has 100, 50 and 25; every frame alone has 100 and 25. Nothing "
-        "was chosen by clip.",
+        "of the bits. What takes long has fewer of the same: slow, and paper's quick with 600 iterations, 100, 50 and "
+        "25; every frame alone 100 and 25. Nothing was chosen by clip.",
     ),
     (
         "600 iterations",

@@ -49,17 +49,19 @@ def common(rate: BdRate) -> str:
     return "–" if rate.low is None or rate.high is None else f"{rate.low:.1f}–{rate.high:.1f}"
 
 
-def bd_table(title: str, comparisons: Sequence[Comparison], means: Ratios) -> Table:
-    """GSVC against each coder on each clip, and means over clips where there are several."""
+def bd_table(title: str, comparisons: Sequence[Comparison], means: Ratios, *, clips: bool = True) -> Table:
+    """GSVC against each coder on each of the clips, if asked for or the only one, and means over several."""
+    count = len({c.clip for c in comparisons})
     rows = [
-        (c.clip, c.anchor, *(cell(c.rates[metric]) for metric in METRICS), common(c.rates["psnr"])) for c in comparisons
+        (c.clip, c.anchor, *(cell(c.rates[metric]) for metric in METRICS), common(c.rates["psnr"]))
+        for c in comparisons
+        if clips or count == 1
     ]
-    clips = len({c.clip for c in comparisons})
-    if clips > 1:
+    if count > 1:
         for name, by_metric in means.items():
             own = [c for c in comparisons if c.anchor == name]
             counted = sum(c.rates["psnr"].percent is not None for c in own)
-            rows.append(("mean of the clips", name, *mean_cells(by_metric, own), f"{counted} of {clips} clips"))
+            rows.append(("mean of the clips", name, *mean_cells(by_metric, own), f"{counted} of {count} clips"))
     return Table(title, ("clip", "against", *(WORDS[metric] for metric in METRICS), "common PSNR, dB"), tuple(rows))
 
 
