@@ -27,7 +27,6 @@ from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
 from gsvc_lab.machine import processors
 from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.frame import FrameEncoder
-from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.files import write_text
@@ -46,6 +45,7 @@ from gsvc_ref.training import (
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.motion import estimated_motion
 
 BUDGETS: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Iterations that quick is asked for, until one reaches the PSNR."""

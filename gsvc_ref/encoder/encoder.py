@@ -1,22 +1,22 @@
 """Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
-from gsvc_ref.encoder.encoding import Encoding, completed
+from gsvc_ref.encoder.encoding import Encoding, FrameCoder, completed
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.log import Decision, FrameLog
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
-from gsvc_ref.main_encoder.frame import MainFrameEncoder
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
@@ -109,7 +109,7 @@ class _Encode(Encoding[Frame]):
         # P-frames may pass N while they add before they prune; those of `main` count what they remove as well.
         room = most if settings.profile == "main" else most // 4
         level = level_for(video.width, video.height, splats=min(most + room, MAX_SPLATS))
-        make = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+        make: Callable[..., FrameCoder[Frame]] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
         super().__init__(file, video, coder, level, progress, interrupts, live=live)
         start, stop = settings.frames

@@ -36,8 +36,10 @@ class FrameCoder(Protocol[CodedT]):
 
     settings: Settings
     """The settings in use."""
-    state: AnyState
-    """The decoder's state after the frames so far."""
+
+    @property
+    def state(self) -> AnyState:
+        """The decoder's state after the frames so far."""
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""

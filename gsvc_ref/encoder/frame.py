@@ -52,8 +52,8 @@ QUALITY_ROUNDS: Final = 8
 FEWER: Final = 1 / 3
 """The fraction of its iterations that a P-frame gets if it is predicted about as well as the frame before was left."""
 
-OnStage = Callable[[str, int, int, float], None]
-"""Called with the stage, the iteration, the number of iterations, and the PSNR in dB of the picture before rounding."""
+OnStage = Callable[[str, int, int, float | None], None]
+"""Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,7 @@ class FrameEncoder:
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
         self.past = work.remembered(result)
+        assert isinstance(result.state, State)
         self.state, self.is_first = result.state, False
         return result
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
-from gsvc_ref.encoder.reduction import reduced
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import F4
+from gsvc_ref.training.reduction import reduced
 
 Frame = NDArray[np.unsignedinteger[Any]]
 FrameT = TypeVar("FrameT")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from gsvc_ref.encoder.blocks import F8, MIN_ERROR, block_errors, block_pixels, worse_blocks
 from gsvc_ref.encoder.effects import Mode
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
-from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels, static_splats
@@ -29,6 +28,7 @@ from gsvc_ref.training import (
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.motion import estimated_motion
 
 STATIC_RATIO: Final = 1.05
 """A block whose error after prediction is at most this many times the error left is static: 0.2 dB."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from gsvc_ref.encoder.reduction import reduced
 from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.reduction import reduced
 
 
 class Pretraining:

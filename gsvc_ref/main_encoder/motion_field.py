@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8
-from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.portable import log2
 from gsvc_ref.rendering import Objective
+from gsvc_ref.training.motion import estimated_motion
 
 I8 = NDArray[np.int64]
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.densities import Densities
@@ -130,7 +131,7 @@ GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))
 """The groups of differences: name, first component, and the one behind the last; bit i of a mode is that of group i."""
 
 
-def modes_of(differences: I8, removed: I8) -> I8:
+def modes_of(differences: I8, removed: I8 | NDArray[np.bool_]) -> I8:
     """The mode of each splat (N,) from its differences (N, 8) and whether it is removed (N,)."""
     modes = sum(
         (differences[:, first:end] != 0).any(axis=1).astype(np.int64) << bit

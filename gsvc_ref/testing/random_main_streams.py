@@ -129,7 +129,8 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    run = RandomRun(choices.generator(), kind or choices.pick(KINDS))
+    drawn_kind: Kind = choices.pick(KINDS) if kind is None else kind
+    run = RandomRun(choices.generator(), drawn_kind)
     after, codes = code_run(run, before, codes, count)
     return codes, after
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from gsvc_ref.encoder import Effects, Settings, encode
 from gsvc_ref.encoder.frame_types import typed_frames
 from gsvc_ref.encoder.pretraining import Pretraining
-from gsvc_ref.encoder.reduction import reduced
 from gsvc_ref.stream import Stream
+from gsvc_ref.training.reduction import reduced
 from gsvc_ref.video import VideoReader
 
 RNG = np.random.default_rng(0)
