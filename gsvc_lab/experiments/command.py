@@ -1,11 +1,12 @@
 """The command: run experiments, keep their results, and show them."""
 
 import argparse
+import json
 import sys
 import textwrap
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, redirect_stdout, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -54,6 +55,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--uvg", type=Path, metavar="DIR", help="measure on the UVG sequences (raw .yuv) in this folder")
     made.add_argument("--output", type=Path, default=FOLDER, metavar="DIR", help=f"for results (default: {FOLDER})")
     made.add_argument("--threads", type=int, metavar="T", help="threads to compute with (default: all)")
+    made.add_argument("--json", action="store_true", help="print the records as JSON; progress goes to standard error")
     made.add_argument(
         "--markdown", type=Path, metavar="FILE", help="write the results there as a document, with figures beside it; "
         "without NAME nothing is run"
@@ -72,13 +74,16 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     names = arguments.names or ((), NAMES)[arguments.markdown is None]
     try:
-        with termination_as_ctrl_c():
+        with termination_as_ctrl_c(), redirect_stdout(sys.stderr) if arguments.json else nullcontext():
             if names:
                 check_figures()
                 arguments.output.mkdir(parents=True, exist_ok=True)
             failed = [name for name in names if not make(name, arguments)]
             if len(failed) < len(names) or not names:
-                show(arguments)
+                records = show(arguments)
+        if arguments.json and (len(failed) < len(names) or not names):
+            shown = [made for made in records if made["name"] in (names or NAMES) and made["name"] not in failed]
+            print(json.dumps(shown, allow_nan=False, ensure_ascii=False, indent=1))
     except BrokenPipeError:  # the reader has enough
         raise
     except (UsageError, OSError) as error:
@@ -94,8 +99,8 @@ def main(words: Sequence[str] | None = None) -> int:
     return 1 if failed else 0
 
 
-def show(arguments: argparse.Namespace) -> None:
-    """Write the page over all results that there are, and the document if asked for.
+def show(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Write the page over all results that there are, and the document if asked for; returns their records.
 
     Raises
     ------
@@ -109,6 +114,7 @@ def show(arguments: argparse.Namespace) -> None:
     if arguments.markdown is not None:
         write_document(records, arguments.output, arguments.markdown, print)
         print(f"{arguments.markdown}: the same as a document")
+    return records
 
 
 def write_index(folder: Path) -> list[dict[str, Any]]:
@@ -144,7 +150,9 @@ def make(name: str, arguments: argparse.Namespace) -> bool:
         print(f"  {name} cannot be made: {error}", file=sys.stderr)
         return False
     verdict = textwrap.fill(f"Does it hold? {result.verdict.holds}. {result.verdict.sentence}", 110)
-    print(textwrap.indent(verdict, "  "))
+    print(textwrap.indent(verdict, "  ") + "\n")
+    for table in result.tables:
+        print(f"{table.markdown()}\n")
     print(f"  {path}, {', '.join(f'{figure}.svg' for figure in result.figures)}\n", flush=True)
     return True
 

@@ -159,7 +159,7 @@ def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed
 
 def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: str) -> Splats:
     """A P-frame as quick begins and fits it with these effects, before quantisation."""
-    settings, rng = Settings.quick(effects=effects), np.random.default_rng([seed, 1])
+    settings, rng = Settings.quick(effects=effects, profile="paper"), np.random.default_rng([seed, 1])
     jump.before.objective.loss(reference.to_array())
     past = Past(jump.before.samples, block_errors(jump.before.objective.residual()))
     frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng)

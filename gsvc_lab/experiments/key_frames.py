@@ -65,7 +65,8 @@ def measure(parts: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
     clip, seams = joined(parts, plan.frames, width, height)
     clip = held(clip)
     splats, frames = min(plan.splats, width * height // 10), clip.format.frame_count or 0
-    paper, quick = (preset(splats=splats, threads=threads) for preset in (Settings.paper, Settings.quick))
+    options: dict[str, Any] = {"splats": splats, "threads": threads, "profile": "paper"}
+    paper, quick = (preset(**options) for preset in (Settings.paper, Settings.quick))
     paper = replace(paper, detection=replace(paper.detection, iterations=plan.pretraining))
     detections = {
         name: detect(clip, settings, say, f"pre-training {name}")

@@ -1,5 +1,6 @@
 """All results as a Markdown document with its figures beside it."""
 
+import re
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,9 +15,18 @@ from gsvc_ref.files import write_text
 LARGEST_FIGURE: Final = 60_000
 """Bytes of a figure that is kept with the sources."""
 
+ROW: Final = re.compile(r"^\| \[(?P<title>[^]]+)\]\(#[^)]*\) \|.*$", re.MULTILINE)
+"""A row of the overview."""
+
+FIGURE: Final = re.compile(r"^!\[[^]]*\]\([^/)]+/(?P<name>[^)]+)\)$", re.MULTILINE)
+"""A figure of a section."""
+
 
 def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path, say: Callable[[str], None]) -> None:
     """Write the document to `target` and copy its figures to a folder beside it, named like it without its suffix.
+
+    Sections of a document that is there already stay as they are where there is no record of their experiments; figures
+    of the others that no section shows any more are removed.
 
     Parameters
     ----------
@@ -29,25 +39,47 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
     say
         Called with a sentence for each figure above LARGEST_FIGURE.
     """
+    before = target.read_text(encoding="utf-8") if target.is_file() else ""
     figures = target.with_suffix("")
     figures.mkdir(parents=True, exist_ok=True)
     for name in (name for made in records for name in made["figures"]):
         copied = Path(shutil.copyfile(folder / f"{name}.svg", figures / f"{name}.svg"))
         if (size := copied.stat().st_size) > LARGEST_FIGURE:
             say(f"{copied} has {size} bytes; figures that are kept should have at most {LARGEST_FIGURE}")
-    write_text(document(records, figures.name), target)
+    text = document(records, figures.name, before)
+    for name in {found["name"] for found in FIGURE.finditer(before)} - {
+        found["name"] for found in FIGURE.finditer(text)
+    }:
+        (figures / name).unlink(missing_ok=True)
+    write_text(text, target)
 
 
-def document(records: Sequence[dict[str, Any]], figures: str) -> str:
-    """The text of the document; figures are in the folder of this name."""
-    overview = [[f"[{made['title']}](#{anchor(made['title'])})", made["verdict"]["holds"], duration(made["seconds"])]
-                for made in records]  # fmt: skip
+def document(records: Sequence[dict[str, Any]], figures: str, before: str = "") -> str:
+    """The text of the document.
+
+    Parameters
+    ----------
+    records
+        Records as `results.read_all` returns them.
+    figures
+        Name of the folder of the figures.
+    before
+        The document that there is; its sections stay, in their order, where no record replaces them.
+    """
+    rows = {found["title"]: found[0] for found in ROW.finditer(before)}
+    sections = {part.split("\n", 1)[0]: f"## {part}".rstrip() for part in before.split("\n## ")[1:]}
+    for made in records:
+        title = made["title"]
+        cells = f"[{title}](#{anchor(title)})", made["verdict"]["holds"], duration(made["seconds"])
+        rows[title] = f"| {' | '.join(cells)} |"
+        sections[title] = section(made, figures)
+    columns = markdown_table(("experiment", "does the claim hold?", "took"), (), (2,))
     parts = [
         f"# {TITLE}",
         f"{INTRODUCTION} `make experiments` makes them all; "
         "`python -m gsvc_lab.experiments --markdown docs/experiments.md` wrote this page from their JSON.",
-        table({"columns": ["experiment", "does the claim hold?", "took"], "rows": overview}),
-        *(section(made, figures) for made in records),
+        "\n".join([columns, *rows.values()]),
+        *sections.values(),
     ]
     return "\n\n".join(parts) + "\n"
 

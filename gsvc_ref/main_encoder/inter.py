@@ -6,7 +6,7 @@
 3. A third of the way, new splats where they gain more than they cost (`new_splats`).
 4. Descent with rounding, over the groups that were not 0; the best iterate is kept.
 
-Splats outside the frame that cover no pixel any more are removed.
+Splats that the picture hardly misses are removed.
 """
 
 import math
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.main_encoder import differences
+from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
 from gsvc_ref.main_encoder.new_splats import REACH, NewCodes, NewSplats, best_candidates, rounded, state_parameters
 from gsvc_ref.main_profile.cells import cell_order
@@ -89,6 +90,8 @@ class InterSettings:
         A new splat must promise to take more than this off the squared error, in D^2.
     new_energy
         New splats with an energy below this many D are dropped.
+    worth
+        A splat is removed where the squared error does not rise by this many D^2 without it.
     new_share
         Most new splats of a frame, as a share of the clip's number.
     """
@@ -106,6 +109,7 @@ class InterSettings:
     price: float = 0.9
     new_gain: float = 9.0
     new_energy: float = 4.5
+    worth: float = 1.0
     new_share: float = 0.1
 
     @classmethod
@@ -186,8 +190,13 @@ class InterEncoder:
         right, down = (np.ascontiguousarray(column) for column in motion.T)
         anchor = differences.anchors(values, (right, down), (g_x, g_y), level, SIZE_STEPS, SHEAR_STEPS)
         found, removed, new = _Updates(frame, anchor, s).codes()
+        added, kept = in_order(new, frame.state), frame.state.densities
+        own = None
+        if len(added) and kept is None:  # no splat was in the last I-frame
+            own = choose_densities(added, frame.step, frame.state.width, frame.state.height)
         return MainCodes(
-            frame.quantizer, type="P", motion_cell=SIDES.index(field.cell), new=in_order(new, frame.state),
+            frame.quantizer, type="P", motion_cell=SIDES.index(field.cell), new=added,
+            densities=own,
             vectors=vectors if field.cell else np.zeros((0, 0, 2), np.int64),
             modes=modes_of(found, removed), differences=np.where(removed[:, None], 0, found),
         )  # fmt: skip
@@ -294,15 +303,27 @@ class _Updates:
             state_parameters(codes.state, self.parameters[count:])
             loss, gradient = self.frame.objective.evaluate(self.parameters)
             if loss < least and 3 * iteration >= 2 * last:
-                least, best, best_new, best_gradient = loss, self.y.astype(np.int64), codes, gradient[:count]
+                least, best, best_new = loss, self.y.astype(np.int64), codes
+                added = self._added_by_removal(gradient[:count])
             differences.rounded_step(
                 self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, length,
                 ROUNDING_OFFSET, mask,
             )  # fmt: skip
             self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
-        removed = self._outside() & (best_gradient == 0).all(axis=1) & (best == 0).all(axis=1)
+        removed = added < self.settings.worth
         visible = (best_new.colors != 0).any(axis=1)
         return np.clip(best, -MOST_DIFFERENCE, MOST_DIFFERENCE), removed, best_new.take(np.flatnonzero(visible))
+
+    def _added_by_removal(self, gradient: F4) -> F8:
+        """What the squared error would rise by without each splat alone, (N,) f8 in D^2, given the gradient (N, 8).
+
+        The error is quadratic in a splat's colour n: |n|^2 - n . gradient; a splat outside the frame adds nothing.
+        """
+        parameters, by_q = self.parameters[: self.count], np.empty((self.count, 8))
+        differences.gradients(self.anchor, self.y, parameters, gradient, self.D, self.by_q, by_q)
+        n, g = self.anchor[:, 10:] / self.D + self.y[:, 5:], 2 * by_q[:, 5:]
+        added = n * (n - g)
+        return np.where(self._outside(), 0.0, (added[:, 0] + added[:, 1]) + added[:, 2])
 
     def _outside(self) -> NDArray[np.bool_]:
         """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""

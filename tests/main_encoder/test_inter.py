@@ -1,64 +1,50 @@
 """P-frames of profile `main`: gradients, the motion field, new splats, and the same codes for any number of threads."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gsvc_ref.arrays import F4, I8
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import differences
-from gsvc_ref.main_encoder.inter import InterCodes, InterEncoder, InterSettings, PFrame
+from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
 from gsvc_ref.main_encoder.motion_field import best_field, flow_at_points
 from gsvc_ref.main_encoder.new_splats import best_candidates, rounded, state_parameters
-from gsvc_ref.rendering import Objective
+from gsvc_ref.main_profile.cells import halving_count
+from gsvc_ref.main_profile.codes import REMOVED, IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import PLANES, Densities, Density
+from gsvc_ref.main_profile.frames import MainState, frame_body
+from gsvc_ref.main_profile.models import Models
+from gsvc_ref.main_profile.reconstruct import intra_state, position_steps
+from gsvc_ref.main_profile.state import SHEAR_STEPS, SIZE_STEPS, classes, to_splats
+from gsvc_ref.main_profile.tables import step_of
+from gsvc_ref.rendering import Objective, Precision
 
 WIDTH, HEIGHT = 96, 64
-D = 16 * 16
-SIZES, SHEARS = 1477 >> np.arange(11), 2048 >> np.arange(11)
+QUANTIZER = 40
+D = step_of(QUANTIZER)
 LIMITS = np.tile(np.array([-200, 200]), (3, 11, 1))
+DENSITIES = Densities((Density(scale_code=16),) * len(PLANES), (0,) * halving_count(WIDTH, HEIGHT))
+HALF_A_UNIT = 2 ** (0.5 / 1024) - 1 + 2**-15
+"""How far a decoder's colours are from the exact ones: it takes (A + B) / 2 in whole units, and 16 bits of 2^x."""
 SHORT = InterSettings(motion_steps=3, motion_rounds=3, iterations=24, rounded_iterations=9)
 
 
-def level(n, step):
-    k = (np.abs(n) + step // 2) // step
-    return np.array([min(int(e).bit_length() // 2, 10) if e >= 2 else 0 for e in (k * k).sum(axis=1)])
+def state_of(values: I8, densities: Densities | None = DENSITIES) -> MainState:
+    """What a decoder has behind a frame with these splats."""
+    return MainState(WIDTH, HEIGHT, values, np.zeros(len(values), np.int64), Models(), densities)
 
 
-def steps(state, j):
-    return [np.maximum(1, np.floor(2.0 ** (8.5 + state[:, k] / 1024 - j))).astype(np.int64) for k in (2, 3)]
-
-
-def moved(state, field, cell):
-    """The field at the splats, to the nearest 1/256 px."""
-    u = np.clip(state[:, 0] / 256 / cell - 0.5, 0, field.shape[1] - 1)
-    v = np.clip(state[:, 1] / 256 / cell - 0.5, 0, field.shape[0] - 1)
-    i, j = np.minimum(u.astype(int), max(field.shape[1] - 2, 0)), np.minimum(v.astype(int), max(field.shape[0] - 2, 0))
-    s, t = u - i, v - j
-    i1, j1 = np.minimum(i + 1, field.shape[1] - 1), np.minimum(j + 1, field.shape[0] - 1)
-    mean = [
-        (1 - t) * ((1 - s) * field[j, i, k] + s * field[j, i1, k])
-        + t * ((1 - s) * field[j1, i, k] + s * field[j1, i1, k])
-        for k in (0, 1)
-    ]
-    return [np.floor(64 * m + 0.5).astype(np.int64) for m in mean]
-
-
-def to_binary32(state):
-    out = np.empty(state.shape, np.float32)
-    state_parameters(state, out)
-    return out
-
-
-CODEC = SimpleNamespace(H_SIZE=SIZES, H_SHEAR=SHEARS, level=level, steps=steps, moved=moved, to_binary32=to_binary32)
-
-
-def picture(state):
+def picture(values: I8) -> F4:
     objective = Objective(np.zeros((HEIGHT, WIDTH, 3)), threads=1)
-    objective.loss(to_binary32(state))
+    objective.loss(to_splats(values).to_array())
     return objective.picture()
 
 
 @pytest.fixture
-def state():
+def values() -> I8:
     rng = np.random.default_rng(7)
     count = 40
     out = np.empty((count, 8), np.int64)
@@ -71,32 +57,49 @@ def state():
     return out
 
 
-def encoded(state, target, settings=SHORT, threads=1, precision="fast") -> InterCodes:
+def encoded(
+    values: I8, target: F4, settings: InterSettings = SHORT, threads: int = 1, precision: Precision = "fast",
+    densities: Densities | None = DENSITIES,
+) -> MainCodes:  # fmt: skip
     objective = Objective(target, threads=threads, precision=precision)
-    frame = PFrame(state, objective, picture(state), target, D, LIMITS, len(state))
-    return InterEncoder(CODEC, settings).encode(frame)
+    state = state_of(values, densities)
+    return InterEncoder(settings).encode(PFrame(state, objective, picture(values), target, QUANTIZER, len(values)))
 
 
-def anchors(state):
-    j = level(state[:, 5:], D)
-    zero = np.zeros(len(state), np.int64)
-    return differences.anchors(state, (zero, zero), steps(state, j), j, SIZES, SHEARS)
+def anchors(values: I8) -> differences.F8:
+    j = classes(values[:, 5:], D)
+    zero = np.zeros(len(values), np.int64)
+    return differences.anchors(values, (zero, zero), position_steps(values, j)[:2], j, SIZE_STEPS, SHEAR_STEPS)
 
 
-def test_no_differences_leave_the_splats_as_they_are(state):
-    parameters = np.empty((len(state), 8), np.float32)
-    differences.values(anchors(state), np.zeros((len(state), 8)), D / 16, parameters)
-    np.testing.assert_array_equal(parameters, to_binary32(state))
+def after(values: I8, codes: MainCodes, densities: Densities | None = DENSITIES) -> MainState:
+    """The state behind a P-frame, by what a decoder reads."""
+    s = Writer()
+    written = frame_body(s, "P", state_of(values, densities), 1, 1000, codes).after
+    read = frame_body(Reader(s.getvalue()), "P", state_of(values, densities), 1, 1000)
+    assert read.codes == codes
+    np.testing.assert_array_equal(read.after.values, written.values)
+    return read.after
 
 
-def test_gradients_by_differences_are_those_of_the_error(state):
+def error(values: I8, target: F4) -> float:
+    return float(((picture(values) - target).astype(np.float64) ** 2).mean())
+
+
+def test_no_differences_leave_the_splats_as_they_are(values: I8) -> None:
+    parameters = np.empty((len(values), 8), np.float32)
+    differences.values(anchors(values), np.zeros((len(values), 8)), D / 16, parameters)
+    np.testing.assert_allclose(parameters, to_splats(values).to_array(), rtol=HALF_A_UNIT)
+
+
+def test_gradients_by_differences_are_those_of_the_error(values: I8) -> None:
     rng = np.random.default_rng(1)
-    anchor, q = anchors(state), rng.normal(0, 0.3, (len(state), 8))
-    weights = rng.normal(0, 1, (len(state), 8)).astype(np.float32)  # of a loss that is linear in the parameters
-    parameters, found = np.empty((len(state), 8), np.float32), np.empty((len(state), 8))
+    anchor, q = anchors(values), rng.normal(0, 0.3, (len(values), 8))
+    weights = rng.normal(0, 1, (len(values), 8)).astype(np.float32)  # of a loss that is linear in the parameters
+    parameters, found = np.empty((len(values), 8), np.float32), np.empty((len(values), 8))
     differences.values(anchor, q, D / 16, parameters)
     differences.gradients(anchor, q, parameters, weights, D / 16, 1.0, found)
-    sides = np.empty((2, len(state), 8), np.float32)
+    sides = np.empty((2, len(values), 8), np.float32)
     for k in range(8):
         for side, step in zip(sides, (0.05, -0.05), strict=True):
             differences.values(anchor, q + step * np.eye(8)[k], D / 16, side)
@@ -104,71 +107,101 @@ def test_gradients_by_differences_are_those_of_the_error(state):
         np.testing.assert_allclose(found[:, k], wanted, atol=2e-3 * np.abs(wanted).max())
 
 
-def test_crowding_of_splats_alone_and_in_the_same_place(state):
-    parameters = to_binary32(state)[:2]
+def test_crowding_of_splats_alone_and_in_the_same_place(values: I8) -> None:
+    parameters = to_splats(values).to_array()[:2].copy()
     parameters[1] = parameters[0]
     np.testing.assert_allclose(differences.crowding(parameters), 2)
     parameters[1, 0] += 1000
     np.testing.assert_array_equal(differences.crowding(parameters), 1)
 
 
-def test_the_field_finds_a_shift_and_none_where_nothing_moves(state):
-    before, shifted = picture(state), state + np.array([600, -300, 0, 0, 0, 0, 0, 0])
+def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> None:
+    before, shifted = picture(values), values + np.array([600, -300, 0, 0, 0, 0, 0, 0])
     for target, wanted in ((picture(shifted), (9.375, -4.6875)), (before, (0, 0))):
         flow = flow_at_points(before, target)
-        field = best_field(Objective(target, threads=1), to_binary32(state), flow, None, 500, 2.4, (64, 32), 6, 6)
+        reference = to_splats(values).to_array()
+        field = best_field(Objective(target, threads=1), reference, flow, None, 500, 2.4, (64, 32), 6, 6)
         assert (field.cell > 0) == (wanted != (0, 0))
         assert np.abs(field.vectors - wanted).mean() < 2
 
 
-def test_a_still_picture_needs_no_codes(state):
-    codes = encoded(state, picture(state))
-    assert codes.field.cell == 0
+def test_a_still_picture_needs_no_codes(values: I8) -> None:
+    codes = encoded(values, picture(values))
+    assert codes.motion_cell == 0
+    assert not codes.modes.any()
     assert not codes.differences.any()
-    assert not codes.removed.any()
-    assert len(codes.new.state) == 0
+    assert len(codes.new) == 0
 
 
-def test_a_change_of_colour_is_followed_by_colour_alone(state):
-    changed = state.copy()
+def test_a_change_of_colour_is_followed_by_colour_alone(values: I8) -> None:
+    changed = values.copy()
     changed[3, 5] += 6 * D
-    codes = encoded(state, picture(changed))
+    codes = encoded(values, picture(changed))
     assert codes.differences[3, 5] > 3
     assert np.abs(np.delete(codes.differences, 3, axis=0)).sum() < np.abs(codes.differences[3]).sum()
 
 
-def test_splats_outside_the_frame_are_removed(state):
-    target = picture(state)
-    state[5, 0] = 256 * 500
-    codes = encoded(state, target)
-    assert np.flatnonzero(codes.removed).tolist() == [5]
+def test_splats_that_the_picture_does_not_miss_are_removed(values: I8) -> None:
+    target = picture(values)
+    outside, colorless = values.copy(), values.copy()
+    outside[5, 0] = 256 * 500
+    colorless[6, 5:] = 0
+    for changed, which in ((outside, 5), (colorless, 6)):
+        codes = encoded(changed, picture(changed))
+        assert np.flatnonzero(codes.modes == REMOVED).tolist() == [which]
+        assert error(after(changed, codes).values, picture(changed)) < 1e-6
+    codes = encoded(values, target)
+    assert not (codes.modes == REMOVED).any()
 
 
-def test_what_appears_gets_new_splats_whose_codes_decode_to_their_state(state):
+def test_a_decoder_comes_as_close_as_the_new_picture_is_worth(values: I8) -> None:
+    target = picture(values + np.array([100, 60, 30, -20, 10, 500, -300, 0]))
+    codes = encoded(values, target)
+    assert error(after(values, codes).values, target) < 0.2 * error(values, target)
+
+
+def test_what_appears_gets_new_splats(values: I8) -> None:
     blob = np.array([[256 * 60, 256 * 30, 2000, 2000, 0, 16 * 900, 0, 16 * 200]])
-    codes = encoded(state, picture(np.concatenate([state, blob])))
-    assert len(codes.new.state) > 0
-    nearest = np.abs(codes.new.state[:, :2] - blob[0, :2]).sum(axis=1).min()
-    assert nearest < 3 * 256
-    new, j = codes.new, level(codes.new.colors * D, D)
-    np.testing.assert_array_equal(new.state[:, 5:], new.colors * D)
-    np.testing.assert_array_equal(new.state[:, 2], (new.shapes[:, 0] + new.shapes[:, 1]) * SIZES[j])
-    np.testing.assert_array_equal(new.state[:, 3], (new.shapes[:, 0] - new.shapes[:, 1]) * SIZES[j])
-    np.testing.assert_array_equal(new.state[:, 4], new.shapes[:, 2] * SHEARS[j])
-    for k in (0, 1):
-        exponent = np.clip((new.state[:, 2 + k] >> 10) + 1 - j, -4, 2)
-        assert ((new.places[:, k] >= 0) & (new.places[:, k] < 1 << (2 - exponent))).all()
-        place = new.cells[:, k] * 1024 + (new.places[:, k] << (exponent + 8)) + (1 << (exponent + 7))
-        np.testing.assert_array_equal(new.state[:, k], place)
+    target = picture(np.concatenate([values, blob]))
+    codes = encoded(values, target)
+    assert len(codes.new) > 0
+    new = intra_state(codes.new, D)
+    assert np.abs(new[:, :2] - blob[0, :2]).sum(axis=1).min() < 3 * 256
+    assert error(after(values, codes).values, target) < 0.2 * error(values, target)
 
 
-def test_codes_of_new_splats_stay_within_their_limits():
+@pytest.mark.parametrize("count", [0, 40])
+def test_new_splats_have_densities_of_their_own_where_none_are_kept(values: I8, count: int) -> None:
+    blob = np.array([[256 * 60, 256 * 30, 2000, 2000, 0, 16 * 900, 0, 16 * 200]])
+    few = values[:count]
+    codes = encoded(few, picture(np.concatenate([few, blob])), replace(SHORT, new_share=2.0), densities=None)
+    assert len(codes.new) == 0 or codes.densities is not None
+    assert len(codes.new) > 0 or count == 0  # the share is one of the clip's splats
+    after(few, codes, densities=None)
+
+
+def test_states_of_new_splats_are_those_that_their_codes_decode_to() -> None:
+    rng = np.random.default_rng(3)
+    z = np.column_stack([
+        rng.uniform(0, WIDTH, 200), rng.uniform(0, HEIGHT, 200), rng.normal(2, 1, 200), rng.normal(0, 1, 200),
+        rng.normal(0, 1, 200), rng.normal(0, 300, (200, 3)),
+    ])  # fmt: skip
+    codes = rounded(z, D, WIDTH, HEIGHT, SIZE_STEPS, SHEAR_STEPS, LIMITS)
+    seen = codes.take(np.flatnonzero((codes.colors != 0).any(axis=1)))
+    decoded = intra_state(IntraCodes(seen.cells, seen.colors, seen.shapes, seen.places), D)
+    np.testing.assert_array_equal(seen.state, decoded)
+    parameters = np.empty((len(seen.state), 8), np.float32)
+    state_parameters(seen.state, parameters)
+    np.testing.assert_allclose(parameters, to_splats(decoded).to_array(), rtol=HALF_A_UNIT)
+
+
+def test_codes_of_new_splats_stay_within_their_limits() -> None:
     z = np.array([[50.0, 30.0, 4.0, 2.0, 9.0, 800.0, 20.0, 0.0]])
-    codes = rounded(z, D, WIDTH, HEIGHT, SIZES, SHEARS, np.tile(np.array([-1, 1]), (3, 11, 1)))
+    codes = rounded(z, D, WIDTH, HEIGHT, SIZE_STEPS, SHEAR_STEPS, np.tile(np.array([-1, 1]), (3, 11, 1)))
     assert np.abs(codes.shapes).max() == 1
 
 
-def test_candidates_lie_where_the_residual_is_and_promise_its_energy():
+def test_candidates_lie_where_the_residual_is_and_promise_its_energy() -> None:
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     blob = np.exp(-0.5 * ((x - 40) ** 2 + (y - 20) ** 2) / 4.0**2)
     residual = (0.3 * blob[..., None] * np.ones(3)).astype(np.float32)
@@ -178,9 +211,8 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy():
     assert len(best_candidates(residual, (4.0,), 1e9, 5)) == 0
 
 
-def test_codes_are_the_same_for_any_number_of_threads(state):
-    changed = state + np.array([100, 60, 30, 0, 0, 200, 0, 0])
-    one, two = (encoded(state, picture(changed), threads=n, precision="deterministic") for n in (1, 2))
-    np.testing.assert_array_equal(one.differences, two.differences)
-    np.testing.assert_array_equal(one.field.vectors, two.field.vectors)
-    np.testing.assert_array_equal(one.new.state, two.new.state)
+def test_codes_are_the_same_for_any_number_of_threads(values: I8) -> None:
+    changed = values + np.array([100, 60, 30, 0, 0, 200, 0, 0])
+    one, two = (encoded(values, picture(changed), threads=n, precision="deterministic") for n in (1, 2))
+    assert one.differences.any()
+    assert one == two

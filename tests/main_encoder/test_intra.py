@@ -1,14 +1,24 @@
 """I-frames of profile main: what is coded is what was fitted, and choices are those of the code length."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-codec = pytest.importorskip("codec")
-
-from gsvc_ref.main_encoder import intra  # noqa: E402
-from gsvc_ref.main_encoder.coordinates import to_coordinates  # noqa: E402
-from gsvc_ref.main_encoder.density_choice import choose_alphas, choose_densities  # noqa: E402
-from gsvc_ref.main_encoder.rounding import coordinates_of_state, rounded  # noqa: E402
+from gsvc_ref.arrays import I8
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.main_encoder import intra
+from gsvc_ref.main_encoder.coordinates import to_coordinates
+from gsvc_ref.main_encoder.density_choice import choose_densities, choose_halving_codes
+from gsvc_ref.main_encoder.rounding import coordinates_of_state, rounded
+from gsvc_ref.main_profile.cells import cell_order, halving_count
+from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import PLANES, Densities
+from gsvc_ref.main_profile.frames import MainState, frame_body
+from gsvc_ref.main_profile.reconstruct import colors_of, place_bits
+from gsvc_ref.main_profile.state import S_MOST, classes, to_splats
+from gsvc_ref.main_profile.tables import step_of
 
 FEW = intra.IntraSettings(grow=20, weigh=12, settle=3)
 
@@ -20,22 +30,25 @@ def a_picture(height: int = 40, width: int = 56) -> np.ndarray:
     return np.clip(np.stack([grey, 0.9 * grey + 0.05, 1 - grey], axis=2), 0, 1).astype(np.float32)
 
 
-def written(frame: intra.IntraFrame, width: int, height: int) -> tuple[np.ndarray, float]:
-    """The state that the codec makes of a frame's codes, and its bits."""
-    coder = codec.Write()
-    coder.part = "parameters"
-    codec.density_parameters(coder, frame.densities, None)
-    step = codec.step_D(frame.quantizer)
-    state = codec.code_splats(coder, len(frame.state), step, width, height, frame.codes, frame.densities)
-    return state, coder.total()
+def decoded(codes: MainCodes, width: int, height: int) -> MainState:
+    """The state that a decoder has behind a frame with these codes."""
+    s = Writer()
+    frame_body(s, "I", MainState.initial(width, height), 1, 10_000, codes)
+    return frame_body(Reader(s.getvalue()), "I", MainState.initial(width, height), 1, 10_000).after
+
+
+def length(codes: IntraCodes, densities: Densities, width: int, height: int, quantizer: int) -> float:
+    """The bits of an I-frame's run."""
+    given = MainCodes(quantizer, type="I", densities=densities, new=codes)
+    return sum(frame_body(Writer(), "I", MainState.initial(width, height), 1, 10_000, given).lengths.values())
 
 
 def test_a_frame_is_what_a_decoder_has() -> None:
     picture = a_picture()
     frame = intra.encode_intra(picture, 60, np.random.default_rng(1), settings=FEW, threads=1)
-    state, _ = written(frame, 56, 40)
+    state = decoded(frame.codes, 56, 40).values
     assert np.array_equal(state, frame.state)
-    assert np.array_equal(codec.to_binary32(state), frame.parameters)
+    assert np.array_equal(to_splats(state).to_array(), frame.parameters)
     assert intra.Target(picture, threads=1).psnr(frame.parameters) > 28
 
 
@@ -46,8 +59,8 @@ def test_threads_do_not_matter() -> None:
         )
         for threads in (1, 2)
     ]
+    assert frames[0].codes == frames[1].codes
     assert np.array_equal(frames[0].state, frames[1].state)
-    assert frames[0].densities == frames[1].densities
 
 
 def test_settling_beats_rounding() -> None:
@@ -55,7 +68,7 @@ def test_settling_beats_rounding() -> None:
     target = intra.Target(picture, threads=1)
     rng = np.random.default_rng(3)
     z = intra.grow(target, 60, rng, FEW)
-    step = codec.step_D(intra.quantizer_for(z))
+    step = step_of(intra.quantizer_for(z))
     z = intra.weigh(target, z, step / 16, rng, FEW)
     plain = target.psnr(rounded(z, step, 56, 40).parameters)
     target.hold(np.zeros((0, 8), np.float32))
@@ -85,7 +98,7 @@ def test_black_and_tiny_pictures(shape: tuple[int, int]) -> None:
         frame = intra.encode_intra(picture, 1, np.random.default_rng(9), settings=FEW, threads=1)
         assert len(frame.state) <= 1
         if len(frame.state):
-            assert np.array_equal(written(frame, shape[1], shape[0])[0], frame.state)
+            assert np.array_equal(decoded(frame.codes, shape[1], shape[0]).values, frame.state)
 
 
 def test_rounding_is_close_and_keeps_its_limits() -> None:
@@ -95,7 +108,7 @@ def test_rounding_is_close_and_keeps_its_limits() -> None:
         rng.normal(0, 9, 500), rng.normal(0, 300, (500, 3)),
     ])  # fmt: skip
     result = rounded(z, 320, 56, 40)
-    assert (np.abs(result.state[:, 4]) <= codec.S_MOST).all()
+    assert (np.abs(result.state[:, 4]) <= S_MOST).all()
     assert (result.cell >= 0).all()
     assert (result.cell < (14, 10)).all()
     assert np.abs(result.state[:, 5:] / 16 - z[:, 5:]).max() <= 0.6 * 20
@@ -104,37 +117,44 @@ def test_rounding_is_close_and_keeps_its_limits() -> None:
     assert back[:, [2, 3, 4]] == pytest.approx(to_coordinates(result.parameters)[:, [2, 3, 4]], abs=2e-3)
 
 
+def random_codes(size: int, step: int) -> IntraCodes:
+    """Codes that an I-frame of 56x40 pixels can have."""
+    rng = np.random.default_rng(size)
+    colors = np.round(rng.laplace(0, (30, 6, 4), (size, 3))).astype(np.int64)
+    colors[:, 0] += colors[:, 0] == 0
+    j = classes(colors_of(colors, step), step)
+    shapes = np.round(rng.logistic(0, 0.6, (size, 3)) * 2.0 ** j[:, None]).astype(np.int64)
+    places = rng.integers(0, 1 << place_bits(shapes, j))
+    cells = np.stack([rng.integers(0, 14, size) ** 2 // 14, rng.integers(0, 10, size)], axis=1)
+    return IntraCodes(cells, colors, shapes, places).take(cell_order(cells, 56, 40))
+
+
 @pytest.mark.parametrize("size", [1, 40, 700])
 def test_densities_are_at_least_as_good_as_their_neighbours(size: int) -> None:
-    rng = np.random.default_rng(size)
-    k = np.round(rng.laplace(0, (30, 6, 4), (size, 3))).astype(np.int64)
-    level = codec.level(k * 320, 320)
-    g = np.round(rng.logistic(0, 0.6, (size, 3)) * 2.0 ** level[:, None]).astype(np.int64)
-    chosen = choose_densities(k, g, 320)
-    codes = {"cx": np.zeros(size, np.int64), "cy": np.zeros(size, np.int64), "k": k, "g": g}
-    codes |= {"px": np.zeros(size, np.int64), "py": np.zeros(size, np.int64)}
-
-    def bits(densities: dict[str, tuple[int, int, int, int]]) -> float:
-        coder = codec.Write()
-        codec.code_splats(coder, size, 320, 4, 4, codes, densities)
-        return float(coder.total())
-
-    least = bits(chosen)
-    for name in ("luma", "chroma1", "size", "shear"):
-        centre, sigma, family, slope = chosen[name]
-        for trial in ((centre, min(sigma + 2, 31), family, slope), (centre, sigma, 1 - family, slope)):
-            assert bits({**chosen, name: trial}) >= least - 1e-6
+    quantizer = 43
+    codes = random_codes(size, step_of(quantizer))
+    chosen = choose_densities(codes, step_of(quantizer), 56, 40)
+    least = length(codes, chosen, 56, 40, quantizer)
+    for plane in ("luma", "chroma1", "size", "shear"):
+        at = PLANES.index(plane)
+        density = chosen.planes[at]
+        for trial in (
+            replace(density, scale_code=min(density.scale_code + 2, 31)), replace(density, family=1 - density.family),
+            replace(density, centre=density.centre + 3),
+        ):  # fmt: skip
+            other = replace(chosen, planes=(*chosen.planes[:at], trial, *chosen.planes[at + 1 :]))
+            assert length(codes, other, 56, 40, quantizer) >= least - 1e-3
 
 
-def test_alphas_are_those_of_the_least_length() -> None:
-    rng = np.random.default_rng(8)
-    cells = np.sort(codec.morton(rng.integers(0, 14, 300) ** 2 // 14, rng.integers(0, 10, 300), 14, 10))
-    written: list[int] = []
-
-    class Counting(codec.Write):  # type: ignore[misc, name-defined]
-        def raw(self, size: int, value: int) -> int:
-            written.append(value)
-            return value
-
-    codec.cells_pass(Counting(), len(cells), 14, 10, cells)
-    assert choose_alphas(cells, 14, 10) == written
+def test_halvings_have_the_shapes_of_the_least_length() -> None:
+    quantizer = 43
+    codes = random_codes(300, step_of(quantizer))
+    densities = choose_densities(codes, step_of(quantizer), 56, 40)
+    chosen = choose_halving_codes(codes.cells, 56, 40)
+    assert len(set(chosen)) > 1
+    assert densities.halving_codes == chosen
+    least = length(codes, densities, 56, 40, quantizer)
+    for halving in range(halving_count(56, 40)):
+        for code in range(6):
+            other = replace(densities, halving_codes=(*chosen[:halving], code, *chosen[halving + 1 :]))
+            assert length(codes, other, 56, 40, quantizer) >= least - 1e-3

@@ -5,6 +5,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scipy.interpolate import PchipInterpolator
+
 from gsvc_ref.errors import UsageError
 
 Pair = tuple[float, float]
@@ -83,6 +85,15 @@ def bd_rate(anchor: Sequence[Pair], test: Sequence[Pair]) -> BdRate:
         rates, qualities, own_rates, own_qualities, "pchip", require_matching_points=False, min_overlap=0
     )
     return BdRate(float(percent), low, high, (high - low) / (own_last - own_first))
+
+
+def rate_at(points: Sequence[Pair], quality: float) -> float | None:
+    """The rate at which a curve has a quality, interpolated as `bd_rate` does; None where it does not reach it."""
+    curve = efficient(points)
+    if len(curve) < 2 or not curve[0][1] <= quality <= curve[-1][1]:
+        return None
+    rates, qualities = zip(*curve, strict=True)
+    return float(math.exp(PchipInterpolator(qualities, [math.log(rate) for rate in rates])(quality)))
 
 
 def mean_ratio(ratios: Sequence[float | None]) -> float | None:

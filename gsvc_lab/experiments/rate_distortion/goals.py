@@ -1,0 +1,156 @@
+"""What profile `main` has to reach, and what it reaches."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from gsvc_lab.experiments.experiment import Table
+from gsvc_lab.experiments.rate_distortion.bd_rate import mean_ratio
+from gsvc_lab.experiments.rate_distortion.codecs import CODECS
+from gsvc_lab.experiments.rate_distortion.coders import MAIN, PAPER
+from gsvc_lab.experiments.rate_distortion.compare import Comparison
+from gsvc_lab.experiments.rate_distortion.layers import Layered
+from gsvc_lab.experiments.rate_distortion.measure import Curve
+from gsvc_lab.experiments.rate_distortion.speed import Seconds
+
+X264_IP: Final = CODECS[0].label(1)
+"""The name of x264 slow with I- and P-frames only."""
+
+FAVOURITE: Final = "carphone"
+"""How the title of the clip begins that has goals of its own."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A number that has to be small enough.
+
+    Attributes
+    ----------
+    about
+        What it is the number of.
+    must, aim
+        Largest values: 1.3 for 30 % more; None: there is none.
+    measured
+        The number; None where it was not measured.
+    remark
+        Where it comes from.
+    as_percent
+        Whether people read it as a percentage more or less rather than as a factor.
+    """
+
+    about: str
+    must: float | None
+    aim: float
+    measured: float | None
+    remark: str
+    as_percent: bool = True
+
+    @property
+    def reached(self) -> str:
+        """How far it came: aim, must, or neither."""
+        if self.measured is None:
+            return "not measured"
+        if self.measured <= self.aim:
+            return "aim"
+        if self.must is None:
+            return "no must"
+        return "must" if self.measured <= self.must else "no"
+
+    def row(self) -> tuple[str, ...]:
+        """The goal in a table."""
+        numbers = [self._said(value) for value in (self.must, self.aim, self.measured)]
+        return self.about, *numbers, self.reached, self.remark
+
+    def _said(self, value: float | None) -> str:
+        if value is None:
+            return "–"
+        return percent(value) if self.as_percent else f"{value:.2f}"
+
+
+def percent(ratio: float) -> str:
+    """A ratio as a percentage with its sign, without a minus before a zero."""
+    value = round(100 * (ratio - 1), 1) + 0.0
+    return f"{value:+.0f} %" if value == int(value) or abs(value) >= 100 else f"{value:+.1f} %"
+
+
+def ratios_by_clip(comparisons: Sequence[Comparison], anchor: str) -> dict[str, float]:
+    """The ratio of bits at equal PSNR on each clip that has one."""
+    found = {c.clip: c.rates["psnr"].ratio for c in comparisons if c.anchor == anchor}
+    return {clip: ratio for clip, ratio in found.items() if ratio is not None}
+
+
+def goals_of(
+    against: Sequence[Comparison], curves: Sequence[Curve], seconds: Seconds | None, layers: Sequence[Layered]
+) -> list[Goal]:
+    """The goals, given the comparisons of `main` quick with all others."""
+    paper, x264 = ratios_by_clip(against, PAPER.name), ratios_by_clip(against, X264_IP)
+    clips = len({c.clip for c in against})
+    over = _over_code_length(curves)
+    several = [one.ratio for one in layers if one.ratio is not None]
+    encoding, decoding = (None, None) if seconds is None else (seconds.encoding, seconds.decoding)
+    turns = "" if seconds is None else f"{seconds.clip}, N {seconds.splats}, in turns; "
+    return [
+        Goal("BD-rate against paper quick, geometric mean", 0.45, 0.30, mean_ratio(list(paper.values())),
+             f"{len(paper)} of {clips} clips"),
+        Goal("BD-rate against paper quick, the worst clip", 0.70, 0.50, *_worst(paper)),
+        Goal("BD-rate against paper quick, carphone", 0.35, 0.25, *_favourite(paper)),
+        Goal("BD-rate against x264 slow, I and P only, carphone", 1.05, 0.90, *_favourite(x264)),
+        Goal("BD-rate against x264 slow, I and P only, the worst clip", None, 2.00, *_worst(x264)),
+        Goal("three layers against one, at full quality", 1.25, 1.12, max(several, default=None),
+             f"the worst of {len(layers)} clips" if layers else "this encoder writes no layers"),
+        Goal("seconds of encoding, quick over paper's quick", 1.0, 0.5, encoding and encoding[1] / encoding[0],
+             turns + _pair(encoding), as_percent=False),
+        Goal("seconds of decoding over those of paper", 1.3, 1.0, decoding and decoding[1] / decoding[0],
+             turns + _pair(decoding), as_percent=False),
+        Goal("real files over the ideal code length", 1.03, 1.01, over, "bits of all files of main together"),
+    ]  # fmt: skip
+
+
+def _pair(seconds: tuple[float, float] | None) -> str:
+    return "–" if seconds is None else f"medians, s/frame: paper {seconds[0]:.4f}, main {seconds[1]:.4f}"
+
+
+def _worst(ratios: Mapping[str, float]) -> tuple[float | None, str]:
+    clip = max(ratios, key=lambda one: ratios[one], default=None)
+    return (None, "–") if clip is None else (ratios[clip], clip)
+
+
+def _favourite(ratios: Mapping[str, float]) -> tuple[float | None, str]:
+    clip = next((clip for clip in ratios if clip.startswith(FAVOURITE)), None)
+    return (None, "–") if clip is None else (ratios[clip], clip)
+
+
+def _over_code_length(curves: Sequence[Curve]) -> float | None:
+    """Bits of the files of `main` quick over their ideal code lengths."""
+    points = [point for curve in curves if curve.coder == MAIN.name for point in curve.points]
+    lengths = [point.code_length.bits for point in points if point.code_length is not None]
+    return 8 * sum(point.bytes for point in points) / sum(lengths) if lengths else None
+
+
+def goals_table(found: Sequence[Goal]) -> Table:
+    """The goals and how far they were reached."""
+    columns = ("profile main", "must", "aim", "measured", "reached", "from")
+    return Table("What profile main has to reach (at most), and what it reaches", columns, [one.row() for one in found])
+
+
+def summary(against: Sequence[Comparison]) -> str:
+    """Sentences on what `main` takes, the least and the most over the clips, for those who read nothing else."""
+    paper = ratios_by_clip(against, PAPER.name)
+    if not paper:
+        return f"{MAIN.name}, has no common quality with profile paper. {against_x264(against)}"
+    low, high, mean = min(paper.values()), max(paper.values()), mean_ratio(list(paper.values())) or 1.0
+    return (
+        f"At equal PSNR profile main, quick, takes {percent(low)} to {percent(high)} of bits against profile paper, "
+        f"quick, in the mean {percent(mean)}. {against_x264(against)}"
+    )
+
+
+def against_x264(against: Sequence[Comparison]) -> str:
+    """A sentence on the bits of `main` over those of x264 with I- and P-frames, clip by clip, the best first."""
+    ratios = ratios_by_clip(against, X264_IP)
+    if not ratios:
+        return "Against x264 with I- and P-frames there is no number."
+    ordered = sorted(ratios.items(), key=lambda one: one[1])
+    said = "; ".join(f"{clip.split(',')[0]} {percent(ratio)}" for clip, ratio in ordered)
+    mean = mean_ratio(list(ratios.values())) or 1.0
+    return f"Against x264 slow with I- and P-frames only: {said}; mean {percent(mean)}."

@@ -1,0 +1,54 @@
+"""Bits of three layers against those of one at the same quality."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Final
+
+from gsvc_lab.experiments.rate_distortion.bd_rate import rate_at
+from gsvc_lab.experiments.rate_distortion.coders import MAIN
+from gsvc_lab.experiments.rate_distortion.measure import Curve, gsvc_point
+from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_ref.encoder import Settings
+
+WRITTEN: Final = "layer_splats" in {field.name for field in fields(Settings)}
+"""Whether this encoder writes layers."""
+
+COUNT: Final = 3
+
+
+@dataclass(frozen=True)
+class Layered:
+    """A clip in layers.
+
+    Attributes
+    ----------
+    clip
+        Title of the clip.
+    splats
+        N of a frame with the base, with layer 1, ..., growing.
+    psnr
+        PSNR of all layers together in dB, the mean over frames.
+    bytes
+        Size of the file.
+    single_bytes
+        Size of a file of one layer of that PSNR, read off its curve; None where the curve does not reach it.
+    """
+
+    clip: str
+    splats: tuple[int, ...]
+    psnr: float
+    bytes: int
+    single_bytes: float | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Bits of the layers over those of a single one."""
+        return None if self.single_bytes is None else self.bytes / self.single_bytes
+
+
+def layered(clip: PlanarClip, single: Curve, folder: Path, threads: int | None) -> Layered:
+    """Code a clip in layers with the numbers of splats of the first points of a single layer's curve."""
+    splats = tuple(point.splats for point in single.points[:COUNT] if point.splats is not None)
+    made, _ = gsvc_point(clip, MAIN.settings(layer_splats=splats, threads=threads), folder)
+    rate = rate_at(single.pairs("psnr"), made.psnr)
+    return Layered(clip.title, splats, made.psnr, made.bytes, None if rate is None else rate * clip.pixels / 8)
