@@ -13,13 +13,15 @@ from gsvc_ref.document import PATH
 OFFSETS: Final = {
     "chunk_bit": "chunk_type", "frame_count_bit": "frame_count", "map_bit": "survivor_map", "table_bit": "frequency",
     "first_bit": "frame_number_step", "word_bit": "word", "state_bit": "lane_state", "start": "position_high",
-    'frame["checksum_bit"]': "parameter_checksum",
+    'frame["checksum_bit"]': "parameter_checksum", 'body["densities_bit"]': "densities_present", "self.word_bit": "word",
+    "checksum_bit": "parameter_checksum",
 }  # fmt: skip
 """Elements by the variable of an offset that is not that of the element that was read last."""
 RUNS: Final = {"16 * 3": "codeword", "16 * word_count": "word", "32 * ": "lane_state", "count * w": "symbol"}
 """Elements by the size of a run that does not fit."""
 PARTS: Final = {"scale": "cholesky_scale", "offset": "cholesky_offset", "codewords": "codeword", "table": "frequency",
-                "symbols": "symbol", "payload": "payload", "states": "lane_state"}  # fmt: skip
+                "symbols": "symbol", "payload": "payload", "states": "lane_state",
+                "T": "density_family", "alphas": "halving_code", "words": "word"}  # fmt: skip
 """Elements by the variable that collects several of them."""
 SUFFIXES: Final = {"read_block_flags": "_present"}
 """Ends of the names of elements, by the function that has them in a loop without it."""
@@ -27,7 +29,7 @@ FORWARDED: Final = ("read_splat_count", "read_symbol")
 """Functions that read an element whose name the caller knows."""
 
 _READ: Final = re.compile(r"\b[ps]\.(?:u|le|uv|eg|f16|f32|raw)\(|= read_(?:splat_count|symbol)\(")
-_TARGET: Final = re.compile(r'^\s*(?:if |elif )?(?:\w+\[")?(\w+)(?:"\])?(?: \+?= |\.append\()')
+_TARGET: Final = re.compile(r'^\s*(?:if |elif )?(?:self\.)?(?:\w+\[")?(\w+)(?:"\])?(?: \+?= |\.append\()')
 _RAISE: Final = re.compile(r"raise Fault\(.*, (.*?)\)$")
 
 
@@ -39,7 +41,7 @@ def element_found(traceback: TracebackType | None) -> str:
             frames.append((traceback.tb_frame, traceback.tb_lineno))
         traceback = traceback.tb_next
     lines = PATH.read_text(encoding="utf-8").splitlines()
-    outside = [place for place in frames if "self" not in place[0].f_locals]
+    outside = [place for place in frames if type(place[0].f_locals.get("self")).__name__ != "Bits"]
     if len(outside) == len(frames):
         return _raised(outside, lines)
     if (run := re.search(r"\.need\((.*)\)", lines[outside[-1][1] - 1])) is not None:
@@ -70,4 +72,6 @@ def _read(frames: list[tuple[FrameType, int]], lines: list[str]) -> str:
         return "align()"
     target = _TARGET.search(lines[number - 1])
     name = target[1] if target else ""
+    if name == "count":  # of the body of a frame of profile `main`
+        return "splat_count" if frame.f_locals["frame_type"] == "I" else "new_splat_count"
     return PARTS.get(name, name)

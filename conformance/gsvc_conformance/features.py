@@ -200,7 +200,10 @@ def _numbers(vector: Vector, name: str) -> list[int]:
 def most_splats(vector: Vector) -> int:
     """The largest number of splats of any input, and of any frame of a stream up to its first fault."""
     of_streams = (count for stream in _streams(vector) for count in _frame_counts(stream))
-    return max([0, *splat_counts(vector.operation, vector.inputs), *of_streams])
+    of_layers: list[int] = []
+    if vector.operation.name == "reconstruct_layers":
+        of_layers = namespace()["reconstruct_layers"](**vector.inputs)["counts"].tolist()
+    return max([0, *splat_counts(vector.operation, vector.inputs), *of_streams, *of_layers])
 
 
 def stated_header(stream: bytes) -> dict[str, int]:
@@ -232,4 +235,6 @@ def _frame_counts(stream: bytes) -> Iterator[int]:
                 payload.uv()  # frame_number
                 if state.header["flags"] & 1:
                     payload.le(4)  # parameter_checksum
+                if state.header["profile"] == code["MAIN"]:
+                    payload.raw(2)  # quantizer to frame_reserved
                 yield payload.uv()  # splat_count or new_splat_count

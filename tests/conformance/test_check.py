@@ -78,7 +78,7 @@ def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path,
     bad.write_bytes(overview(Lie("frame_number", 9, 2)))
     assert main(["check", str(bad)]) == 1
     said = capsys.readouterr().out
-    assert " after 2 frames, at frame_number: In profile `paper`, `frame_number` MUST be 0 for the first frame" in said
+    assert " after 2 frames, at frame_number: In profiles `paper` and `main`, `frame_number` MUST be 0 for " in said
 
 
 def test_one_decoder_can_be_asked(tmp_path, capsys):
