@@ -3,6 +3,7 @@
 # It reads what legal streams say, down to the bits of planes. It checks neither rules nor checksums, and it does not
 # decode: the symbols of a coded plane stay words. So how many ones a coded `survivor_map` has is unknown to it, and what
 # depends on that is in `not_parsed`: the rest of that frame, and of the P-frames behind it up to the next I-frame.
+# Frames of profile `main` are read down to the lane states and words of their run.
 #
 # The ids are the names of spec.md; an id with `repeat` is a run. A test parses all vectors and compares the names.
 meta:
@@ -36,6 +37,15 @@ enums:
     0x52: repeated_frame
     0x45: end
     0x78: index
+    0x6e: layer
+  type_of_payload:
+    0: unknown
+    1: sequence_header
+    2: frame
+    3: main_frame
+    4: layer
+    5: index
+    6: end
   mode_of_plane:
     0: constant
     1: raw
@@ -59,14 +69,14 @@ types:
       - id: payload
         size: chunk_length.value
         type:
-          switch-on: chunk_type
+          switch-on: kind
           cases:
-            'type_of_chunk::sequence_header': sequence_header
-            'type_of_chunk::intra_frame': frame(place)
-            'type_of_chunk::predicted_frame': frame(place)
-            'type_of_chunk::repeated_frame': frame(place)
-            'type_of_chunk::index': index
-            'type_of_chunk::end': end
+            'type_of_payload::sequence_header': sequence_header
+            'type_of_payload::frame': frame(place)
+            'type_of_payload::main_frame': main_frame
+            'type_of_payload::layer': layer
+            'type_of_payload::index': index
+            'type_of_payload::end': end
       - id: chunk_crc
         type: u4
       - id: never
@@ -78,6 +88,17 @@ types:
         value: >-
           chunk_type == type_of_chunk::intra_frame or chunk_type == type_of_chunk::predicted_frame
           or chunk_type == type_of_chunk::repeated_frame
+      kind:
+        value: >-
+          chunk_type == type_of_chunk::sequence_header ? type_of_payload::sequence_header
+          : chunk_type == type_of_chunk::index ? type_of_payload::index
+          : chunk_type == type_of_chunk::end ? type_of_payload::end
+          : is_frame ? (_root.header.profile == 0 ? type_of_payload::frame : type_of_payload::main_frame)
+          : chunk_type == type_of_chunk::layer and is_of_a_main_frame ? type_of_payload::layer
+          : type_of_payload::unknown
+      is_of_a_main_frame:
+        value: '_root.header.profile == 1 and _root.chunk[place - 1].last_frame.as<s4> > 0'
+        doc: Whether a chunk belongs to a frame of profile main; only chunks behind the header ask for it.
       last_frame:
         value: 'is_frame or place == 0 ? place : _root.chunk[place - 1].last_frame.as<s4>'
         doc: The place of the last chunk of a frame, this one included.
@@ -139,20 +160,34 @@ types:
         type: u1
       - id: cholesky_bits
         type: u1
+        if: profile == 0
       - id: color_stages
         type: u1
+        if: profile == 0
       - id: color_codewords
         type: u2
+        if: profile == 0
       - id: entropy_precision
         type: u1
+        if: profile == 0
       - id: lane_count
         type: u1
+        if: profile == 0
+      - id: main_header
+        type: main_header
+        if: profile == 1
       - id: unknown
         size-eos: true
         doc: What a later minor version adds (R-6.1-6).
     instances:
       parameter_checksum_flag:
         value: (flags & 1) == 1
+  main_header:
+    seq:
+      - id: lane_count
+        type: u1
+      - id: layer_count
+        type: u1
   frame:
     params:
       - id: place
@@ -449,6 +484,104 @@ types:
         if: false
       - id: aligned
         size: 0
+  main_frame:
+    seq:
+      - id: frame_number
+        type: uv
+      - id: parameter_checksum
+        type: u4
+        if: _root.header.parameter_checksum_flag
+      - id: body
+        type: frame_body(_parent.chunk_type == type_of_chunk::intra_frame)
+        if: _parent.chunk_type != type_of_chunk::repeated_frame
+  layer:
+    seq:
+      - id: layer
+        type: u1
+      - id: layer_type
+        type: u1
+        doc: 73 I, 80 P or 82 R.
+      - id: parameter_checksum
+        type: u4
+        if: _root.header.parameter_checksum_flag
+      - id: body
+        type: frame_body(layer_type == 73)
+        if: layer_type != 82
+  frame_body:
+    params:
+      - id: is_intra
+        type: bool
+    seq:
+      - id: quantizer
+        type: u1
+      - id: lane_exponent
+        type: b3
+      - id: motion_cell
+        type: b2
+      - id: densities_present
+        type: b1
+      - id: frame_reserved
+        type: b2
+      - id: splat_count
+        type: uv
+        if: is_intra
+      - id: new_splat_count
+        type: uv
+        if: not is_intra
+      - id: densities
+        type: densities
+        if: densities_present
+      - id: lane_state
+        type: u4
+        repeat: expr
+        repeat-expr: 1 << lane_exponent
+        if: not _io.eof
+        doc: Bytes are left if and only if there is a symbol.
+      - id: word
+        type: u2
+        repeat: eos
+  densities:
+    seq:
+      - id: density
+        type: density(_index >= 1 and _index <= 4)
+        repeat: expr
+        repeat-expr: 6
+        doc: Luma, chroma1, chroma2, size, aspect and shear.
+      - id: halving_code
+        type: b3
+        repeat: expr
+        repeat-expr: 2 * doublings
+      - id: align
+        type: align
+    instances:
+      longest:
+        value: '(_root.header.width > _root.header.height ? _root.header.width : _root.header.height)'
+        doc: The longer side of the frame.
+      last_cell:
+        value: (longest - 1) / 4
+        doc: The number of the last cell along that side.
+      doublings:
+        value: >-
+          last_cell < 1 ? 0 : last_cell < 2 ? 1 : last_cell < 4 ? 2 : last_cell < 8 ? 3 : last_cell < 16 ? 4
+          : last_cell < 32 ? 5 : last_cell < 64 ? 6 : last_cell < 128 ? 7 : last_cell < 256 ? 8
+          : last_cell < 512 ? 9 : last_cell < 1024 ? 10 : last_cell < 2048 ? 11 : last_cell < 4096 ? 12
+          : last_cell < 8192 ? 13 : 14
+        doc: The binary logarithm of the side of the square of cells.
+    types:
+      density:
+        params:
+          - id: is_sloped
+            type: bool
+        seq:
+          - id: density_family
+            type: b1
+          - id: scale_code
+            type: b5
+          - id: centre
+            type: b10
+          - id: slope
+            type: b8
+            if: is_sloped
   index:
     seq:
       - id: entry_count

@@ -177,8 +177,8 @@ globalThis.GSVC ??= {};
 
   const openFile = (file) => open(file.name, async () => new Uint8Array(await file.arrayBuffer()));
 
-  const openExample = () => open(GSVC.EXAMPLE.name,
-    async () => Uint8Array.from(atob(GSVC.EXAMPLE.base64), (character) => character.charCodeAt(0)));
+  const openExample = ({ name, base64 }) => open(name,
+    async () => Uint8Array.from(atob(base64), (character) => character.charCodeAt(0)));
 
   /** A file that the page's address names, `index.html?file=clip.gsvc`, on the server that the page came from. */
   const openNamed = (path) => open(path.split("/").pop(), async () => {
@@ -299,7 +299,8 @@ globalThis.GSVC ??= {};
     $("fit").addEventListener("click", () => screen.fit());
     $("save").addEventListener("click", save);
     $("full").addEventListener("click", toggleFullScreen);
-    $("example").addEventListener("click", openExample);
+    $("example").addEventListener("click", () => openExample(GSVC.EXAMPLE));
+    $("example-main").addEventListener("click", () => openExample(GSVC.EXAMPLE_MAIN));
     $("open").addEventListener("change", () => {
       const [file] = $("open").files;
       if (file) openFile(file);
@@ -358,7 +359,7 @@ globalThis.GSVC ??= {};
     const asked = new URLSearchParams(location.search);
     if (["webgpu", "webgl2"].includes(asked.get("renderer"))) $("renderer").value = asked.get("renderer");
     const ready = useRenderer($("renderer").value); // a driver may take a while: meanwhile the file is read
-    await (asked.has("file") ? openNamed(asked.get("file")) : openExample());
+    await (asked.has("file") ? openNamed(asked.get("file")) : openExample(GSVC.EXAMPLE));
     await ready;
   }
 

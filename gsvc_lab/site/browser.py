@@ -43,5 +43,7 @@ def _with_links(table: str, name: str, places: dict[str, str]) -> str:
         return f'<code><a href="{places[own]}">{found[1]}</a></code>' if own in places else found[0]
 
     head, body = table.split("</thead>")
-    calls = re.sub(r"\b(plane|splat_block|chunk)\(", r'<a href="#table-\1">\1</a>(', body)
+    calls = re.sub(
+        r"\b(plane|splat_block|chunk|main_header|frame_body|densities)\(", r'<a href="#table-\1">\1</a>(', body
+    )
     return head + "</thead>" + re.sub(r"<code>(\w+)</code>", element, calls)

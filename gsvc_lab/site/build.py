@@ -76,7 +76,7 @@ class Site:
         self.root = root
         self.parts = parts_of((root / "spec.md").read_text(encoding="utf-8"))
         self.targets = targets_of(self.parts)
-        self.syntax = [part for part in self.parts if part.name == SYNTAX]
+        self.syntax = [part for part in self.parts if part.name in SYNTAX]
         self.tables = tables_of(json.loads((root / "spec" / "syntax.json").read_text(encoding="utf-8")))
         others = sorted(path.relative_to(root).as_posix() for path in (root / "docs").glob("*.md"))
         self.guides = GUIDES | {name: f"{Path(name).stem}.html" for name in others if name not in GUIDES}
@@ -90,7 +90,7 @@ class Site:
         written = documents(pages)
         for name, text in written.items():
             (folder / name).write_text(text, encoding="utf-8")
-        # The syntax browser repeats section 6.
+        # The syntax browser repeats sections 6 and 15.
         (folder / "search-index.js").write_text(
             index([page for page in pages if page.group and not page.wide], self.targets), encoding="utf-8"
         )
@@ -144,7 +144,7 @@ class Site:
             '<h1 id="glance">GSVC at a glance</h1>\n'
             "<p>A frame is a sum of soft ellipses, <em>splats</em>. A stream says which splats each frame has. "
             'The pictures of this page are drawn from the tables of <a href="spec-6.html">section 6</a> '
-            "of the specification.</p>\n"
+            'and, for profile main, of <a href="spec-15.html">section 15</a> of the specification.</p>\n'
             '<h2 id="frames">Frames</h2>\n<p>Splats are predicted from splats of the frame before, never from pixels. '
             "An I-frame needs no other frame.</p>\n"
             + glance.dependencies()

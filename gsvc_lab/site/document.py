@@ -11,7 +11,8 @@ from gsvc_lab.site.markdown import RULE, slug
 FENCED: Final = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 ROW_NUMBER: Final = re.compile(r"\| \((\d+-\d+)\) \|$")
 OPERATIONS: Final = "Operations"
-SYNTAX: Final = "6"
+SYNTAX: Final = ("6", "15")
+"""The sections that have the tables of the syntax."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def targets_of(parts: list[Part]) -> Targets:
             section = re.match(r"(\d+\.\d+) ", heading)
             if marks == "###" and section:
                 found.sections[section[1]] = f"{part.page}#{slug(heading)}"
-            if marks == "####" and part.name == SYNTAX:
+            if marks == "####" and part.name in SYNTAX:
                 for anchor in element_names(heading):
                     found.elements.setdefault(anchor.removeprefix("element-"), f"{part.page}#{anchor}")
             if marks == "###" and heading.endswith(f" {OPERATIONS}"):

@@ -11,11 +11,16 @@ CAPTIONS: Final = {
     "stream": "A prefix of ten bytes, and chunks. The end chunk is what tells a whole stream from a cut one.",
     "chunk": "Each chunk names its type and its length and has a checksum, so one can hop from chunk to chunk.",
     "sequence_header": "The payload of the first chunk: the size, the level, and how codes are stored.",
-    "frame": "The payload of a frame. An I-frame has all of its splats, a P-frame what changed, an R-frame nothing.",
+    "frame": "The payload of a frame of profile paper. An I-frame has all splats, a P-frame what changed.",
     "splat_block": "The codes of several splats, one plane after the other. An inter block has differences.",
     "plane": "One kind of code of all splats of a block: one symbol for all, raw bits, or entropy coding.",
     "index": "Where I-frames begin, for those who seek.",
     "end": "The last chunk: 14 bytes, so a decoder finds it from the end of the file.",
+    "main_header": "What the sequence header of profile main ends with.",
+    "main_frame": "The payload of a frame of profile main.",
+    "frame_body": "The step of all codes, the shape of their distributions, and one run of the entropy coder.",
+    "densities": "Six distribution functions, and how evenly splats are spread at each halving of the frame.",
+    "layer": "The payload of a chunk n: splats that are added to the frame before it and raise its quality.",
 }
 
 

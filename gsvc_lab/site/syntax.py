@@ -98,11 +98,16 @@ def _item(element: Mapping[str, Any]) -> Item:
 
 
 def articles_of(parts: Sequence[Part]) -> list[tuple[str, list[str], str]]:
-    """Heading, anchors and Markdown of what spec.md says about each element, without code."""
+    """Heading, anchors and Markdown of what spec.md says about each element, without code.
+
+    What follows the elements of a section, under a title in bold, is not about the last of them.
+    """
     found = []
     for part in parts:
         for heading, text in re.findall(
-            r"^#### (.+)\n((?:(?!#|\|.*\| descriptor \|).*\n)*)", FENCED.sub("", part.text + "\n"), re.MULTILINE
+            r"^#### (.+)\n((?:(?!#|\*\*\w+\.\*\*|\|.*\| descriptor \|).*\n)*)",
+            FENCED.sub("", part.text + "\n"),
+            re.MULTILINE,
         ):
             if element_names(heading):
                 found.append((heading, element_names(heading), text.strip()))

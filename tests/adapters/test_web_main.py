@@ -1,5 +1,6 @@
 """Profile `main` in JavaScript: random, damaged and layered streams against the code of spec.md, and in the viewer."""
 
+import base64
 import random
 
 import numpy as np
@@ -198,3 +199,18 @@ def test_the_viewer_shows_what_stands_before_a_fault(new_page, layered, tmp_path
     page.wait_for_function("document.title.startsWith('cut')")
     assert "breaks off" in page.text("#notice")
     assert page.is_visible("#layers")
+
+
+def test_the_example_of_profile_main(new_page):
+    page = new_page()
+    page.goto(f"{web_pages.INDEX.as_uri()}?renderer=webgl2")
+    page.drawn()
+    page.click("#example-main")
+    page.wait_for_function("document.title.startsWith('example-main')")
+    assert "profilemain" in page.text("#file")
+    assert "D " in page.text("#frame")
+    source = web_pages.INDEX.with_name("example-main.gsvc.js").read_text(encoding="utf-8")
+    stream = base64.b64decode(source.partition("base64: `")[2].partition("`")[0])
+    assert f"{len(stream):,} bytes" in source
+    assert len(stream) <= 15_000
+    assert spec.reconstruct_stream(stream)["error"] == ""

@@ -9,16 +9,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from gsvc_conformance.cases.main_streams import BASE, LAYERS, with_layers
 from gsvc_conformance.vector import VECTORS
+from gsvc_ref.bitstream.header import MAIN
+from gsvc_ref.draws import Draws
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.listing import list_elements
 from gsvc_ref.syntax import named, syntax
-from gsvc_ref.testing import RICH_HEADER, rich_frames, write_stream
+from gsvc_ref.testing import RICH_HEADER, random_main_stream, rich_frames, write_stream
 from tests.kaitai.compiler import ROOT, SOURCE, compile_to, missing
 from tests.kaitai.diagram import readable
 
 TEXT = SOURCE.read_text(encoding="utf-8")
-OTHER_NAMES = {"frame_count (end)": "frame_count"}
+STRUCTURES = syntax()["structures"]
 NEEDS_COMPILER = pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")
 
 
@@ -37,16 +40,17 @@ def parser(tmp_path_factory):
 
 def test_names_are_those_of_the_spec():
     ids = set(re.findall(r"- id: (\w+)", TEXT))
-    assert {OTHER_NAMES.get(name, name) for name in named()} <= ids
+    assert {name.partition(" (")[0] for name in named()} <= ids
     types = set(re.findall(r"^ +(\w+):$", TEXT, re.MULTILINE))
-    assert {one["name"] for one in syntax()["structures"]} - {"stream"} <= types
+    assert {one["name"] for one in STRUCTURES} - {"stream"} <= types
 
 
 def test_header_has_the_elements_in_their_order():
     part = TEXT[TEXT.index("\n  sequence_header:\n") : TEXT.index("\n  frame:\n")]
     said = re.findall(r"- id: (\w+)\n +type: u(\d)", part)
-    header = next(one for one in syntax()["structures"] if one["name"] == "sequence_header")
-    assert [(name, f"le({size})") for name, size in said] == [(e["name"], e["descriptor"]) for e in header["elements"]]
+    elements = [e for one in STRUCTURES for e in one["elements"] if one["name"] in ("sequence_header", "main_header")]
+    expected = [(e["name"], e["descriptor"]) for e in elements if "descriptor" in e]
+    assert [(name, f"le({size})") for name, size in said] == expected
 
 
 def values_of(thing):
@@ -86,6 +90,9 @@ def assert_read_alike(parser, data):
     stream = parser.from_bytes(data)
     frames = [chunk.payload for chunk in stream.chunk if chunk.is_frame]
     assert len(frames) == len(splats)
+    if stream.header.profile == MAIN:
+        assert list(values_of(stream)) == list(values_listed(data))
+        return len(frames), len(frames)
     complete = [frame.is_complete for frame in frames]
     for frame, count in zip(frames, splats, strict=True):
         assert frame.splats == (count if frame.is_complete else -1)
@@ -101,6 +108,30 @@ def test_a_rich_stream(parser):
     frames, complete = assert_read_alike(parser, data)
     assert frames == len(rich_frames())
     assert complete > 1
+
+
+@NEEDS_COMPILER
+def test_random_streams_of_profile_main(parser):
+    frames = [assert_read_alike(parser, random_main_stream(seed, max_pixels=2**15).data)[0] for seed in range(60)]
+    assert sum(frames) > 100
+
+
+@NEEDS_COMPILER
+def test_layers(parser):
+    stream = parser.from_bytes(with_layers(Draws(29), BASE, LAYERS, parameter_checksum_flag=True))
+    found = [
+        (chunk.last_frame - stream.chunk[1].last_frame, chunk.payload)
+        for chunk in stream.chunk
+        if chunk.kind == parser.TypeOfPayload.layer
+    ]
+    assert [layer.layer for _, layer in found] == [entry.layer for entry in LAYERS]
+    assert [chr(layer.layer_type) for _, layer in found] == [entry.plan.type for entry in LAYERS]
+    for entry, (_, layer) in zip(LAYERS, found, strict=True):
+        if entry.plan.type == "R":
+            continue
+        assert layer.body.quantizer == entry.plan.quantizer
+        count = layer.body.splat_count if entry.plan.type == "I" else layer.body.new_splat_count
+        assert count.value == entry.plan.count
 
 
 @NEEDS_COMPILER
