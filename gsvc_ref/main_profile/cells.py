@@ -7,7 +7,7 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
 from gsvc_ref.main_profile.densities import density_at
-from gsvc_ref.main_profile.lanes import CELLS, MISSING_WORD, Lanes, read_raw, take_symbol
+from gsvc_ref.main_profile.lanes import MISSING_WORD, Lanes, read_raw, take_symbol
 from gsvc_ref.main_profile.passes import ONE, Distributions, Run
 from gsvc_ref.main_profile.tables import EXP2, FAMILIES
 
@@ -80,16 +80,10 @@ def _density_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
     return i + ((ONE - m - 1) * density_at(64 * (2 * i - 1), centre, scale_code, 0, EXP2, FAMILIES[0]) >> 16)
 
 
-@kernel(inline=True)
-def _is_small(n: int, first: int, second: int) -> bool:
-    """Whether the number of n splats in the first half has frequencies of its own, not a density."""
-    return n <= _MOST_TABLED and first == second
-
-
 @kernel()
 def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
     """Cumulative frequencies of the number of n splats in the first half, and how many of its low bits are raw."""
-    if _is_small(n, first, second):
+    if n <= _MOST_TABLED and first == second:
         C = np.empty(n + 2, np.int64)
         _small_half(n, alpha, C)
         return C, 0
@@ -174,8 +168,8 @@ def _halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I
             n = counts[part] - first if half else first
             if n > 0:
                 halves[many] = n
-                places[many] = origins[part]
-                places[many, axis] += size if half else 0
+                places[many, axis] = origins[part, axis] + (size if half else 0)
+                places[many, 1 - axis] = origins[part, 1 - axis]
                 many += 1
     return halves[:many], places[:many]
 
@@ -248,7 +242,7 @@ def read_cells(lanes: Lanes, inside: tuple[int, int], alphas: I8, cells: I8) -> 
         size = size >> 1 if axis == 0 else size
         if not _read_halves(lanes, counts[:many], origins, axis, size, inside[axis], alphas[halving], answers, sizes):
             return False
-        if not read_raw(lanes, CELLS, sizes[:many], low[:many]):
+        if not read_raw(lanes, sizes[:many], low):
             return False
         after = 0
         for part in range(many):
@@ -264,7 +258,7 @@ def read_cells(lanes: Lanes, inside: tuple[int, int], alphas: I8, cells: I8) -> 
     splat = 0
     for part in range(many):
         for _ in range(counts[part]):
-            cells[splat] = origins[part]
+            cells[splat, 0], cells[splat, 1] = origins[part, 0], origins[part, 1]
             splat += 1
     return True
 
@@ -287,7 +281,7 @@ def _read_halves(
             continue
         x = states[place & mask]
         slot = x & (ONE - 1)
-        if _is_small(n, size, second):
+        if n <= _MOST_TABLED and size == second:
             if not known[n]:
                 _small_half(n, alpha, small[n])
                 known[n] = True
@@ -314,5 +308,5 @@ def _read_halves(
         place += 1
         length += lanes.lengths[end - start - 1]
     lanes.taken[0] = taken
-    lanes.spent[CELLS] += length
+    lanes.spent[0] += length
     return True

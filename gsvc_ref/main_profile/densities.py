@@ -28,6 +28,9 @@ ALPHAS: Final = (1, 2, 3, 4, 6, 10, 20, 100)
 MAGNITUDE_CLASSES: Final = 40
 LARGEST_MAGNITUDE: Final = (4 << 18) - 1
 
+_MAGNITUDE_EDGES: Final[I8] = 16 * (2 * np.arange(1, MAGNITUDE_CLASSES) - 1)
+"""The inner edges of the classes of magnitudes, doubled."""
+
 _MOST_BINS: Final = 512
 
 
@@ -83,18 +86,8 @@ def cumulative(edges: I8, centre: int, family: int, scale_code: int, unit_bits: 
     -------
     (K + 1,) from 0 to 2^14.
     """
-    result = np.empty(len(edges) + 2, np.int64)
-    _cumulative(edges, centre, scale_code, unit_bits, FAMILIES[family], result)
-    return result
-
-
-@kernel()
-def _cumulative(edges: I8, centre: int, scale_code: int, unit_bits: int, family: I8, result: I8) -> None:
-    bins = len(edges) + 1
-    result[0], result[bins] = 0, ONE
-    for i in range(1, bins):
-        v = density_at(edges[i - 1], centre, scale_code, unit_bits, EXP2, family)
-        result[i] = i + ((ONE - bins) * v >> 16)
+    one = np.array([len(edges) + 1]), edges, np.array([centre])
+    return _distributions(*one, scale_code, unit_bits, FAMILIES[family]).cumulative
 
 
 @kernel(inline=True)
@@ -110,16 +103,26 @@ def density_at(edge: int, centre: int, scale_code: int, unit_bits: int, exp2_tab
 @lru_cache(maxsize=64)
 def magnitude_distributions(density: Density) -> Distributions:
     """The distributions of classes of magnitudes, by the class that the centre slopes with."""
-    return _magnitude_tables(density.centre, density.slope, density.scale_code, FAMILIES[density.family])
+    bins = np.full(MAGNITUDE_CLASSES, MAGNITUDE_CLASSES)
+    edges = np.concatenate([_MAGNITUDE_EDGES] * MAGNITUDE_CLASSES)
+    centres = density.centre + density.slope * np.arange(MAGNITUDE_CLASSES) // 4
+    return _distributions(bins, edges, centres, density.scale_code, 2, FAMILIES[density.family])
 
 
 @kernel()
-def _magnitude_tables(centre: int, slope: int, scale_code: int, family: I8) -> Distributions:
-    edges = 16 * (2 * np.arange(1, MAGNITUDE_CLASSES) - 1)
-    tables = np.empty((MAGNITUDE_CLASSES, MAGNITUDE_CLASSES + 1), np.int64)
-    for q in range(MAGNITUDE_CLASSES):
-        _cumulative(edges, centre + slope * q // 4, scale_code, 2, family, tables[q])
-    return Distributions(tables.ravel(), np.arange(MAGNITUDE_CLASSES + 1) * (MAGNITUDE_CLASSES + 1))
+def _distributions(bins: I8, edges: I8, centres: I8, scale_code: int, unit_bits: int, family: I8) -> Distributions:
+    """The distributions of densities of so many bins each, by their inner edges, one behind the other, and centres."""
+    first = np.zeros(len(bins) + 1, np.int64)
+    for row in range(len(bins)):
+        first[row + 1] = first[row] + bins[row] + 1
+    cumulative, edge = np.empty(first[len(bins)], np.int64), 0
+    for row in range(len(bins)):
+        cumulative[first[row]], cumulative[first[row + 1] - 1] = 0, ONE
+        for i in range(1, bins[row]):
+            v = density_at(edges[edge], centres[row], scale_code, unit_bits, EXP2, family)
+            cumulative[first[row] + i] = i + ((ONE - bins[row]) * v >> 16)
+            edge += 1
+    return Distributions(cumulative, first)
 
 
 def code_magnitudes(run: Run, density: Density, context: I8, codes: I8 | None) -> I8:
@@ -129,13 +132,11 @@ def code_magnitudes(run: Run, density: Density, context: I8, codes: I8 | None) -
 
 
 @kernel()
-def read_codes(lanes: Lanes, part: int, tables: Distributions, context: I8, codes: I8) -> bool:
+def read_codes(lanes: Lanes, tables: Distributions, context: I8, codes: I8) -> bool:
     """Signed codes of a colour channel, as `code_magnitudes` has them; whether the words sufficed."""
-    return (
-        read_symbols(lanes, part, tables, context, codes)
-        and read_low_bits(lanes, part, codes)
-        and read_signs(lanes, part, codes)
-    )
+    if not read_symbols(lanes, tables, context, codes):
+        return False
+    return read_low_bits(lanes, codes) and read_signs(lanes, codes)
 
 
 class Windows(NamedTuple):
@@ -150,29 +151,15 @@ class Windows(NamedTuple):
 def windows_of(plane: Plane, density: Density) -> Windows:
     """The windows of size, aspect or shear."""
     scale, steps = int(exp2(256 * density.scale_code, 4)), STEPS_OF[plane]
-    return _window_tables(
-        scale, 64 * density.centre, 16 * density.slope, density.scale_code, steps, FAMILIES[density.family]
+    centres = 64 * density.centre + 16 * density.slope * np.arange(CLASSES)
+    low = np.array([max(-(-16 * scale // (_MOST_BINS * step)) - 1, 0).bit_length() for step in steps.tolist()])
+    first = (centres - 8 * scale) // (steps << low)
+    bins = -((-centres - 8 * scale) // (steps << low)) - first + 1
+    edges = np.concatenate(
+        [(2 * (np.arange(a + 1, a + n) << r) - 1) * step for a, n, r, step in zip(first, bins, low, steps, strict=True)]
     )
-
-
-@kernel()
-def _window_tables(scale: int, centre: int, slope: int, scale_code: int, steps: I8, family: I8) -> Windows:
-    """The windows of classes 0 to 10, whose centres are `centre` + j `slope`."""
-    first, low, firsts = np.zeros(CLASSES + 1, np.int64), np.zeros(CLASSES, np.int64), np.empty(CLASSES, np.int64)
-    bins = np.empty(CLASSES, np.int64)
-    for j in range(CLASSES):
-        while 16 * scale > _MOST_BINS * (steps[j] << low[j]):
-            low[j] += 1
-        width, middle = steps[j] << low[j], centre + slope * j
-        firsts[j] = (middle - 8 * scale) // width
-        bins[j] = -((-middle - 8 * scale) // width) - firsts[j] + 1
-        first[j + 1] = first[j] + bins[j] + 1
-    tables = np.empty(first[CLASSES], np.int64)
-    for j in range(CLASSES):
-        inner = np.arange(firsts[j] + 1, firsts[j] + bins[j])
-        edges = (2 * (inner << low[j]) - 1) * steps[j]
-        _cumulative(edges, centre + slope * j, scale_code, 4, family, tables[first[j] : first[j + 1]])
-    return Windows(Distributions(tables, first), low, firsts)
+    tables = _distributions(bins, edges, centres, density.scale_code, 4, FAMILIES[density.family])
+    return Windows(tables, low, first)
 
 
 def code_windowed(run: Run, windows: Windows, j: I8, codes: I8 | None) -> I8:
@@ -184,13 +171,13 @@ def code_windowed(run: Run, windows: Windows, j: I8, codes: I8 | None) -> I8:
 
 
 @kernel()
-def read_windowed(lanes: Lanes, part: int, windows: Windows, j: I8, codes: I8) -> bool:
+def read_windowed(lanes: Lanes, windows: Windows, j: I8, codes: I8) -> bool:
     """The codes of a plane with windows, as `code_windowed` has them; whether the words sufficed."""
-    low = np.empty(len(j), np.int64)
-    if not read_symbols(lanes, part, windows.distributions, j, codes):
-        return False
-    if not read_raw(lanes, part, windows.low_bits[j], low):
+    sizes, low = np.empty(len(j), np.int64), np.empty(len(j), np.int64)
+    for i in range(len(j)):
+        sizes[i] = windows.low_bits[j[i]]
+    if not (read_symbols(lanes, windows.distributions, j, codes) and read_raw(lanes, sizes, low)):
         return False
     for i in range(len(j)):
-        codes[i] = ((codes[i] + windows.first[j[i]]) << windows.low_bits[j[i]]) + low[i]
+        codes[i] = ((codes[i] + windows.first[j[i]]) << sizes[i]) + low[i]
     return True

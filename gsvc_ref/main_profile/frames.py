@@ -6,6 +6,7 @@ this module; `gsvc_ref.main_profile.reading` reads it in two kernels.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from gsvc_ref.main_profile.densities import (
     code_windowed,
     windows_of,
 )
-from gsvc_ref.main_profile.lanes import Lanes
+from gsvc_ref.main_profile.lanes import MOTION, Lanes
 from gsvc_ref.main_profile.models import Models
 from gsvc_ref.main_profile.motion import code_field, field_motion, field_shape, mode_contexts
 from gsvc_ref.main_profile.passes import LENGTH_UNIT, Run, RunWriter, magnitude_classes
@@ -35,6 +36,9 @@ from gsvc_ref.main_profile.state import classes, no_splats, to_splats
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import Splats
+
+PARTS_IN_ORDER: Final = (*RUN_PARTS[MOTION:], *RUN_PARTS[:MOTION])
+"""The parts of a run in the order of its passes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +231,15 @@ def _read_run(
     except MissingWordError:
         s.fail("R-7-1", "the words of the frame end before its symbols do")
     _check_finished(s, lanes)
-    lengths = {part: int(length) / LENGTH_UNIT for part, length in zip(RUN_PARTS, lanes.spent, strict=True) if length}
-    return state, codes, lengths
+    return state, codes, _lengths(lanes)
+
+
+def _lengths(lanes: Lanes) -> dict[str, float]:
+    """The code lengths in bits of the parts of a run, in the order of its passes."""
+    behind = dict(zip(RUN_PARTS, lanes.spent_behind.tolist(), strict=True))
+    read = [part for part in PARTS_IN_ORDER if behind[part]]
+    before = [0, *(behind[part] for part in read)]
+    return {part: (behind[part] - start) / LENGTH_UNIT for part, start in zip(read, before, strict=False)}
 
 
 def _lanes(s: Coder, lane_exponent: int) -> Lanes:

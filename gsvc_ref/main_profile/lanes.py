@@ -38,7 +38,9 @@ class Lanes(NamedTuple):
     taken
         (1,) i8, the number of words taken.
     spent
-        (12,) i8, the code lengths of `RUN_PARTS` in parts of a bit (`LENGTH_UNIT`).
+        (1,) i8, the code length so far in parts of a bit (`LENGTH_UNIT`).
+    spent_behind
+        (12,) i8, `spent` behind each of `RUN_PARTS`, 0 where a part has not been read.
     lengths
         `LENGTHS`.
     """
@@ -47,13 +49,14 @@ class Lanes(NamedTuple):
     words: U2
     taken: I8
     spent: I8
+    spent_behind: I8
     lengths: I8
 
     @classmethod
     def begun(cls, lane_states: U4, words: U2) -> "Lanes":
         """The lanes of a run before its first symbol."""
-        none, parts = np.zeros(1, np.int64), np.zeros(len(RUN_PARTS), np.int64)
-        return cls(lane_states.astype(np.int64), words, none, parts, LENGTHS)
+        taken, spent, parts = (np.zeros(size, np.int64) for size in (1, 1, len(RUN_PARTS)))
+        return cls(lane_states.astype(np.int64), words, taken, spent, parts, LENGTHS)
 
 
 @kernel(inline=True)
@@ -73,21 +76,15 @@ def take_symbol(x: int, start: int, frequency: int, words: U2, taken: int) -> tu
 
 
 @kernel()
-def read_symbols(lanes: Lanes, part: int, tables: Distributions, which: I8, symbols: I8) -> bool:
+def read_symbols(lanes: Lanes, tables: Distributions, which: I8, symbols: I8) -> bool:
     """A pass: symbol i has the distribution `which[i]`."""
-    states, words, cumulative, first, mask = (
-        lanes.states,
-        lanes.words,
-        tables.cumulative,
-        tables.first,
-        len(lanes.states) - 1,
-    )
-    taken, length = lanes.taken[0], 0
+    states, words, taken, mask = lanes.states, lanes.words, lanes.taken[0], len(lanes.states) - 1
+    cumulative, length = tables.cumulative, 0
     for i in range(len(which)):
         x = states[i & mask]
         slot = x & (ONE - 1)
-        begin = first[which[i]]
-        low, bins = begin, first[which[i] + 1] - 1 - begin
+        begin = tables.first[which[i]]
+        low, bins = begin, tables.first[which[i] + 1] - 1 - begin
         while bins > 1:  # cumulative[low] <= slot < cumulative[low + bins]
             half = bins >> 1
             if cumulative[low + half] <= slot:
@@ -101,53 +98,48 @@ def read_symbols(lanes: Lanes, part: int, tables: Distributions, which: I8, symb
         symbols[i] = low - begin
         length += lanes.lengths[frequency - 1]
     lanes.taken[0] = taken
-    lanes.spent[part] += length
+    lanes.spent[0] += length
     return True
 
 
 @kernel()
-def _read_uniform(lanes: Lanes, part: int, sizes: I8, least: int, values: I8) -> bool:
-    """A pass of the bits above the `least` lowest ones, at most 14; they are put behind what `values` have."""
-    states, words, mask = lanes.states, lanes.words, len(lanes.states) - 1
-    taken, place, length = lanes.taken[0], 0, 0
-    for i in range(len(sizes)):
-        bits = min(sizes[i] - least, PRECISION)
-        if bits <= 0:
-            continue
-        x = states[place & mask]
-        rest = PRECISION - bits
-        value = (x & (ONE - 1)) >> rest
-        x, taken = take_symbol(x, value << rest, 1 << rest, words, taken)
-        if taken == MISSING_WORD:
-            return False
-        states[place & mask] = x
-        values[i] = (values[i] << bits) | value
-        place += 1
-        length += bits
-    lanes.taken[0] = taken
-    lanes.spent[part] += length * LENGTH_UNIT
-    return True
-
-
-@kernel()
-def read_raw(lanes: Lanes, part: int, sizes: I8, values: I8) -> bool:
+def read_raw(lanes: Lanes, sizes: I8, values: I8) -> bool:
     """Values of so many raw bits each, at most 28: the upper bits of long ones in a pass of their own."""
-    most = 0
+    states, words, taken, mask = lanes.states, lanes.words, lanes.taken[0], len(lanes.states) - 1
+    most = length = 0
     for i in range(len(sizes)):
         most = max(most, sizes[i])
         values[i] = 0
-    if most > PRECISION and not _read_uniform(lanes, part, sizes, PRECISION, values):
-        return False
-    return most == 0 or _read_uniform(lanes, part, sizes, 0, values)
+    for least in range(PRECISION, -1, -PRECISION):  # a pass of the bits above so many, and one of the others
+        if most <= least:
+            continue
+        place = 0
+        for i in range(len(sizes)):
+            bits = min(sizes[i] - least, PRECISION)
+            if bits <= 0:
+                continue
+            x = states[place & mask]
+            rest = PRECISION - bits
+            value = (x & (ONE - 1)) >> rest
+            x, taken = take_symbol(x, value << rest, 1 << rest, words, taken)
+            if taken == MISSING_WORD:
+                return False
+            states[place & mask] = x
+            values[i] = (values[i] << bits) | value
+            place += 1
+            length += bits
+    lanes.taken[0] = taken
+    lanes.spent[0] += length * LENGTH_UNIT
+    return True
 
 
 @kernel()
-def read_low_bits(lanes: Lanes, part: int, magnitudes: I8) -> bool:
+def read_low_bits(lanes: Lanes, magnitudes: I8) -> bool:
     """The passes of the low bits of magnitudes; in `magnitudes` are their classes before, and they themselves then."""
     sizes, low = np.empty(len(magnitudes), np.int64), np.empty(len(magnitudes), np.int64)
     for i in range(len(magnitudes)):
         sizes[i] = max(magnitudes[i] // 2 - 1, 0) if magnitudes[i] >= 4 else 0
-    if not read_raw(lanes, part, sizes, low):
+    if not read_raw(lanes, sizes, low):
         return False
     for i in range(len(magnitudes)):
         if magnitudes[i] >= 4:
@@ -156,14 +148,15 @@ def read_low_bits(lanes: Lanes, part: int, magnitudes: I8) -> bool:
 
 
 @kernel()
-def read_signs(lanes: Lanes, part: int, magnitudes: I8) -> bool:
+def read_signs(lanes: Lanes, magnitudes: I8) -> bool:
     """The pass of the signs of magnitudes that are not 0, which become the signed values."""
-    negative = np.empty(len(magnitudes), np.int64)
-    if not read_raw(lanes, part, np.minimum(magnitudes, 1), negative):
+    sizes, negative = np.empty(len(magnitudes), np.int64), np.empty(len(magnitudes), np.int64)
+    for i in range(len(magnitudes)):
+        sizes[i] = min(magnitudes[i], 1)
+    if not read_raw(lanes, sizes, negative):
         return False
     for i in range(len(magnitudes)):
-        if negative[i]:
-            magnitudes[i] = -magnitudes[i]
+        magnitudes[i] = -magnitudes[i] if negative[i] else magnitudes[i]
     return True
 
 

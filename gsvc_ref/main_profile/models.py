@@ -123,13 +123,15 @@ def _distributions(counts: I8, symbols: I8) -> Distributions:
         total = 0
         for s in range(K):
             total += counts[context, s] >> shift
-        C = cumulative[first[context] : first[context + 1]]
+        begin = first[context]
         for s in range(K):
             frequency = 1 + (ONE - K) * (counts[context, s] >> shift) // total
-            C[s + 1] = C[s] + frequency
+            cumulative[begin + s + 1] = cumulative[begin + s] + frequency
             if frequency > largest:
                 largest, at = frequency, s
-        C[at + 1 :] += ONE - C[K]
+        rest = ONE - cumulative[begin + K]
+        for s in range(at, K):
+            cumulative[begin + s + 1] += rest
     return Distributions(cumulative, first)
 
 
@@ -149,28 +151,25 @@ def note_symbols(contexts: I8, symbols: I8, seen: I8) -> None:
 @kernel()
 def adapted(counts: I8, seen: I8) -> I8:
     """The counts of a model after a frame in which each symbol was seen so often in each context (15-11)."""
+    contexts, symbols = counts.shape
     after = counts.copy()
-    for context in range(len(counts)):
-        if seen[context].any():
-            after[context] = (7 * counts[context] >> 3) + GAIN * seen[context]
+    for context in range(contexts):
+        used = False
+        for s in range(symbols):
+            used |= seen[context, s] > 0
+        for s in range(symbols):
+            if used:
+                after[context, s] = (7 * counts[context, s] >> 3) + GAIN * seen[context, s]
     return after
 
 
 @kernel()
-def read_modeled(lanes: Lanes, part: int, tables: Distributions, rows: I8, seen: I8, symbols: I8) -> bool:
-    """A pass of symbols by the rows of models, which are noted; whether the words sufficed."""
-    if not read_symbols(lanes, part, tables, rows, symbols):
-        return False
-    note_symbols(rows, symbols, seen)
-    return True
-
-
-@kernel()
-def read_modeled_magnitudes(lanes: Lanes, part: int, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
+def read_magnitudes(lanes: Lanes, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
     """Passes of classes of magnitudes, by the rows of models, and of low bits; whether the words sufficed."""
-    if not read_modeled(lanes, part, tables, rows, seen, magnitudes):
+    if not read_symbols(lanes, tables, rows, magnitudes):
         return False
-    return read_low_bits(lanes, part, magnitudes)
+    note_symbols(rows, magnitudes, seen)
+    return read_low_bits(lanes, magnitudes)
 
 
 class Models:

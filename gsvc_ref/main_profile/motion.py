@@ -6,8 +6,8 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main_profile.lanes import MOTION, Lanes, magnitude_class, read_signs
-from gsvc_ref.main_profile.models import ROWS, Models, read_modeled_magnitudes
+from gsvc_ref.main_profile.lanes import Lanes, magnitude_class, read_signs
+from gsvc_ref.main_profile.models import ROWS, Models, read_magnitudes
 from gsvc_ref.main_profile.passes import Distributions, Run, magnitude_classes
 
 X_CLASSES: Final = (0, 2, 7)
@@ -78,13 +78,13 @@ def field_motion(state: I8, field: I8, side: int) -> I8:
 @kernel()
 def find_motion(state: I8, field: I8, side: int, motion: I8) -> None:
     """`field_motion`, put into `motion` (N, 2); 0 where `side` is 0."""
-    if side == 0:
-        motion[:] = 0
-        return
     b = 0
     while 1 << b < 256 * side:
         b += 1
     for splat in range(len(state)):
+        if side == 0:
+            motion[splat, 0] = motion[splat, 1] = 0
+            continue
         i, i1, f = _between(state[splat, 0], side, b, field.shape[1])
         j, j1, h = _between(state[splat, 1], side, b, field.shape[0])
         for axis in range(2):
@@ -131,12 +131,12 @@ def find_mode_contexts(
         if x < 0 or x >= 256 * width or y < 0 or y >= 256 * height:
             contexts[splat] = OUTSIDE
             continue
-        a = 0
+        contexts[splat] = 3 * past[splat]
         if side > 0:
             column = min(max(state[splat, 0] // (256 * side), 0), field.shape[1] - 1)
             row = min(max(state[splat, 1] // (256 * side), 0), field.shape[0] - 1)
-            a = _level(unrest[row, column], UNRESTS)
-        contexts[splat] = 3 * past[splat] + a
+            for bound in UNRESTS:
+                contexts[splat] += unrest[row, column] > bound
 
 
 @kernel()
@@ -146,7 +146,8 @@ def field_unrest(field: I8) -> I8:
     unrest = np.zeros((rows, columns), np.int64)
     for j in range(rows):
         for i in range(columns):
-            for j1, i1 in ((j, i + 1), (j + 1, i)):
+            for right in range(2):
+                j1, i1 = j + 1 - right, i + right
                 if j1 < rows and i1 < columns:
                     step = abs(field[j, i, 0] - field[j1, i1, 0]) + abs(field[j, i, 1] - field[j1, i1, 1])
                     unrest[j, i] = max(unrest[j, i], step)
@@ -154,37 +155,31 @@ def field_unrest(field: I8) -> I8:
     return unrest
 
 
-@kernel(inline=True)
-def _level(value: int, bounds: tuple[int, ...]) -> int:
-    """How many of the bounds, which grow, a value is above."""
-    level = 0
-    for bound in bounds:
-        if value > bound:
-            level += 1
-    return level
-
-
 @kernel()
 def read_field(lanes: Lanes, tables: Distributions, seen: I8, field: I8) -> bool:
     """The vectors of the field (rows, columns, 2), as `code_field` has them; whether the words sufficed."""
     rows, columns = field.shape[:2]
-    contexts = np.full(rows * columns, VECTOR_ROW)
+    contexts = np.empty(rows * columns, np.int64)
     x, y = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
-    if not read_modeled_magnitudes(lanes, MOTION, tables, contexts, seen, x):
+    for cell in range(len(x)):
+        contexts[cell] = VECTOR_ROW
+    if not read_magnitudes(lanes, tables, contexts, seen, x):
         return False
     for cell in range(len(x)):
-        contexts[cell] = VECTOR_ROW + 1 + _level(magnitude_class(x[cell]), X_CLASSES)
-    if not read_modeled_magnitudes(lanes, MOTION, tables, contexts, seen, y):
+        contexts[cell] = VECTOR_ROW + 1
+        for bound in X_CLASSES:
+            contexts[cell] += magnitude_class(x[cell]) > bound
+    if not read_magnitudes(lanes, tables, contexts, seen, y):
         return False
-    if not (read_signs(lanes, MOTION, x) and read_signs(lanes, MOTION, y)):
+    if not (read_signs(lanes, x) and read_signs(lanes, y)):
         return False
     for cell in range(len(x)):
         j, i = cell // columns, cell % columns
-        field[j, i, 0], field[j, i, 1] = x[cell], y[cell]
-        for axis in range(2):
-            if i > 0:
-                field[j, i, axis] += field[j, i - 1, axis]
-            elif j > 0:
-                field[j, i, axis] += field[j - 1, i, axis]
-            field[j, i, axis] = ((field[j, i, axis] + 2**15) & 0xFFFF) - 2**15
+        left, above = (j, i - 1), (j - 1, 0)
+        before_x, before_y = 0, 0
+        if cell > 0:
+            j1, i1 = left if i > 0 else above
+            before_x, before_y = field[j1, i1, 0], field[j1, i1, 1]
+        field[j, i, 0] = ((x[cell] + before_x + 2**15) & 0xFFFF) - 2**15
+        field[j, i, 1] = ((y[cell] + before_y + 2**15) & 0xFFFF) - 2**15
     return True

@@ -24,9 +24,11 @@ from gsvc_ref.main_profile.densities import (
     windows_of,
 )
 from gsvc_ref.main_profile.lanes import (
+    CELLS,
     CHROMA,
     LUMA,
     MODES,
+    MOTION,
     PLACE,
     POSITION,
     SIZE,
@@ -34,9 +36,9 @@ from gsvc_ref.main_profile.lanes import (
     magnitude_class,
     read_raw,
     read_signs,
+    read_symbols,
 )
-from gsvc_ref.main_profile.models import ROWS, Models, adapted, model_distributions, read_modeled
-from gsvc_ref.main_profile.models import read_modeled_magnitudes as read_magnitudes
+from gsvc_ref.main_profile.models import ROWS, Models, adapted, model_distributions, note_symbols, read_magnitudes
 from gsvc_ref.main_profile.motion import field_shape, find_mode_contexts, find_motion, read_field
 from gsvc_ref.main_profile.passes import Distributions
 from gsvc_ref.main_profile.reconstruct import find_after, find_intra_state, log_size, place_unit
@@ -115,30 +117,36 @@ def _read_intra(
     count = len(cells)
     if not read_cells(lanes, inside, alphas, cells):
         return False
+    lanes.spent_behind[CELLS] = lanes.spent[0]
     context, codes = np.zeros(count, np.int64), np.empty(count, np.int64)
     for plane in range(3):
-        if not read_codes(lanes, CHROMA if plane else LUMA, magnitudes[plane], context, codes):
+        if not read_codes(lanes, magnitudes[plane], context, codes):
             return False
-        colors[:, plane] = codes
-        if plane == 0:
-            for splat in range(count):
+        for splat in range(count):
+            colors[splat, plane] = codes[splat]
+            if plane == 0:
                 context[splat] = magnitude_class(abs(codes[splat]))
+        lanes.spent_behind[CHROMA if plane else LUMA] = lanes.spent[0]
     most, j, color = N_MOST // step, np.empty(count, np.int64), np.empty(3, np.int64)
     for splat in range(count):
         for axis in range(3):
             color[axis] = min(max(colors[splat, axis], -most), most) * step
         j[splat] = class_of(color, step)
     for plane in range(3):
-        if not read_windowed(lanes, SIZE + plane, windows[plane], j, codes):
+        if not read_windowed(lanes, windows[plane], j, codes):
             return False
-        shapes[:, plane] = codes
-    bits = np.empty(count, np.int64)
+        for splat in range(count):
+            shapes[splat, plane] = codes[splat]
+        lanes.spent_behind[SIZE + plane] = lanes.spent[0]
+    bits = context
     for axis in range(2):
         for splat in range(count):
-            bits[splat] = 2 - place_unit(log_size(shapes[splat], j[splat], axis), j[splat])
-        if not read_raw(lanes, PLACE, bits, codes):
+            bits[splat] = 2 - place_unit(log_size(shapes[splat, 0], shapes[splat, 1], j[splat], axis), j[splat])
+        if not read_raw(lanes, bits, codes):
             return False
-        places[:, axis] = codes
+        for splat in range(count):
+            places[splat, axis] = codes[splat]
+    lanes.spent_behind[PLACE] = lanes.spent[0]
     find_intra_state(cells, colors, shapes, places, step, state)
     return True
 
@@ -211,45 +219,52 @@ def _read_predicted(
     counts: I8,
 ) -> int:
     """How many splats stay, or -1 if a word is missing; `counts` are those of the models before and behind."""
-    tables, seen = model_distributions(counts), np.zeros_like(counts)
+    tables, seen = model_distributions(counts), np.zeros(counts.shape, np.int64)
     if side and not read_field(lanes, tables, seen, field):
         return -1
+    lanes.spent_behind[MOTION] = lanes.spent[0]
     motion, contexts = np.empty((len(values), 2), np.int64), np.empty(len(values), np.int64)
     find_motion(values, field, side, motion)
     find_mode_contexts(values, motion, past, field, side, size[0], size[1], contexts)
-    contexts += MODE_ROW
-    if not read_modeled(lanes, MODES, tables, contexts, seen, modes):
+    for splat in range(len(values)):
+        contexts[splat] += MODE_ROW
+    if not read_symbols(lanes, tables, contexts, modes):
         return -1
+    note_symbols(contexts, modes, seen)
+    lanes.spent_behind[MODES] = lanes.spent[0]
     for group in range(3):
         if not _read_group(lanes, group, tables, seen, modes, differences):
             return -1
-    counts[:] = adapted(counts, seen)
+        lanes.spent_behind[POSITION + group] = lanes.spent[0]
+    after_frame = adapted(counts, seen)
+    for context in range(counts.shape[0]):
+        for s in range(counts.shape[1]):
+            counts[context, s] = after_frame[context, s]
     return find_after(values, motion, modes, differences, step, after, past_after)
 
 
 @kernel()
 def _read_group(lanes: Lanes, group: int, tables: Distributions, seen: I8, modes: I8, differences: I8) -> bool:
     """The differences of position (group 0), shape or colour of the splats whose modes name them."""
-    part, first, components = POSITION + group, GROUP_ENDS[group], GROUP_ENDS[group + 1] - GROUP_ENDS[group]
+    first, components = GROUP_ENDS[group], GROUP_ENDS[group + 1] - GROUP_ENDS[group]
     many, changed = 0, np.empty(len(modes), np.int64)
     for splat in range(len(modes)):
         if modes[splat] != REMOVED and modes[splat] >> group & 1:
             changed[many] = splat
             many += 1
-    rows, before = np.full(many, GROUP_ROWS[group]), np.zeros(many, np.int64)
+    rows, before = np.empty(many, np.int64), np.zeros(many, np.int64)
     magnitudes = np.empty((components, many), np.int64)
     for i in range(components):
-        if i > 0:
-            for k in range(many):
-                rows[k] = GROUP_ROWS[group] + 3 * (i - 1) + 1 + min(before[k], 2)
-        if not read_magnitudes(lanes, part, tables, rows, seen, magnitudes[i]):
+        for k in range(many):
+            rows[k] = GROUP_ROWS[group] + (3 * (i - 1) + 1 + min(before[k], 2) if i > 0 else 0)
+        if not read_magnitudes(lanes, tables, rows, seen, magnitudes[i]):
             return False
         for k in range(many):
             if i == components - 1 and before[k] == 0:  # the last one cannot be 0
                 magnitudes[i, k] += 1
             before[k] += magnitudes[i, k]
     for i in range(components):
-        if not read_signs(lanes, part, magnitudes[i]):
+        if not read_signs(lanes, magnitudes[i]):
             return False
         for k in range(many):
             differences[changed[k], first + i] = magnitudes[i, k]

@@ -53,33 +53,28 @@ def find_intra_state(cells: I8, colors: I8, shapes: I8, places: I8, step: int, s
     most = N_MOST // step
     for splat in range(len(cells)):
         for axis in range(3):
-            state[splat, 5 + axis] = _clipped(colors[splat, axis], -most, most) * step
+            state[splat, 5 + axis] = min(max(colors[splat, axis], -most), most) * step
         j = class_of(state[splat, 5:], step)
         for axis in range(2):
-            size = log_size(shapes[splat], j, axis)
+            size = log_size(shapes[splat, 0], shapes[splat, 1], j, axis)
             unit = 8 + place_unit(size, j)  # a step of the place is 2^unit of 1/256 pixel
             middle = 256 * CELL * cells[splat, axis] + (places[splat, axis] << unit) + (1 << (unit - 1))
-            state[splat, axis] = _clipped(middle, -X_MOST, X_MOST)
+            state[splat, axis] = min(max(middle, -X_MOST), X_MOST)
             state[splat, 2 + axis] = size
-        state[splat, 4] = _clipped(shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST, S_MOST)
+        state[splat, 4] = min(max(shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST), S_MOST)
 
 
 @kernel(inline=True)
-def log_size(shape: I8, j: int, axis: int) -> int:
+def log_size(size: int, aspect: int, j: int, axis: int) -> int:
     """A (axis 0) or B (axis 1) of the codes of size and aspect (15-10)."""
-    code = shape[0] - shape[1] if axis else shape[0] + shape[1]
-    return _clipped(code * SIZE_STEPS[j], A_LEAST, A_MOST)
+    code = size - aspect if axis else size + aspect
+    return int(min(max(code * SIZE_STEPS[j], A_LEAST), A_MOST))
 
 
 @kernel(inline=True)
 def place_unit(size: int, j: int) -> int:
     """The g of spec.md section 15.9: a step of a place in the cell is 2^g pixels."""
-    return _clipped((size >> 10) + 1 - j, -4, 2)
-
-
-@kernel(inline=True)
-def _clipped(value: int, least: int, most: int) -> int:
-    return min(max(value, least), most)
+    return min(max((size >> 10) + 1 - j, -4), 2)
 
 
 def position_steps(state: I8, j: I8) -> tuple[I8, I8, I8]:
@@ -122,47 +117,38 @@ def find_after(state: I8, motion: I8, modes: I8, differences: I8, step: int, aft
     for splat in range(len(state)):
         if modes[splat] == REMOVED:
             continue
-        _find_one(state[splat], motion[splat], modes[splat], differences[splat], step, after[stay])
+        q, X, Y = differences[splat], state[splat, 0] + motion[splat, 0], state[splat, 1] + motion[splat, 1]
+        A, B, S = state[splat, 2], state[splat, 3], state[splat, 4]
+        if modes[splat]:
+            j = class_of(state[splat, 5:], step)
+            g_x, g_y = position_step(A, j), position_step(B, j)
+            g_s = min(abs(S) * g_y >> 10, STEP_MOST)
+            X += q[0] * g_x
+            Y += q[0] * (-g_s if S < 0 else g_s) + q[1] * g_y
+            A = min(max(A + (q[2] + q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
+            B = min(max(B + (q[2] - q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
+            S = _sheared(S, A - state[splat, 2] - B + state[splat, 3]) + q[4] * SHEAR_STEPS[j]
+        after[stay, 0], after[stay, 1] = min(max(X, -X_MOST), X_MOST), min(max(Y, -X_MOST), X_MOST)
+        after[stay, 2], after[stay, 3], after[stay, 4] = A, B, min(max(S, -S_MOST), S_MOST)
+        for i in range(5, 8):
+            after[stay, i] = min(max(state[splat, i] + q[i] * step, -N_MOST), N_MOST)
         past[stay] = min(modes[splat], 1)
         stay += 1
     return stay
 
 
 @kernel(inline=True)
-def _find_one(before: I8, motion: I8, mode: int, q: I8, step: int, after: I8) -> None:
-    """The splat `after` (8,) a frame (15-13)."""
-    X, Y, A, B, S = before[0] + motion[0], before[1] + motion[1], before[2], before[3], before[4]
-    if mode:
-        j = class_of(before[5:], step)
-        g_x, g_y = _position_step(A, j), _position_step(B, j)
-        X += q[0] * g_x
-        Y += q[0] * _signed(min(abs(S) * g_y >> 10, STEP_MOST), S) + q[1] * g_y
-        A = _clipped(A + (q[2] + q[3]) * SIZE_STEPS[j], A_LEAST, A_MOST)
-        B = _clipped(B + (q[2] - q[3]) * SIZE_STEPS[j], A_LEAST, A_MOST)
-        S = _sheared(S, A - before[2] - B + before[3]) + q[4] * SHEAR_STEPS[j]
-    after[0], after[1] = _clipped(X, -X_MOST, X_MOST), _clipped(Y, -X_MOST, X_MOST)
-    after[2], after[3], after[4] = A, B, _clipped(S, -S_MOST, S_MOST)
-    for i in range(5, 8):
-        after[i] = _clipped(before[i] + q[i] * step, -N_MOST, N_MOST)
-
-
-@kernel(inline=True)
-def _position_step(size: int, j: int) -> int:
-    """g_x or g_y of (15-13)."""
+def position_step(size: int, j: int) -> int:
+    """The g_x or g_y of (15-13), from A or B."""
     v = size + 512 - 1024 * j
     shift = (v >> 10) - 7
     power = EXP2[v & 1023] << shift if shift >= 0 else EXP2[v & 1023] >> -shift
-    return _clipped(power, 1, STEP_MOST)
+    return int(min(max(power, 1), STEP_MOST))
 
 
 @kernel(inline=True)
 def _sheared(S: int, v: int) -> int:
     """S times 2^(v/1024), rounded towards 0, at most 32767 in magnitude."""
-    product, shift = abs(S) * EXP2[v & 1023], _clipped((v >> 10) - 15, -62, 16)
-    return _signed(min(product << shift if shift >= 0 else product >> -shift, S_MOST), S)
-
-
-@kernel(inline=True)
-def _signed(magnitude: int, like: int) -> int:
-    """A magnitude with the sign of another number."""
-    return -magnitude if like < 0 else magnitude
+    product, shift = abs(S) * EXP2[v & 1023], min(max((v >> 10) - 15, -62), 16)
+    magnitude = min(product << shift if shift >= 0 else product >> -shift, S_MOST)
+    return int(-magnitude if S < 0 else magnitude)

@@ -10,7 +10,12 @@ import numpy as np
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, crc32c
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.bitstream.header import sequence_header
+from gsvc_ref.bitstream.header import MAIN, sequence_header
+from gsvc_ref.main_profile.cells import halving_count
+from gsvc_ref.main_profile.codes import SIDES, IntraCodes, MainCodes
+from gsvc_ref.main_profile.densities import Densities, Density
+from gsvc_ref.main_profile.motion import field_shape
+from gsvc_ref.testing import write_stream
 
 PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 81 00")
 STAGES: Final = 8
@@ -18,6 +23,9 @@ CODEWORDS: Final = 1024
 CHOLESKY_BITS: Final = 12
 Factor = tuple[float, float, float]
 """l11, l21, l22 in pixels."""
+
+MOTION_CELL: Final = 3
+"""Cells of 16 pixels, so that a field has as many as there may be."""
 
 DOT: Final[Factor] = (0.01, 0.0, 0.01)
 
@@ -115,6 +123,28 @@ def repeated(number: int) -> bytes:
     return chunk("R", encode_uv(number))
 
 
+def main_header(level: int, width: int, height: int) -> SequenceHeader:
+    """A header of profile `main` with all lanes and layers that there may be."""
+    return SequenceHeader(
+        profile=MAIN, level=level, width=width, height=height, bit_depth=8, lane_count=64, layer_count=4
+    )
+
+
+def main_frames(head: SequenceHeader, count: int, predicted: int) -> list[MainCodes]:
+    """An I-frame of `count` equal splats in one cell, which take next to no bits, and P-frames that change nothing."""
+    sure = Density(), Density(), Density(), Density(scale_code=0), Density(), Density()
+    none, once = np.zeros((count, 2), np.int64), np.zeros((count, 3), np.int64)
+    once[:, 0] = 1  # a size of 1, so that a place has no bits
+    new = IntraCodes(cells=none, colors=np.zeros((count, 3), np.int64), shapes=once, places=none)
+    densities = Densities(sure, (0,) * halving_count(head.width, head.height))
+    cells = field_shape(head.width, head.height, SIDES[MOTION_CELL])
+    still = MainCodes(
+        type="P", motion_cell=MOTION_CELL, vectors=np.zeros((*cells, 2), np.int64),
+        modes=np.zeros(count, np.int64), differences=np.zeros((count, 8), np.int64),
+    )  # fmt: skip
+    return [MainCodes(type="I", densities=densities, new=new), *[still] * predicted]
+
+
 def half(exponent: int) -> int:
     """The binary16 pattern of 2^exponent."""
     return (exponent + 15) << 10
@@ -192,7 +222,13 @@ def cases(level: int) -> dict[str, Case]:
         room = (most.payload - len(head) - len(table) - 5 - 4) // 2
         return chunk("I", head, table, encode_uv(room), (1 << 16).to_bytes(4, "little"), bytes(2 * room))
 
+    def main_splats() -> Iterator[bytes]:
+        """Most splats of profile `main` in the fewest bytes; their sizes are those of a pixel."""
+        yield write_stream(small_main, main_frames(small_main, most.splats, 3), index=False)
+
+    small_main = main_header(level, 16, 16)
     return {
+        "main, splats in few bytes": Case(small_main, main_splats),
         "splats": Case(small, splats(small)),
         "splats in few bytes": Case(small, frames(small, *(partial(few_bytes, number) for number in range(4)))),
         "splats on a picture": Case(deep, splats(deep)),

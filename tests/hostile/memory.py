@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import gsvc_ref
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.cli import main
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
@@ -32,10 +33,14 @@ SUPPORTED: Final = CLEAR.exists()
 
 
 def declared_frame(header: SequenceHeader) -> int:
-    """Bytes of the largest frame that a stream may have: the payload, the parameters of the splats and the picture."""
+    """Bytes of the largest frame that a stream may have: the payload, the parameters of the splats and the picture.
+
+    Profile `main` keeps a state of eight integers of a splat beside its parameters.
+    """
     limits = header.limits
+    of_splat = 2 * BYTES_PER_SPLAT if header.profile == MAIN else BYTES_PER_SPLAT
     picture = header.width * header.height * 3 * (1 if header.bit_depth == 8 else 2)
-    return limits.payload + BYTES_PER_SPLAT * limits.splats + picture
+    return limits.payload + of_splat * limits.splats + picture
 
 
 def allowed(header: SequenceHeader) -> int:

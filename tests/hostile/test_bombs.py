@@ -10,7 +10,17 @@ import pytest
 
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.testing import RICH_HEADER, Lie, rich_frames, write_stream
-from tests.hostile.hostile_streams import chunk, constant, encode_uv, end, header, intra, opening
+from tests.hostile.hostile_streams import (
+    chunk,
+    constant,
+    encode_uv,
+    end,
+    header,
+    intra,
+    main_frames,
+    main_header,
+    opening,
+)
 from tests.hostile.memory import ENTRIES
 
 LARGEST_PEAK = 16 << 20
@@ -41,6 +51,12 @@ def survivors() -> bytes:
     return opening(header(1, 16, 16)) + intra(0, 1 << 14, long=False) + frame + end(2)
 
 
+def main(*lies: Lie, level: int = 5) -> Callable[[], bytes]:
+    """A stream of profile `main`, of an I-frame of 20 splats and two P-frames with fields of motion, and its lies."""
+    head = main_header(level, 64, 48)
+    return lambda: write_stream(head, main_frames(head, 20, 2), lies=lies)
+
+
 BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "width and height": (huge(Lie("width", 65535), Lie("height", 65535)), "R-5-1"),
     "one row too many": (huge(Lie("width", 8192), Lie("height", 8193)), "R-5-1"),
@@ -66,6 +82,15 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "entry_count": (huge(Lie("entry_count", 2**32 - 1)), "R-6.2-3"),
     "index_length": (huge(Lie("index_length", 2**32 - 1)), "R-6.8-2"),
     "frame_count": (huge(Lie("frame_count", 2**32 - 1, 1)), "R-6.8-1"),
+    "main, width and height": (main(Lie("width", 65535), Lie("height", 65535)), "R-5-1"),
+    "main, splat_count": (main(Lie("splat_count", 2**22 + 1)), "R-5-2"),
+    "main, splat_count of 2^32": (main(Lie("splat_count", b"\xff\xff\xff\xff\x1f")), "R-3.1-1"),
+    "main, splat_count without the words": (main(Lie("splat_count", 2**14), level=1), "R-7-1"),
+    "main, new_splat_count": (main(Lie("new_splat_count", 2**22 - 19)), "R-5-2"),
+    "main, lanes beyond those of the header": (main(Lie("lane_exponent", 7)), "R-15.5-1"),
+    "main, lanes without the bytes": (main(Lie("lane_exponent", 6)), "R-6.2-3"),
+    "main, layer_count": (main(Lie("layer_count", 255)), "R-6.3-1"),
+    "main, words": (main(Lie("word", bytes(2**16))), "R-7-1"),
     "frame_count of the header": (one_frame(Lie("frame_count", 2**32 - 1)), "R-6.3-2"),
 }
 
@@ -83,8 +108,11 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Compiled kernels and imported modules are no part of the measurement."""
     path = tmp_path_factory.mktemp("legal") / "legal.gsvc"
     path.write_bytes(huge()())
+    path_main = tmp_path_factory.mktemp("legal") / "main.gsvc"
+    path_main.write_bytes(main()())
     for run in ENTRIES.values():
         run(path)
+        run(path_main)
 
 
 @pytest.mark.parametrize("entry", ENTRIES)

@@ -8,11 +8,12 @@ import numpy as np
 
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.errors import ERROR_KINDS, GsvcError
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamSummary
 
-RULE: Final = re.compile(r"R-[3-8](\.\d+)?-\d+")
+RULE: Final = re.compile(r"R-([3-8]|15)(\.\d+)?-\d+")
 DIGITS_OF_UV: Final = range(0, 35, 7)
 
 
@@ -64,7 +65,7 @@ def declared_splats(data: bytes) -> int:
 
     Frames that declare more than their level allows are left out: they are refused at once.
     """
-    at, total, checksum_size, most = PREFIX_SIZE, 0, 0, 0
+    at, total, checksum_size, most, profile = PREFIX_SIZE, 0, 0, 0, 0
     while at < len(data):
         chunk_type = data[at : at + 1]
         size, at = uv(data, at + 1)
@@ -72,10 +73,11 @@ def declared_splats(data: bytes) -> int:
         at += size + 4
         if chunk_type == b"H" and most == 0 and len(payload) > 2:
             most = LEVELS[payload[1]].splats if payload[1] in LEVELS else 0
-            checksum_size = 4 * (payload[2] & 1)
-        if chunk_type in b"IP":
-            _, behind = uv(payload, 0)
-            declared, _ = uv(payload, behind + checksum_size)
+            checksum_size, profile = 4 * (payload[2] & 1), payload[0]
+        if chunk_type in (b"I", b"P", b"n"):
+            behind = 2 if chunk_type == b"n" else uv(payload, 0)[1]  # `layer` and `layer_type`, or `frame_number`
+            tools = 2 if profile == MAIN else 0
+            declared, _ = uv(payload, behind + checksum_size + tools)
             total += declared if declared <= most else 0
     return total
 

@@ -7,7 +7,17 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, overview_frames, random_stream, rich_frames, write_stream
+from gsvc_conformance.cases.main_streams import BASE, LAYERS, with_layers
+from gsvc_ref.draws import Draws
+from gsvc_ref.testing import (
+    OVERVIEW_HEADER,
+    RICH_HEADER,
+    overview_frames,
+    random_main_stream,
+    random_stream,
+    rich_frames,
+    write_stream,
+)
 
 from . import other_mutations, other_targets, targets
 from .recoding import plane_recoded
@@ -16,8 +26,11 @@ from .stream_mutations import mutate_stream
 CORPUS: Final = Path(__file__).parents[1] / "corpus"
 
 RANDOM_STREAMS: Final = 240
+MAIN_STREAMS: Final = 80
+LAYERED_STREAMS: Final = 8
 LONGEST_SEED: Final = 700
-"""How many random streams of at most so many bytes fuzzing begins with, beside the corpus."""
+"""How many random streams of at most so many bytes fuzzing begins with, beside the corpus: of profile `paper`, of
+profile `main`, and of that with layers."""
 
 
 def some_streams() -> list[bytes]:
@@ -32,7 +45,24 @@ def some_streams() -> list[bytes]:
         if len(data) <= LONGEST_SEED:
             made.append(data)
         seed += 1
-    return made
+    return made + some_main_streams()
+
+
+def some_main_streams() -> list[bytes]:
+    """Small random streams of profile `main`, of one layer and of four."""
+    made: list[bytes] = []
+    seed = 0
+    while len(made) < MAIN_STREAMS:
+        sizes = {"max_count": (1, 2, 4, 24)[seed % 4], "max_pixels": (64, 1024, 4096)[seed % 3]}
+        data = random_main_stream(seed, max_frames=4, **sizes).data
+        if len(data) <= LONGEST_SEED:
+            made.append(data)
+        seed += 1
+    checked = {"parameter_checksum_flag": True}
+    layered = (
+        with_layers(Draws(seed), BASE, LAYERS, **(checked if seed % 2 else {})) for seed in range(LAYERED_STREAMS)
+    )
+    return [*made, *layered]
 
 
 @dataclass(frozen=True)
