@@ -1,4 +1,5 @@
 import ast
+import inspect
 from itertools import pairwise
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 cl = pytest.importorskip("pyopencl", reason="pyopencl is one of the extra adapters")
 
 from gsvc_conformance import spec  # noqa: E402
-from gsvc_conformance.adapters import opencl  # noqa: E402
+from gsvc_conformance.adapters import main_frames, main_operations, opencl  # noqa: E402
 from gsvc_conformance.adapters.opencl import device, reconstruction, rendering  # noqa: E402
 from gsvc_conformance.operation import operations  # noqa: E402
 from gsvc_conformance.vector import VECTORS  # noqa: E402
@@ -166,4 +167,10 @@ def test_the_kernels_of_the_source_are_those_that_are_launched():
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "launch":
                 launched.add(node.args[0].value)
-    assert launched == {kernel.function_name for kernel in device.program(exact=True).all_kernels()}
+    kernels = {kernel.function_name for kernel in device.program(exact=True).all_kernels()}
+    assert launched == {name for name in kernels if not name.startswith("main_")}
+    named = set()
+    for module in (main_frames, main_operations):
+        nodes = ast.walk(ast.parse(inspect.getsource(module)))
+        named |= {node.value for node in nodes if isinstance(node, ast.Constant)}
+    assert {name.removeprefix("main_") for name in kernels - launched} <= named

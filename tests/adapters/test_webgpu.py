@@ -8,11 +8,8 @@ import pytest
 wgpu = pytest.importorskip("wgpu", reason="wgpu is one of the extra adapters")
 
 from gsvc_conformance import spec  # noqa: E402
-from gsvc_conformance.adapters import main_frames, main_operations, main_tables, webgpu  # noqa: E402
+from gsvc_conformance.adapters import main_tables, webgpu  # noqa: E402
 from gsvc_conformance.adapters.webgpu import entropy, gpu, main_profile, rendering  # noqa: E402
-from gsvc_conformance.cases.main_streams import Plan, main_stream  # noqa: E402
-from gsvc_ref.draws import Draws  # noqa: E402
-from gsvc_ref.testing.random_main_streams import random_main_stream  # noqa: E402
 
 MODULE = "gsvc_conformance.adapters.webgpu"
 OPERATIONS = (
@@ -255,32 +252,6 @@ def test_words_that_are_missing_are_counted():
     assert needed > len(words) - 3
 
 
-def same_outputs(found, expected):
-    return all(np.array_equal(found[name], expected[name]) for name in expected)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_random_streams_of_main_say_what_the_code_of_the_specification_finds(seed):
-    stream = random_main_stream(seed).data
-    assert same_outputs(webgpu.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
-
-
-def test_a_pass_of_main_may_take_several_dispatches(monkeypatch):
-    plans = Plan("I", 300, lane_exponent=2), Plan("P", 40, lane_exponent=1, motion_cell=3), Plan("P", kind="any")
-    stream = main_stream(Draws(1), *plans, width=150, height=70)
-    whole = webgpu.read_main_stream(stream)
-    monkeypatch.setattr(main_frames, "ROUNDS_AT_ONCE", 7)
-    parts = webgpu.read_main_stream(stream)
-    assert len(whole["modes"]) > 600
-    assert same_outputs(parts, whole)
-
-
-def test_one_lane_of_main_decodes_more_symbols_than_a_dispatch_takes():
-    count = main_frames.ROUNDS_AT_ONCE + 1000
-    stream = main_stream(Draws(2), Plan("I", count), Plan("P", motion_cell=1), width=352, height=288, level=4)
-    assert same_outputs(webgpu.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
-
-
 @pytest.mark.parametrize("count", [1, 31, 32, 33, 255, 256, 257, 5000])
 def test_lists_have_the_items_that_fulfil_a_condition_in_their_order(count):
     numbers = np.random.default_rng(count).integers(0, 16, 3 * count)
@@ -294,16 +265,6 @@ def test_lists_have_the_items_that_fulfil_a_condition_in_their_order(count):
     found = gpu.download(items, np.uint32, count + 1)
     assert found[0] == len(expected)
     assert np.array_equal(found[1 : 1 + len(expected)], expected)
-
-
-def test_an_encoded_run_of_more_symbols_than_a_dispatch_takes():
-    rng = np.random.default_rng(5)
-    count = main_operations.SYMBOLS_AT_ONCE + 1000
-    frequencies = rng.integers(1, 2**14, count)
-    starts = rng.integers(0, 2**14 - frequencies + 1)
-    lanes = rng.integers(0, 5, count)
-    found = webgpu.encode_run(starts, frequencies, lanes, 5)
-    assert same_outputs(found, spec.namespace()["encode_run"](starts, frequencies, lanes, 5))
 
 
 def test_bounds_that_shaders_of_main_rely_on():

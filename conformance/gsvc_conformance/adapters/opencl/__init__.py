@@ -19,6 +19,9 @@ which are the parser's; colour conversion and metrics; and the decisions of trai
 numbers (`learning_rates`, `converged`, `pruning_plan`, `select_key_frames`).
 """
 
+from collections.abc import Callable
+from typing import Any
+
 from gsvc_conformance.adapters import host
 from gsvc_conformance.adapters.host import Operations
 from gsvc_conformance.adapters.opencl.device import environment
@@ -116,7 +119,7 @@ motion_of_splats = MAIN.motion_of_splats
 splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
 
-_back_end = {
+_back_end: dict[str, Callable[..., dict[str, Any]]] = {
     "reconstruct_intra": reconstruct_intra,
     "reconstruct_inter": reconstruct_inter,
     "parameter_checksum": parameter_checksum,

@@ -48,7 +48,7 @@ class OpenCl:
         """A buffer of so many bytes, all 0."""
         buffer = device.buffer(size)
         if size:
-            cl.enqueue_fill_buffer(device.queue(), buffer, np.uint8(0), 0, size)
+            cl.enqueue_fill_buffer(device.queue(), buffer, np.zeros(1, np.uint8), 0, size)
         return buffer
 
     def upload(self, data: Array) -> cl.Buffer:
