@@ -58,19 +58,19 @@ class Goal:
 
     def row(self) -> tuple[str, ...]:
         """The goal in a table."""
-        numbers = [self._said(value) for value in (self.must, self.aim, self.measured)]
+        numbers = [self._said(self.must, 0), self._said(self.aim, 0), self._said(self.measured, 1)]
         return self.about, *numbers, self.reached, self.remark
 
-    def _said(self, value: float | None) -> str:
+    def _said(self, value: float | None, decimals: int) -> str:
         if value is None:
             return "–"
-        return percent(value) if self.as_percent else f"{value:.2f}"
+        return f"{100 * (value - 1):+.{decimals}f} %" if self.as_percent else f"{value:.{1 + decimals}f}"
 
 
 def percent(ratio: float) -> str:
-    """A ratio as a percentage with its sign, without a minus before a zero."""
-    value = round(100 * (ratio - 1), 1) + 0.0
-    return f"{value:+.0f} %" if value == int(value) or abs(value) >= 100 else f"{value:+.1f} %"
+    """A ratio as a percentage with its sign; from 100 % on without decimals, which say nothing there."""
+    value = round(100 * (ratio - 1), 1) + 0.0  # no minus before a zero
+    return f"{value:+.0f} %" if abs(value) >= 100 else f"{value:+.1f} %"
 
 
 def ratios_by_clip(comparisons: Sequence[Comparison], anchor: str) -> dict[str, float]:
@@ -140,8 +140,8 @@ def summary(against: Sequence[Comparison]) -> str:
         return f"{MAIN.name}, has no common quality with profile paper. {against_x264(against)}"
     low, high, mean = min(paper.values()), max(paper.values()), mean_ratio(list(paper.values())) or 1.0
     return (
-        f"At equal PSNR profile main, quick, takes {percent(low)} to {percent(high)} of bits against profile paper, "
-        f"quick, in the mean {percent(mean)}. {against_x264(against)}"
+        f"Bits of profile main, quick, at equal PSNR against profile paper, quick: {percent(low)} to {percent(high)} "
+        f"by clip, mean {percent(mean)}. {against_x264(against)}"
     )
 
 
