@@ -50,6 +50,13 @@ MEDIAN_ENERGY: Final = 7.0
 GROWTH_QUANTIZER: Final = 16.0
 """D for the metric of growth, where it only bounds steps of the faintest splats."""
 
+LAYER_COARSER: Final = 7
+"""By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
+
+What a base leaves of a picture is faint: splats fitted to it have a third to a half of the energy of those that a fit of
+the whole picture would have at the same quality, whose D is the one that suits.
+"""
+
 DB_PER_DOUBLING: Final = 4.5
 """First guess of what twice the splats gain."""
 AIM: Final = 0.05
@@ -168,7 +175,8 @@ def encode_intra(
     target = Target(picture, base, threads, precision)
     z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
     if quantizer is None:
-        quantizer = quantizer_for(z)
+        above = base is not None and len(base) > 0
+        quantizer = min(quantizer_for(z) + (LAYER_COARSER if above else 0), QUANTIZERS - 1)
     step = step_of(quantizer)
     z = weigh(target, z, step / 16, rng, settings)
     return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)

@@ -230,7 +230,7 @@ def test_chunks_in_front_of_the_first_frame_and_of_other_profiles_are_skipped(da
     assert len(ours[0]) == 3
 
 
-# --- Streams -----------------------------------------------------------------------------------------------------------
+# --- Streams ---------------------------------------------------------------------------------------------------------
 
 
 def frames_of(data: bytes, **options: Any) -> list[DecodedFrame]:
@@ -363,7 +363,7 @@ def test_every_element_is_listed(data: bytes) -> None:
     assert [entry.bit for entry in some] == [entry.bit for entry in entries if entry.frame == 1]
 
 
-# --- Salvage -----------------------------------------------------------------------------------------------------------
+# --- Salvage ---------------------------------------------------------------------------------------------------------
 
 
 def torn(data: bytes, chunk: int) -> bytes:
