@@ -53,8 +53,9 @@ GROWTH_QUANTIZER: Final = 16.0
 LAYER_COARSER: Final = 7
 """By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
 
-What a base leaves of a picture is faint: splats fitted to it have a third to a half of the energy of those that a fit of
-the whole picture would have at the same quality, whose D is the one that suits.
+What a base leaves of a picture is faint, and so are the splats fitted to it. The D that suits is about that of a whole
+picture of the same quality: a layer of 300 splats on a base of 200 took 15.9 kbit in all for 33.2 dB with 4 more steps
+than its own rule has, and 18.3 for 33.7 with none, where one layer takes 13.8 and 15.0.
 """
 
 DB_PER_DOUBLING: Final = 4.5

@@ -97,7 +97,7 @@ def test_cut_command(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = capsys.readouterr().out
     assert "7 frames, the base and 1 layer" in told
     assert "left out: 6 chunks n, of layers above" in told
-    assert gsvc_ref.open(out).header.layer_count == 2
+    assert gsvc_ref.open(out.read_bytes()).header.layer_count == 2
     assert main(["cut", str(path), str(out), "--layer", "0", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["left_out"] == {"n": 12}
@@ -110,7 +110,7 @@ def test_cut_command(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path.write_bytes(path.read_bytes()[:-20])
     assert main(["cut", str(path), str(out), "--layer", "0"]) == 1
     assert "R-6.2-4" in capsys.readouterr().err
-    assert gsvc_ref.open(out).header.layer_count == 1  # what stood there still does
+    assert gsvc_ref.open(out.read_bytes()).header.layer_count == 1  # what stood there still does
 
 
 @pytest.mark.parametrize("layer", [None, 0, 1, 2])
