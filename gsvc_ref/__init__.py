@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
     from gsvc_ref.stream import concat as concat
+    from gsvc_ref.stream import cut as cut
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -112,6 +113,7 @@ _HOMES: Final = {
     "compact": "gsvc_ref.training.pruning",
     "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
+    "cut": "gsvc_ref.stream",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
@@ -182,6 +184,7 @@ __all__ = [
     "compact",
     "concat",
     "converged",
+    "cut",
     "decode",
     "decode_plane",
     "decode_stream",

@@ -14,6 +14,7 @@ from typing import Final
 from gsvc_ref import __version__, plugins
 from gsvc_ref.cli.compare import add_command as add_compare
 from gsvc_ref.cli.concat import add_command as add_concat
+from gsvc_ref.cli.cut import add_command as add_cut
 from gsvc_ref.cli.decode import add_command as add_decode
 from gsvc_ref.cli.dump import add_command as add_dump
 from gsvc_ref.cli.encode import add_command as add_encode
@@ -34,7 +35,7 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for add_command in (
-        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, add_import, add_export,
+        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, add_cut, add_import, add_export,
         *plugins.commands(),
     ):  # fmt: skip
         add_command(commands)

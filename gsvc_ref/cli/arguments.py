@@ -19,6 +19,15 @@ def add_max_level(parser: ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_layer(parser: ArgumentParser) -> None:
+    """Add ``--layer`` to a command that decodes streams."""
+    parser.add_argument(
+        "--layer", type=whole, metavar="K",
+        help="of a stream with quality layers: decode the base and the layers up to K; 0 is the base alone; default: "
+        "all of them",
+    )  # fmt: skip
+
+
 def frame_range(text: str) -> tuple[int, int | None]:
     """``30:60`` is (30, 60), ``30:`` is (30, None) and ``:60`` is (0, 60); the end is not included."""
     match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)

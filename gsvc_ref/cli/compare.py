@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import frame_range
+from gsvc_ref.cli.arguments import add_layer, frame_range
 from gsvc_ref.cli.damage import describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import (
@@ -61,6 +61,7 @@ def add_command(commands: Any) -> None:
         "--precision", choices=("fast", "deterministic", "exact"), default="fast",
         help="how .gsvc files are rendered, see gsvc decode --help",
     )  # fmt: skip
+    add_layer(parser)
     parser.add_argument("--no-vmaf", action="store_true", help="leave out VMAF")
     parser.add_argument("--json", action="store_true", help="print the scores as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print the means only")
@@ -76,8 +77,8 @@ def run(arguments: Namespace) -> int:
 
     with (
         compilation_notice(COMMAND, silent=arguments.quiet or arguments.json),
-        open_side(arguments.original, arguments.frames, arguments.precision) as a,
-        open_side(arguments.other, arguments.frames, arguments.precision) as b,
+        open_side(arguments.original, arguments.frames, arguments.precision, arguments.layer) as a,
+        open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer) as b,
     ):
         try:
             comparison = _compare(a, b, arguments)
@@ -99,13 +100,15 @@ def run(arguments: Namespace) -> int:
 
 
 @contextmanager
-def open_side(name: str, frames: tuple[int, int | None], precision: "Precision") -> Iterator[Side]:
-    """Open a video or a GSVC stream to read a half-open range of its frames."""
+def open_side(
+    name: str, frames: tuple[int, int | None], precision: "Precision", layer: int | None = None
+) -> Iterator[Side]:
+    """Open a video or a GSVC stream, in the quality of a layer, to read a half-open range of its frames."""
     start, stop = frames
     if name != STDIO and holds_stream(name):
         import gsvc_ref
 
-        with open_stream(name) as stream:
+        with open_stream(name, layer=layer) as stream:
             decoded = gsvc_ref.decode(stream, start=start, stop=stop, precision=precision)
             yield Side(name, stream.format, stream.notes, CompleteFrames(iter(decoded)), start, stream)
     else:

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_max_level, frame_range, positive, whole
+from gsvc_ref.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
 from gsvc_ref.cli.damage import Gaps, describe_damage
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import (
@@ -64,6 +64,7 @@ def add_command(commands: Any) -> None:
         help="of a damaged file write every frame that is left: skip damaged ones, and those after them up to the next "
         "I-frame, and tell what is missing",
     )  # fmt: skip
+    add_layer(parser)
     add_max_level(parser)
     parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -92,7 +93,9 @@ def _decode(arguments: Namespace) -> int:
     gaps = Gaps() if arguments.salvage else None
     with (
         compilation_notice(COMMAND, silent=arguments.quiet),
-        open_stream(arguments.input, salvage=arguments.salvage, max_level=arguments.max_level) as stream,
+        open_stream(
+            arguments.input, salvage=arguments.salvage, max_level=arguments.max_level, layer=arguments.layer
+        ) as stream,
     ):
         decoded = gsvc_ref.decode(
             stream, start=start, stop=stop,

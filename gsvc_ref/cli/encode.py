@@ -206,6 +206,11 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
     rate = (
         f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
     )
+    if settings.layer_count > 1:
+        goals = [f"{goal:g} dB" for goal in settings.layers] or [
+            plural(goal, "splat") for goal in settings.layer_splats
+        ]
+        rate = f"{settings.layer_count} layers of {', '.join(goals)}"
     keys = settings.key_frames
     if keys == "auto":
         chosen = "found from the past alone" if settings.low_latency else "found automatically"
@@ -246,16 +251,34 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
     splats = max(frame.splats for frame in frames)
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
     shares = ", ".join(f"{stage} {seconds / report.seconds:.0%}" for stage, seconds in stages[:4] if report.seconds)
+    layers = layer_lines(report)
     return [
         f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}, "
         f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
+        *layers,
         f"  effects: {effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])}",
         f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
         + (" with the compilation of kernels" if compiled else "")
         + (f" ({shares})" if shares else ""),
     ]
+
+
+def layer_lines(report: "EncodeReport") -> list[str]:
+    """A line for the base and for each layer: its rate, and the quality with it."""
+    count = report.header.layer_count
+    if count == 1:
+        return []
+    lines = []
+    for layer in range(count):
+        parts = [frame.layers[layer] for frame in report.frames]
+        bits = sum(sum(part.bits.values()) for part in parts)
+        rate = float(bits * report.header.frame_rate / len(parts) / 1000)
+        quality = sum(part.psnr for part in parts) / len(parts)
+        name = f"layer {layer}" if layer else "base"
+        lines.append(f"  {name}: {rate:.1f} kbit/s, mean PSNR {decibel(quality, 'infinite')}")
+    return lines
 
 
 def kilobits_per_second(report: "EncodeReport") -> float:

@@ -105,15 +105,17 @@ def holds_stream(name: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def open_stream(name: str, *, salvage: bool = False, max_level: int = 5) -> "Stream":
+def open_stream(name: str, *, salvage: bool = False, max_level: int = 5, layer: int | None = None) -> "Stream":
     """Open a GSVC stream of a level up to `max_level`, or standard input, which is read as it comes.
+
+    `layer` is the quality that is decoded; None: the highest.
 
     Raises
     ------
     GsvcError
         It is none, or has no complete header; the message names the file and says what to do.
     UsageError
-        A pipe is to be salvaged.
+        A pipe is to be salvaged, or the stream has no such layer; the message names the file.
     """
     import gsvc_ref
 
@@ -122,7 +124,9 @@ def open_stream(name: str, *, salvage: bool = False, max_level: int = 5) -> "Str
             "--salvage goes back and forth in a file, and standard input is a pipe; save it to a file first"
         )
     try:
-        return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name, max_level=max_level)
+        return gsvc_ref.open(sys.stdin.buffer if name == STDIO else name, max_level=max_level, layer=layer)
+    except UsageError as error:
+        raise UsageError(f"{display_name(name)}: {error}") from None
     except GsvcError as error:
         if name != STDIO and Path(name).is_file() and Path(name).stat().st_size == 0:
             message = f"{name} is empty; if it is still being written, try again later"

@@ -133,7 +133,7 @@ def describe(
         *_header_lines(summary.header, video),
     ]
     if summary.frames:
-        lines += [_rate_line(summary), _type_line(summary.frames)]
+        lines += [_rate_line(summary), _type_line(summary.frames), *_layer_lines(summary)]
     lines += ["", *bit_lines(summary)]
     if summary.gaps:
         lines += ["", *all_gaps(summary.gaps).lines()]
@@ -173,7 +173,8 @@ def _tool_lines(header: "SequenceHeader") -> list[str]:
 
 def _rate_line(summary: "StreamSummary") -> str:
     header, damaged = summary.header, summary.error is not None or bool(summary.gaps)
-    bits = 8 * (sum(frame.size for frame in summary.frames) if damaged else summary.file_bytes)
+    sizes = (frame.size + sum(layer.size for layer in frame.layers) for frame in summary.frames)
+    bits = 8 * (sum(sizes) if damaged else summary.file_bytes)
     seconds = len(summary.frames) / header.frame_rate
     bits_per_pixel = bits / (header.width * header.height * len(summary.frames))
     kilobits = float(bits / seconds / 1000)
@@ -188,6 +189,25 @@ def _type_line(frames: "list[FrameSummary]") -> str:
     counts = ", ".join(f"{types.count(kind)} {kind}" for kind in "IPR" if kind in types)
     span = plural(splats[0], "splat") if len({*splats}) == 1 else f"{min(splats):,} to {max(splats):,} splats"
     return f"  frames      {counts} ({frame_runs(types, numbers)}); {span} each"
+
+
+def _layer_lines(summary: "StreamSummary") -> list[str]:
+    """A line for the base and for each layer: its bits, and how many splats and which frames have it."""
+    if summary.header.layer_count == 1:
+        return []
+    total = 8 * summary.file_bytes
+    parts = [("base", 8 * sum(frame.size for frame in summary.frames), [frame.splats for frame in summary.frames])]
+    for number in range(1, summary.header.layer_count):
+        found = [layer for frame in summary.frames for layer in frame.layers if layer.layer == number]
+        parts.append((f"layer {number}", 8 * sum(layer.size for layer in found), [layer.splats for layer in found]))
+    lines = []
+    for name, bits, splats in parts:
+        span = "no splats" if not splats else f"{min(splats):,} to {max(splats):,} splats"
+        if len({*splats}) == 1:
+            span = plural(splats[0], "splat")
+        chunks = plural(len(splats), "chunk")
+        lines.append(f"  {name:<11} {bits:,} bits, {bits / total:.1%} of the file; {chunks}, {span} each")
+    return lines
 
 
 def bit_lines(summary: "StreamSummary") -> list[str]:

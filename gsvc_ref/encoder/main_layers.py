@@ -4,19 +4,20 @@ Layer l is coded as the base is, with what is below it as a constant background:
 and the layers up to l - 1 leave of the frame. It is predicted from itself, so no layer depends on the bits of another.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main_frame import COARSER, MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.reconstruction import FrameType
 
 
+GAMMA = float(__import__("os").environ.get("GAMMA","1"))
 class LayeredFrameEncoder:
     """Encodes frames with their layers in order.
 
@@ -50,14 +51,20 @@ class LayeredFrameEncoder:
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2 and its layers; the next one is predicted from their reconstruction."""
-        base = self.parts[0].encode(frame, frame_type, number, progress)
-        below, quality, seconds = base.state.splats.to_array(), base.psnr, dict(base.seconds)
-        layers = [EncodedLayer(0, base.codes, base.state, quality)]
-        for layer, part in enumerate(self.parts[1:], 1):
+        below = np.zeros((0, 8), np.float32)
+        seconds: dict[str, float] = {}
+        layers: list[EncodedLayer] = []
+        for layer, part in enumerate(self.parts):
             part.below = below
             encoded = part.encode(frame, frame_type, number, progress)
-            layers.append(EncodedLayer(layer, encoded.codes, encoded.state, encoded.psnr))
-            below, quality = np.concatenate([below, encoded.state.splats.to_array()]), encoded.psnr
+            assert isinstance(encoded.codes, MainCodes)
+            layers.append(EncodedLayer(layer, encoded.codes, part.state, encoded.psnr))
+            below = np.concatenate([below, part.state.splats.to_array()])
             for stage, spent in encoded.seconds.items():
                 seconds[stage] = seconds.get(stage, 0.0) + spent
-        return replace(base, psnr=quality, seconds=seconds, layers=tuple(layers))
+        base, highest = layers[0], layers[-1]
+        if base.codes.type == "I":
+            for layer, part in zip(layers, self.parts, strict=True):
+                finer = (1 - GAMMA) * (layer.codes.quantizer - highest.codes.quantizer)
+                part.coarser = COARSER - round(finer)
+        return EncodedFrame(base.codes, base.state, highest.psnr, 0, seconds, layers=tuple(layers))

@@ -1,6 +1,7 @@
 """Everything that can be chosen about an encode, and the two presets: `quick` (ours) and `paper`."""
 
 from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
 from numbers import Integral
 from typing import Any, Final, Literal, Self
 
@@ -316,7 +317,7 @@ class Settings:
                 continue
             for value in values:
                 _check_range(name, value, 1, highest)
-            if len(values) > MOST_LAYERS or any(a >= b for a, b in zip(values, values[1:], strict=False)):
+            if len(values) > MOST_LAYERS or any(a >= b for a, b in pairwise(values)):
                 raise UsageError(f"{name} is {values}; give at most {MOST_LAYERS} values that grow")
             if self.profile != "main":
                 raise UsageError(f"{name} is a setting of profile main; streams of profile paper have no layers")

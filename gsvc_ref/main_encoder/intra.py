@@ -50,6 +50,14 @@ MEDIAN_ENERGY: Final = 7.0
 GROWTH_QUANTIZER: Final = 16.0
 """D for the metric of growth, where it only bounds steps of the faintest splats."""
 
+LAYER_COARSER: Final = 7
+"""By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
+
+What a base leaves of a picture is faint, and so are the splats fitted to it. The D that suits is about that of a whole
+picture of the same quality: a layer of 300 splats on a base of 200 took 15.9 kbit in all for 33.2 dB with 4 more steps
+than its own rule has, and 18.3 for 33.7 with none, where one layer takes 13.8 and 15.0.
+"""
+
 DB_PER_DOUBLING: Final = 4.5
 """First guess of what twice the splats gain."""
 AIM: Final = 0.05
@@ -168,7 +176,8 @@ def encode_intra(
     target = Target(picture, base, threads, precision)
     z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
     if quantizer is None:
-        quantizer = quantizer_for(z)
+        above = base is not None and len(base) > 0
+        quantizer = min(quantizer_for(z) + (LAYER_COARSER if above else 0), QUANTIZERS - 1)
     step = step_of(quantizer)
     z = weigh(target, z, step / 16, rng, settings)
     return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)

@@ -4,10 +4,10 @@ In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` de
 `reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
 `whole_chunks` it finds. The results are in `decoded`. `decoder` renders pictures of them, with the video's format from
 `formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back, and
-`concatenation` makes one stream of several.
+`concatenation` makes one stream of several, or drops layers.
 """
 
-from gsvc_ref.stream.concatenation import ConcatReport, concat
+from gsvc_ref.stream.concatenation import ConcatReport, concat, cut
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
 from gsvc_ref.stream.decoder import Stream, decode, scaled_size
 from gsvc_ref.stream.formats import video_format
@@ -33,6 +33,7 @@ __all__ = [
     "StreamSummary",
     "StreamWriter",
     "concat",
+    "cut",
     "decode",
     "decode_stream",
     "decode_stream_deterministic",

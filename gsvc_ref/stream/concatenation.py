@@ -1,4 +1,6 @@
-"""Concatenation: streams one after the other as one stream, without decoding a splat (spec.md section 6.10).
+"""Streams one after the other as one stream, and streams without their upper layers, without decoding a splat.
+
+That is spec.md section 6.10, and the end of section 15.13.
 
 Chunks are copied one by one, so that only one is held. Of a frame the container's part is read and written anew: its
 number, and what follows from it.
@@ -17,7 +19,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
-from gsvc_ref.bitstream.header import SequenceHeader, header_elements, sequence_header
+from gsvc_ref.bitstream.header import MAIN, SequenceHeader, header_elements, sequence_header
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import opened_output
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
@@ -135,6 +137,50 @@ def concat(sources: Sequence[Part], target: str | Path | BinaryIO, *, progress: 
         return result.finish()
 
 
+def cut(source: Part, target: str | Path | BinaryIO, layer: int, *, progress: OnPart | None = None) -> ConcatReport:
+    """Write a stream of profile `main` without its layers above one: its frames are those of that quality.
+
+    Parameters
+    ----------
+    source
+        A path, bytes, or a binary file that stands at the start of a stream, which must be whole and without a fault in
+        its container.
+    layer
+        The highest layer that stays; 0 is the base alone. `layer_count` becomes one more.
+    target
+        As in `concat`.
+    progress
+        Called with each chunk.
+
+    Returns
+    -------
+    ConcatReport
+        Of one part. Chunks of dropped layers are among those `left_out`, as type ``n``.
+
+    Raises
+    ------
+    GsvcError
+        The stream has a fault.
+    UsageError
+        The stream has no such layer.
+    OSError
+        The source cannot be read, or the target not written; what stood under its name still does.
+    """
+    part = _Part(source, 0)
+    header = part.opening.header
+    if not 0 <= layer < header.layer_count:
+        raise UsageError(
+            f"{part.name} has the layers 0 (the base) to {header.layer_count - 1}; {layer} is none of them"
+        )
+    opening = replace(part.opening, header=replace(header, layer_count=layer + 1))
+    with opened_output(target) as file, part.again() as stream:
+        result = _Result(file, opening, same_frames=True)
+        for offset in result.copy(part.name, stream):
+            if progress is not None:
+                progress(0, offset, part.size)
+        return result.finish()
+
+
 class _Part:
     """A source that is opened twice, for its opening and for its chunks; files that the caller has are kept open.
 
@@ -248,11 +294,15 @@ class _Index:
 
 
 class _Result:
-    """The stream in the making."""
+    """The stream in the making; with `same_frames`, what was decided about the frames stays true.
 
-    def __init__(self, target: BinaryIO, opening: Opening) -> None:
+    Layers that its header does not have are left out.
+    """
+
+    def __init__(self, target: BinaryIO, opening: Opening, *, same_frames: bool = False) -> None:
         self._target = target
         self._header = opening.header
+        self._same_frames = same_frames
         self._parts: list[JoinedPart] = []
         self._frame_count = 0
         self._offset = 0
@@ -270,7 +320,7 @@ class _Result:
             rest = p.raw("payload", p.bytes_left, counted=False)
             if chunk_type in chunks.FRAMES:
                 self._write_frame(name, chunk_type, rest)
-            elif self._may_stay(chunk_type, first):
+            elif self._may_stay(chunk_type, rest, first):
                 self._write_chunk(chunk_type, rest)
             else:
                 self._left_out[chr(chunk_type)] += 1
@@ -290,8 +340,12 @@ class _Result:
         left_out = dict(sorted(self._left_out.items()))
         return ConcatReport(self._header, self._parts, self._frame_count, self._offset, left_out)
 
-    def _may_stay(self, chunk_type: int, first: int) -> bool:
+    def _may_stay(self, chunk_type: int, payload: Bytes, first: int) -> bool:
         """Whether an ancillary chunk of a part whose first frame gets the number `first` stays true (R-6.10-4)."""
+        if chunk_type == chunks.LAYER_TYPE and self._header.profile == MAIN:  # the number of the layer comes first
+            return self._frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
+        if chr(chunk_type) == chunks.DECISIONS and self._same_frames:
+            return True
         without_frame = chunks.belongs_to_frame(chunk_type) and self._frame_count == first > 0
         return chunks.is_safe_to_copy(chunk_type) and not without_frame
 

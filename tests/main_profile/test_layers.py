@@ -1,6 +1,7 @@
-"""Layers of profile `main`: gsvc_ref and the code of spec.md agree, and damage to a layer takes no frame of the base."""
+"""Layers of profile `main`: gsvc_ref and the code of spec.md agree; damage to a layer takes no frame of the base."""
 
 from io import BytesIO
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -176,7 +177,7 @@ def test_the_level_counts_all_layers() -> None:
     most = header.limits.splats
     choices, start = SeededChoices(5), MainState.initial(32, 24)
     frame, state = make_main_frame(choices, header, start, types="I", max_count=9000, count=9000, kind="last")
-    assert 2 * 9000 > most
+    assert most < 2 * 9000
     with pytest.raises(UsageError, match=r"the level allows 7384|R-5-2"):
         write_stream(header, [frame], layers={0: [(1, frame)]})
     high = write_stream(SequenceHeader(**{**header.arguments, "level": 2}), [frame], layers={0: [(1, frame)]})
@@ -230,7 +231,7 @@ def test_chunks_in_front_of_the_first_frame_and_of_other_profiles_are_skipped(da
     assert len(ours[0]) == 3
 
 
-# --- Streams -----------------------------------------------------------------------------------------------------------
+# --- Streams ---------------------------------------------------------------------------------------------------------
 
 
 def frames_of(data: bytes, **options: Any) -> list[DecodedFrame]:
@@ -272,7 +273,7 @@ def test_pictures(data: bytes, layer: int) -> None:
 def test_origins_tell_which_splat_goes_on(data: bytes) -> None:
     """A splat with an origin that was not changed is the one of the frame before."""
     frames = frames_of(data)
-    for before, frame in zip(frames, frames[1:], strict=False):
+    for before, frame in pairwise(frames):
         if frame.repeats(before):
             assert frame.splats == before.splats
             continue
@@ -363,7 +364,7 @@ def test_every_element_is_listed(data: bytes) -> None:
     assert [entry.bit for entry in some] == [entry.bit for entry in entries if entry.frame == 1]
 
 
-# --- Salvage -----------------------------------------------------------------------------------------------------------
+# --- Salvage ---------------------------------------------------------------------------------------------------------
 
 
 def torn(data: bytes, chunk: int) -> bytes:

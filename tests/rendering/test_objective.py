@@ -174,3 +174,23 @@ def test_parameters_that_are_not_finite_are_refused(value, column):
     parameters[1, column] = value
     with pytest.raises(UsageError, match="splat 1 has a parameter that is NaN or infinite"):
         Objective(TARGET).evaluate(parameters)
+
+
+def test_a_background_is_in_every_picture():
+    """Splats of the background count like frozen ones, whatever the number of the others."""
+    target = np.random.default_rng(0).random((20, 30, 3))
+    parameters = np.random.default_rng(1).random((9, 8)).astype(np.float32) * 9 + 2
+    parameters[:, 5:] = 0.1
+    objective, frozen = Objective(target, background=parameters[:4]), Objective(target)
+    assert np.array_equal(objective.picture(), render(parameters[:4], 30, 20))
+    for count in (9, 6, 4):
+        frozen.freeze(parameters[:count], np.arange(count) < 4)
+        loss, gradient = frozen.evaluate(parameters[:count])
+        ours = objective.evaluate(parameters[4:count])
+        assert ours[0] == loss
+        assert np.array_equal(ours[1], gradient[4:])
+    objective.freeze(parameters[4:], np.arange(5) < 2)
+    frozen.freeze(parameters, np.arange(9) < 6)
+    assert objective.loss(parameters[4:]) == frozen.loss(parameters)
+    objective.thaw()
+    assert objective.loss(parameters[4:4]) == Objective(target).loss(parameters[:4])

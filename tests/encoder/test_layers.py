@@ -1,0 +1,111 @@
+"""Encodes with quality layers: each is fitted to what is below it, and predicted from itself."""
+
+from io import BytesIO
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gsvc_ref
+from gsvc_lab.scenes import demo_clip
+from gsvc_ref.cli import main
+from gsvc_ref.encoder import EncodeReport, Settings
+from gsvc_ref.errors import UsageError
+from gsvc_ref.metrics import psnr
+from gsvc_ref.testing import split_chunks
+from gsvc_ref.video import open_writer
+from tests.cli.conftest import video_format
+
+CLIP = np.stack([frame for number in (0, 1, 2, 2) for frame in islice(demo_clip(48, 32, 3), number, number + 1)])
+"""Four frames, of which the last is the third once more."""
+
+
+def encoded(**changes: object) -> tuple[EncodeReport, bytes]:
+    target = BytesIO()
+    settings = Settings.quick(profile="main", key_frames=10, **changes)
+    return gsvc_ref.encode(CLIP, target, settings), target.getvalue()
+
+
+@pytest.fixture(scope="module")
+def layered() -> tuple[EncodeReport, bytes]:
+    return encoded(layer_splats=(10, 25, 60), checksums=True)
+
+
+def test_every_layer_adds_quality(layered: tuple[EncodeReport, bytes]) -> None:
+    report, data = layered
+    assert report.header.layer_count == 3
+    qualities = []
+    for layer in range(3):
+        decoded = list(gsvc_ref.decode(data, layer=layer))
+        found = [psnr(frame, picture, 255) for frame, picture in zip(CLIP, decoded, strict=True)]
+        assert found == pytest.approx([frame.layers[layer].psnr for frame in report.frames], abs=1e-9)
+        qualities.append(np.mean(found))
+    assert qualities[0] + 1 < qualities[1]
+    assert qualities[1] + 1 < qualities[2]
+    assert report.mean_psnr == pytest.approx(qualities[2])
+    assert gsvc_ref.reconstruct_layers(data, 2).error == ""
+
+
+def test_what_is_said_of_layers_is_what_is_written(layered: tuple[EncodeReport, bytes]) -> None:
+    report, data = layered
+    with gsvc_ref.open(data) as stream:
+        for frame, said in zip(stream, report.frames, strict=True):
+            assert said.layers[0].bits == said.bits == frame.bits
+            for chunk in frame.chunks:
+                told = said.layers[chunk.layer]
+                assert (told.type, told.splats, told.bits) == (chunk.type, len(chunk.splats), chunk.bits)
+                assert told.new_splats == chunk.codes.intra_count
+
+
+def test_frames_that_repeat_have_no_chunks_of_layers(layered: tuple[EncodeReport, bytes]) -> None:
+    report, data = layered
+    assert [frame.type for frame in report.frames] == ["I", "P", "P", "R"]
+    assert [chunk[0] for chunk in split_chunks(data)].count(b"n") == 6
+    assert [layer.bits for layer in report.frames[3].layers[1:]] == [{}, {}]
+
+
+def test_an_encode_with_layers_is_the_same_again(layered: tuple[EncodeReport, bytes]) -> None:
+    assert encoded(layer_splats=(10, 25, 60), checksums=True, threads=1)[1] == layered[1]
+
+
+def test_layers_by_quality() -> None:
+    report, data = encoded(layers=(22, 26))
+    first = report.frames[0]
+    assert [layer.psnr >= goal for layer, goal in zip(first.layers, (22, 26), strict=True)] == [True, True]
+    assert gsvc_ref.open(data).header.layer_count == 2
+    report, _ = encoded(layers=(22, 99))
+    assert "up to layer 1 4 of 4 frames have less than 99 dB" in " ".join(report.notes)
+
+
+REFUSED = {
+    "at most 4 values that grow": {"layers": (30, 30)},
+    "give at most 4": {"layer_splats": (1, 2, 3, 4, 5)},
+    "layers is 101": {"layers": (30, 101)},
+    "a setting of profile main": {"layers": (30, 34), "profile": "paper"},
+    "and so does psnr": {"layers": (30, 34), "psnr": 30},
+    "and so does splats": {"layer_splats": (30, 34), "splats": 30},
+    "and so does layers": {"layer_splats": (30, 34), "layers": (30, 34)},
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_settings_that_are_refused(said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        Settings.quick(**{"profile": "main", **REFUSED[said]})
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = tmp_path / "clip.y4m", tmp_path / "out.gsvc"
+    with open_writer(source, video_format(48, 32)) as writer:
+        for frame in CLIP[:2]:
+            writer.write(frame)
+    options = ["--profile", "main", "--key-frames", "10"]
+    assert main(["encode", str(source), str(out), *options, "--layers-splats", "10,25"]) == 0
+    told = capsys.readouterr().out
+    assert "2 layers of 10 splats, 25 splats" in told
+    assert [line.split(":")[0].strip() for line in told.splitlines() if "mean PSNR" in line][1:] == ["base", "layer 1"]
+    assert main(["encode", str(source), str(out), *options, "--layers", "22,26", "--json"]) == 0
+    assert '"layers"' in capsys.readouterr().out
+    assert main(["encode", str(source), str(out), *options, "--layers", "30,x"]) == 2
+    assert "'x' is not a finite number" in capsys.readouterr().err
