@@ -56,8 +56,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     parser.add_argument(
         "--preset", choices=("quick", "slow", "paper"), default="quick",
-        help="quick (default): some 100 to 300 steps a frame; slow: several times as many, fewer bits; paper: the settings "
-        "of the paper, profile paper, minutes a frame",
+        help="quick (default): some 100 to 300 steps a frame; slow: several times as many, fewer bits; paper: the "
+        "settings of the paper, in profile paper, minutes a frame",
     )  # fmt: skip
     parser.add_argument(
         "--profile", choices=("main", "paper"),

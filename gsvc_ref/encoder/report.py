@@ -25,8 +25,8 @@ class Progress:
         said.
     stage
         ``detect`` (looking for key frames); in profile `main` ``encode``, with a quality to hold once for each try; in
-        profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with a
-        short fit after each change).
+        profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with
+        a short fit after each change).
     iteration, iterations
         The iteration of the stage, and their number; in profile `main` about.
     psnr

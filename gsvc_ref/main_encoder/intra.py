@@ -110,6 +110,8 @@ class IntraSettings:
         check_types(self)
         if self.grow < 1 or self.weigh < 0 or self.settle < 1 or self.surplus < 1 or not self.parts:
             raise UsageError(f"{self}: grow and settle must be at least 1, weigh 0 and surplus 1, and parts be given")
+        if not all(0 <= share <= 1 for share in (*self.parts, *self.moves, *self.removals, self.moved_share)):
+            raise UsageError(f"{self}: parts, moves, removals and moved_share must be shares, in 0..1")
 
     @property
     def evaluations(self) -> int:

@@ -9,7 +9,7 @@ import gsvc_ref
 from gsvc_ref.cli import main
 from gsvc_ref.cli.encode import summary
 
-QUICK = ["--iterations", "2", "--splats", "12", "--key-frames", "2"]
+QUICK = ["--splats", "12", "--key-frames", "2"]
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast
+from codec_cases import encoded, paper_fast, paper_quick
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.metrics import psnr
@@ -56,10 +56,8 @@ def black_and_white(zero, peak, rng):
 
 KINDS = (black, white, grey, one_hot_pixel, one_dark_pixel, a_hot_pixel_that_moves, noise, black_and_white)
 PRESETS = {
-    "quick": lambda: fast(effects="auto,frames=all"),
-    "detected": lambda: Settings.quick(
-        iterations=3, threads=1, effects="auto,frames=all"
-    ),  # with a choice of quantisers
+    "quick": lambda: paper_fast(effects="auto,frames=all"),
+    "detected": lambda: paper_quick(iterations=3, threads=1, effects="auto,frames=all"),  # with a choice of quantisers
     "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
 }
 
@@ -82,7 +80,7 @@ def test_it_makes_the_round_trip(kind, preset):
 def test_one_frame_alone_makes_the_round_trip(kind):
     zero = np.zeros((5, 7, 3), np.uint8)
     clip = kind(zero, 255, np.random.default_rng(4))[:1]
-    report, data = encoded(clip, Settings.quick(iterations=3, threads=1))
+    report, data = encoded(clip, paper_quick(iterations=3, threads=1))
     assert [frame.type for frame in report.frames] == ["I"]
     assert len(list(decode(data, threads=1))) == 1
 
@@ -90,6 +88,6 @@ def test_one_frame_alone_makes_the_round_trip(kind):
 def test_a_black_first_frame_leaves_the_quantisers_as_they_are():
     """It has no error with any quantiser, and would take the smallest for whatever follows."""
     zero = np.zeros((12, 16, 3), np.uint8)
-    settings = Settings.quick(iterations=3, threads=1, key_frames=())
+    settings = paper_quick(iterations=3, threads=1, key_frames=())
     report, _ = encoded([zero, zero + 200], settings)
     assert report.settings.intra.quantizer == settings.intra.quantizer
