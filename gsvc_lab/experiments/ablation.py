@@ -96,7 +96,9 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
     """All numbers of excerpts: by clip, N and variant the mean scores of each seed."""
     numbers: dict[str, Any] = {"clips": {}}
     for clip in clips:
-        found = detect(clip, Settings.quick(splats=max(plan.splats), threads=threads), say, f"{clip.name}: DKS")
+        found = detect(
+            clip, Settings.quick(profile="paper", splats=max(plan.splats), threads=threads), say, f"{clip.name}: DKS"
+        )
         keys = tuple(found["found"]["robust"])
         counts = {
             str(splats): of_variants(clip, splats, keys, plan, threads, say, decode=splats == plan.decoded)

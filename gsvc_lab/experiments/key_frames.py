@@ -65,7 +65,8 @@ def measure(parts: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
     clip, seams = joined(parts, plan.frames, width, height)
     clip = held(clip)
     splats, frames = min(plan.splats, width * height // 10), clip.format.frame_count or 0
-    paper, quick = (preset(splats=splats, threads=threads) for preset in (Settings.paper, Settings.quick))
+    presets = (Settings.paper, Settings.quick)
+    paper, quick = (preset(profile="paper", splats=splats, threads=threads) for preset in presets)
     paper = replace(paper, detection=replace(paper.detection, iterations=plan.pretraining))
     detections = {
         name: detect(clip, settings, say, f"pre-training {name}")
@@ -258,7 +259,7 @@ def run(run: Run) -> Result:
             f"with several sequences by --uvg, or neither"
         )
     numbers = measure(parts[: len(PAPER_SEQUENCES)], plan, run.threads, run.say)
-    quick = Settings.quick().detection
+    quick = Settings.quick(profile="paper").detection
     setting = (
         f"{numbers['clips']}; N = {numbers['splats']}, seed 0, window {WINDOW}, {THRESHOLD:g} deviations. "
         f"Pre-training as in the paper: whole frames, N splats, random start, {plan.pretraining} iterations "

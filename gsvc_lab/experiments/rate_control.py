@@ -70,7 +70,7 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
     """All numbers of excerpts, frame by frame: at constant rate by clip and preset, else by clip and PSNR."""
     numbers: dict[str, Any] = {"splats": plan.splats, "clips": {}, "rate": {}, "quality": {}}
     for clip in clips:
-        quick = Settings.quick(splats=plan.splats, threads=threads)
+        quick = Settings.quick(profile="paper", splats=plan.splats, threads=threads)
         made = encoded(clip, quick, say, f"{clip.name}, N = {plan.splats}, quick")
         paper = shortened(
             Settings.paper(splats=plan.splats, threads=threads, key_frames=made.key_frames),

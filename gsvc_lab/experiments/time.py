@@ -63,7 +63,7 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
         presets = {"quick": (Settings.quick, plan.quick), "paper": (Settings.paper, plan.paper)}
         numbers[clip.name] = {"about": clip.about, "splats": splats, "presets": {}}
         for preset, (make, counts) in presets.items():
-            settings = make(splats=splats, threads=threads, key_frames=(0,))
+            settings = make(profile="paper", splats=splats, threads=threads, key_frames=(0,))
             first = replace(settings, frames=(0, 2)).with_(iterations=2)
             say(f"{clip.name}, {preset}: compiling first, so that no row waits for that")
             encoded(clip, first, lambda _: None, "")

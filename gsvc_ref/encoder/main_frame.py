@@ -4,8 +4,8 @@ What is asked for decides N and D, the splats and the step of a frame:
 
 - Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
 - With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
-- With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule (`encode_intra_psnr`). A
-  P-frame has the coarsest D that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
+- With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
+  that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
 In the first two the D of P-frames is COARSER steps above that of their I-frame.
 """
@@ -27,13 +27,13 @@ from gsvc_ref.encoder.frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
-from gsvc_ref.main_encoder.intra import Target, encode_intra, encode_intra_psnr
+from gsvc_ref.main_encoder.intra import Target, encode_intra
 from gsvc_ref.main_encoder.splat_number import splats_for
 from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.metrics import psnr
-from gsvc_ref.portable import log10, power
+from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.training import psnr_of_loss
@@ -47,17 +47,23 @@ ENOUGH: Final = 0.1
 DB_PER_STEP: Final = 0.4
 """Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
 
-BEYOND: Final = 20.0
-"""Constant quality: the fit of an I-frame aims so many dB above what rounding to samples leaves no room for."""
-
 P_TRIES: Final = 5
 """Constant quality: the most values of D that are tried for a P-frame."""
 
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
 
-I_TRIES: Final = 2
-"""Constant quality: the most searches for an I-frame, where the first missed the goal by rounding to samples."""
+I_TRIES: Final = 5
+"""Constant quality: the most numbers of splats that are tried for an I-frame."""
+
+D_TRIES: Final = 3
+"""Constant quality: the most values of D that are tried for it after that."""
+
+DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+"""Constant quality: first guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
+
+MOST_DOUBLINGS: Final = 3.0
+"""Constant quality: by how much the number of splats changes at most between two tries."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +141,7 @@ class _FrameWork:
 
     def __init__(self, encoder: MainFrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
         self.encoder, self.settings, self.frame = encoder, encoder.settings, frame
-        self.rng = np.random.default_rng([self.settings.seed, number])
+        self.number = number
         self.progress = progress
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
@@ -176,7 +182,11 @@ class _FrameWork:
         if len(reference.values) == 0:
             return self.intra("the frame before has no splats")
         with self._timed("inter"):
-            coded = self._inter(encoder.quantizer) if settings.psnr is None else self._held_inter(settings.psnr)
+            coded = (
+                self._inter(encoder.quantizer)
+                if settings.psnr is None
+                else self._coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, {})
+            )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
         if settings.psnr is not None and coded.psnr < settings.psnr and encoder.reaches:
@@ -189,39 +199,53 @@ class _FrameWork:
     def _searched(self, splats: int, quantizer: int | None) -> _Coded:
         """An I-frame of about so many splats."""
         settings = self.settings
+        rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
         found = encode_intra(
-            self.picture, splats, self.rng, quantizer, settings.main_intra, threads=settings.threads,
+            self.picture, splats, rng, quantizer, settings.main_intra, threads=settings.threads,
             precision=settings.precision, on_evaluation=self._watch(settings.main_intra.evaluations),
         )  # fmt: skip
         return self._decoded(found.codes, _inter_encoder(settings))
 
     def _held_intra(self, goal: float) -> _Coded:
-        """An I-frame that reaches a PSNR, or the best that was tried."""
-        encoder, settings = self.encoder, self.settings
-        aim, best = _before_rounding(goal, self.peak), None
+        """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
+
+        The number follows from the last two by a line over its logarithm. If the result is still too good, as with few
+        splats it may be, D becomes coarser.
+        """
+        encoder = self.encoder
+        tried: dict[int, _Coded] = {}
+        number, slope = encoder.total, DB_PER_DOUBLING
         for _ in range(I_TRIES):
-            found = encode_intra_psnr(
-                self.picture, aim, self.rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most,
-                threads=settings.threads, precision=settings.precision,
-                on_evaluation=self._watch(settings.main_intra.evaluations),
-            )  # fmt: skip
-            coded = self._decoded(found.codes, _inter_encoder(settings))
-            if best is None or coded.psnr > best.psnr:
-                best = coded
-            if best.psnr >= goal or len(found.state) >= encoder.most or best.psnr < goal - 2 * ENOUGH:
+            coded = tried[number] = self._searched(number, None)
+            excess = coded.psnr - goal
+            if 0 <= excess <= ENOUGH:
+                return coded
+            enough = min((n for n, found in tried.items() if found.psnr >= goal), default=encoder.most + 1)
+            short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
+            doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+            following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
+            if following in tried or not 1 <= following <= encoder.most:
                 break
-            aim += goal - best.psnr + ENOUGH / 2
-        assert best is not None
-        return best
+            if short and enough <= encoder.most:
+                rise = tried[enough].psnr - tried[short].psnr
+                slope = min(max(rise / float(log2(enough / short)), LEAST_SLOPE), MOST_SLOPE)
+            number = following
+        reaching = [n for n, found in tried.items() if found.psnr >= goal]
+        if not reaching:
+            return max(tried.values(), key=lambda found: found.psnr)
+        number = min(reaching)
+        best = tried[number]
+        steps = max(1, round((best.psnr - goal) / DB_PER_STEP))
+        first = min(best.codes.quantizer + steps, QUANTIZERS - 1)
+        return self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, {best.codes.quantizer: best})
 
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
         encoder, settings = self.encoder, self.settings
         watch = self._watch(settings.main_intra.evaluations)
+        rng = np.random.default_rng([settings.seed, self.number])
         target = Target(self.picture, None, settings.threads, settings.precision, watch)
-        return splats_for(
-            target, quantizer, self.rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most
-        )
+        return splats_for(target, quantizer, rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most)
 
     def _inter(self, quantizer: int) -> _Coded:
         """A P-frame with a quantiser."""
@@ -233,21 +257,20 @@ class _FrameWork:
         frame = PFrame(encoder.state, objective, encoder.before, self.picture, quantizer, encoder.total)
         return self._decoded(inter.encode(frame), inter)
 
-    def _held_inter(self, goal: float) -> _Coded:
-        """A P-frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
-        tried: dict[int, _Coded] = {}
-        quantizer = self.encoder.quantizer
-        for _ in range(P_TRIES):
-            coded = tried[quantizer] = self._inter(quantizer)
-            good = [q for q, found in tried.items() if found.psnr >= goal]
-            bad = [q for q, found in tried.items() if found.psnr < goal]
-            if 0 <= coded.psnr - goal <= ENOUGH:
-                break
-            low, high = max(good, default=-1), min((q for q in bad if q > max(good, default=-1)), default=QUANTIZERS)
-            guess = quantizer + round(min(max((coded.psnr - goal) / _slope(tried), -QUANTIZERS), QUANTIZERS))
-            quantizer = min(max(guess, low + 1), high - 1)
+    def _coarsest(
+        self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
+    ) -> _Coded:
+        """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
+        for _ in range(tries):
             if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
                 break
+            coded = tried[quantizer] = make(quantizer)
+            if 0 <= coded.psnr - goal <= ENOUGH:
+                break
+            fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
+            coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
+            guess = quantizer + round((coded.psnr - goal) / _slope(tried))
+            quantizer = min(max(guess, fine + 1), coarse - 1)
         reaching = [q for q, found in tried.items() if found.psnr >= goal]
         return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
 
@@ -336,12 +359,6 @@ def _inter_encoder(settings: Settings) -> InterEncoder:
     if effects.gsa == "off":
         inter = replace(inter, new_share=0.0)
     return InterEncoder(inter)
-
-
-def _before_rounding(goal: float, peak: int) -> float:
-    """The PSNR before samples are rounded, which adds 1/12 to their mean squared error, for one after it."""
-    error = float(power(10.0, -goal / 10)) - 1 / (12 * peak * peak)
-    return goal + BEYOND if error <= 0 else -10 * float(log10(error))
 
 
 def _slope(tried: dict[int, _Coded]) -> float:

@@ -84,7 +84,6 @@ def test_settings_of_profile_paper_are_refused_in_main(override):
             UsageError, match=f"^{name} is a setting of profile paper, and the stream is of profile main"
         ):
             preset(**override)
-    assert Settings.paper(**override) != Settings.paper()
     assert Settings.quick(**override, profile="paper") == paper_quick(**override) != paper_quick()
 
 

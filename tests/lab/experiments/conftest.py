@@ -25,7 +25,7 @@ def few_iterations():
     """Preset quick with 20 iterations."""
     quick = Settings.quick
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Settings, "quick", lambda **options: quick(**options, iterations=20))
+        patch.setattr(Settings, "quick", lambda **options: quick(**{"profile": "paper"} | options, iterations=20))
         yield
 
 

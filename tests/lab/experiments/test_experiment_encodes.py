@@ -64,7 +64,9 @@ def test_joined_clips_follow_one_another():
 
 def test_an_encode_tells_what_its_stream_has():
     clip, told = tiny_clip(frames=3), []
-    made = encoded(clip, Settings.quick(splats=20, iterations=4, threads=1, key_frames=2), told.append, "it")
+    made = encoded(
+        clip, Settings.quick(profile="paper", splats=20, iterations=4, threads=1, key_frames=2), told.append, "it"
+    )
     assert (made.types, made.key_frames) == ("IPI", (0, 2))
     assert len(made.psnr) == len(made.bits) == 3
     assert sum(made.bits) < 8 * len(made.stream)
