@@ -124,7 +124,8 @@ NUMBERS: Final = (
     1 << 200, 0.0, -0.0, 0.5, 1e-300, 1e300, math.inf, -math.inf, math.nan, 30.0,
 )  # fmt: skip
 NAMES: Final = (
-    "splats", "psnr", "quality", "profile", "key_frames", "frames", "seed", "threads", "precision", "lane_count", "entropy_precision",
+    "quality", "profile",
+    "splats", "psnr", "key_frames", "frames", "seed", "threads", "precision", "lane_count", "entropy_precision",
     "index", "checksums", "iterations", "cholesky_bits", "color_stages", "color_codewords", "low_latency", "effects",
     "decisions", "nonsense",
 )  # fmt: skip
