@@ -49,8 +49,10 @@ def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
 
 @pytest.mark.parametrize(("live", "opened", "method"), [(False, PartialFile, "_create"), (True, LiveFile, "__init__")])
 def test_an_interrupt_while_the_target_is_opened_leaves_nothing(tmp_path, monkeypatch, live, opened, method):
-    def interrupted(*arguments, call=getattr(opened, method)):
-        made = call(*arguments)
+    open_it = getattr(opened, method)
+
+    def interrupted(*arguments):
+        made = open_it(*arguments)
         assert list(tmp_path.iterdir())
         signal.raise_signal(signal.SIGINT)
         return made
