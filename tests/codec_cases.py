@@ -8,6 +8,8 @@ import numpy as np
 
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.errors import GsvcError
+from gsvc_ref.main_encoder.inter import InterSettings
+from gsvc_ref.main_encoder.intra import IntraSettings
 from gsvc_ref.stream import decode
 from gsvc_ref.video import ColorDescription, VideoFormat
 
@@ -37,8 +39,20 @@ def flat(value, width=32, height=24, frames=1, dtype=np.uint8) -> list[np.ndarra
 
 
 def fast(**overrides) -> Settings:
-    """Quick settings that are over in a blink: few iterations, b given, one key frame."""
-    return Settings.quick(**{"iterations": 4, "cholesky_bits": 8, "key_frames": (), "threads": 1} | overrides)
+    """Quick settings that are over in a blink: few evaluations, one key frame."""
+    intra = IntraSettings(grow=8, weigh=6, settle=1)
+    inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=4, rounded_iterations=3)
+    return Settings.quick(**{"main_intra": intra, "main_inter": inter, "key_frames": (), "threads": 1} | overrides)
+
+
+def paper_fast(**overrides) -> Settings:
+    """The same for profile `paper`: few iterations, b given, one key frame."""
+    return paper_quick(**{"iterations": 4, "cholesky_bits": 8, "key_frames": (), "threads": 1} | overrides)
+
+
+def paper_quick(**overrides) -> Settings:
+    """Preset `quick` in profile `paper`."""
+    return Settings.quick(profile="paper", **overrides)
 
 
 def encoded(frames: Iterable[np.ndarray], settings: Settings, bit_depth=8, **options) -> tuple[EncodeReport, bytes]:

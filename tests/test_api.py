@@ -14,7 +14,7 @@ from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
 FORMAT = VideoFormat(20, 12, Fraction(25), 8, "444", ColorDescription(1, 1, 1, False, 0))
 FRAMES = [np.random.default_rng(t // 2).integers(0, 256, (12, 20, 3), np.uint8) for t in range(4)]
-SETTINGS = {"iterations": 2, "cholesky_bits": 8, "splats": 6}
+SETTINGS = {"splats": 6}
 
 LAZY = """
 import sys

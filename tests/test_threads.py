@@ -51,7 +51,7 @@ def clip(seed: int) -> tuple[list[np.ndarray], VideoFormat]:
 @job
 def encode(seed: int) -> bytes:
     file = io.BytesIO()
-    gsvc_ref.encode(clip(seed), file, gsvc_ref.Settings.quick(splats=20, iterations=3, cholesky_bits=8, seed=seed))
+    gsvc_ref.encode(clip(seed), file, gsvc_ref.Settings.quick(splats=20, seed=seed))
     return file.getvalue()
 
 
@@ -136,7 +136,7 @@ def stream() -> bytes:
     """Twelve frames, four of them I-frames."""
     frames = list(demo_clip(24, 16, 12))
     file = io.BytesIO()
-    settings = gsvc_ref.Settings.quick(splats=9, iterations=1, cholesky_bits=8, key_frames=3, threads=1)
+    settings = gsvc_ref.Settings.quick(splats=9, key_frames=3, threads=1)
     gsvc_ref.encode((frames, VideoFormat(24, 16, Fraction(25), 8, "rgb", COLOR)), file, settings)
     return file.getvalue()
 

@@ -59,8 +59,9 @@ def encoding_curve(settings: Settings, source: Source, limit: float, on_time: On
     last = ("", 0)
     begin = time.perf_counter()
 
-    def note(phase: str, iteration: int, iterations: int, psnr: float) -> None:
+    def note(phase: str, iteration: int, iterations: int, psnr: float | None) -> None:
         nonlocal last
+        assert psnr is not None  # profile `paper` knows it in every phase
         seconds = time.perf_counter() - begin
         points.append((seconds, psnr))
         last = (phase, iteration)

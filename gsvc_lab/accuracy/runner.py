@@ -163,10 +163,10 @@ class _Measuring:
 
     def _curves(self, seconds: float) -> tuple[Curve, ...]:
         """One curve per preset; the first encode only compiles."""
-        encoding_curve(Settings.quick(iterations=2), self.source, math.inf)
+        encoding_curve(Settings.quick(profile="paper", iterations=2), self.source, math.inf)
         begin = time.perf_counter()
         quick = encoding_curve(
-            Settings.quick(), self.source, math.inf, lambda _: self._report("encoding, preset quick")
+            Settings.quick(profile="paper"), self.source, math.inf, lambda _: self._report("encoding, preset quick")
         )
         limit = min(PAPER_S, max(seconds - (time.perf_counter() - begin), MIN_PAPER * self.total))
         paper = encoding_curve(Settings.paper(), self.source, limit, lambda _: self._report("encoding, preset paper"))

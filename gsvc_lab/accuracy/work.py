@@ -29,7 +29,7 @@ from gsvc_ref.training import (
     uniform_numbers,
 )
 
-QUICK_FIT: Final[FitSettings] = Settings.quick().intra.fit
+QUICK_FIT: Final[FitSettings] = Settings.quick(profile="paper").intra.fit
 
 ASSESSED_WITH: Final[Precision] = "deterministic"
 """Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""
@@ -167,7 +167,7 @@ class Coding:
 
     def settings(self, width: int, height: int) -> Settings:
         """The preset quick with these settings instead of its own."""
-        settings = Settings.quick(cholesky_bits=self.cholesky_bits)
+        settings = Settings.quick(profile="paper", cholesky_bits=self.cholesky_bits)
         step = None if self.position_bits is None else max(width, height) / 2 * 2.0 ** (1 - self.position_bits)
         block = settings.intra.quantizer.with_(
             position_step=step, color_stages=self.stages, color_codewords=self.codewords

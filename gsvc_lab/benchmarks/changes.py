@@ -91,7 +91,7 @@ def encoded(frames: list[U1], threads: int, *, freeze: bool) -> Encoded:
         whole(self, parameters, frozen if freeze else np.zeros_like(frozen))
 
     with patch.object(Objective, "freeze", watched):
-        report = gsvc_ref.encode((iter(frames), video), target, Settings.quick(threads=threads))
+        report = gsvc_ref.encode((iter(frames), video), target, Settings.quick(profile="paper", threads=threads))
     return Encoded(target.getvalue(), report, shares)
 
 

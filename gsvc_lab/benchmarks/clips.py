@@ -58,10 +58,11 @@ HEADER: Final = (
 def rows(preset: str, frames: int) -> Iterator[list[str]]:
     """The rows of the table of a preset, as they are measured."""
     # So that no row waits for the compiler:
-    measure(packaged(CLIPS[0]), 2, "--preset", preset, "--splats", "100", "--iterations", "2")
+    options = ("--profile", "paper", "--preset", preset)
+    measure(packaged(CLIPS[0]), 2, *options, "--splats", "100", "--iterations", "2")
     for name in CLIPS:
         for splats in SPLATS[preset]:
-            m = measure(packaged(name), frames, "--preset", preset, "--splats", str(splats))
+            m = measure(packaged(name), frames, *options, "--splats", str(splats))
             yield [
                 packaged(name).name, str(frames), preset, str(splats), f"{m['bpp']:.3f}", f"{m['psnr']:.2f}",
                 f"{m['ms_ssim']:.4f}", f"{m['seconds']:.2f}", str(m["key_frames"]), f"{m['bytes']:,}",

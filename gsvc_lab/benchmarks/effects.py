@@ -81,7 +81,9 @@ def encoded(pictures: Sequence[U1], splats: int, effects: str, threads: int | No
     target = BytesIO()
     begin = time.perf_counter()
     report: EncodeReport = gsvc_ref.encode(
-        (iter(pictures), video), target, Settings.quick(splats=splats, effects=effects, threads=threads)
+        (iter(pictures), video),
+        target,
+        Settings.quick(profile="paper", splats=splats, effects=effects, threads=threads),
     )
     seconds = time.perf_counter() - begin
     steps = sum(one.iterations for frame in report.frames for one in frame.decisions)

@@ -107,7 +107,8 @@ class Case:
         self.seed, self.threads = seed, threads
         self.frames = pictures(size, name)
         self.objectives = [Objective(frame, threads) for frame in self.frames]
-        self.paper, self.quick = (preset(splats=self.total) for preset in (Settings.paper, Settings.quick))
+        presets = (Settings.paper, Settings.quick)
+        self.paper, self.quick = (preset(profile="paper", splats=self.total) for preset in presets)
 
     def rng(self, number: int) -> np.random.Generator:
         """The generator of a frame, seeded as `FrameEncoder` does it."""

@@ -117,7 +117,7 @@ def stream(count: int) -> Path:
         CACHE.mkdir(exist_ok=True)
         color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
         video = VideoFormat(width, height, Fraction(25), 8, "rgb", color, frame_count=STREAM_FRAMES)
-        settings = Settings.quick(splats=count, key_frames=(0,), seed=SEED)
+        settings = Settings.quick(profile="paper", splats=count, key_frames=(0,), seed=SEED)
         gsvc_ref.encode((_frames(width, height), video), path, settings)
     return path
 
@@ -128,7 +128,7 @@ def _frames(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def _train(target: F4, count: int) -> F4:
-    settings = Settings.quick().intra.fit
+    settings = Settings.quick(profile="paper").intra.fit
     assert settings.growth is not None
     rng = np.random.default_rng(SEED)
     splats = image_start(target, settings.growth.start(count), rng)

@@ -34,7 +34,7 @@ MEANING: Final = {
 def fitting(case: Case, threads: int) -> Callable[[], object]:
     """FIT_ITERATIONS training iterations of `fit` that hardly move the splats, each time from the same state."""
     rates = Rates(1e-4, 1e-4, 1e-6)
-    settings = replace(Settings.quick().intra.fit, iterations=FIT_ITERATIONS, rates=rates, growth=None)
+    settings = replace(Settings.quick(profile="paper").intra.fit, iterations=FIT_ITERATIONS, rates=rates, growth=None)
     objective, rng = Objective(case.target, threads), np.random.default_rng(0)
 
     def call() -> None:

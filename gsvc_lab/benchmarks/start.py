@@ -50,7 +50,7 @@ def start(threads: int) -> Section:
     with tempfile.TemporaryDirectory() as folder:
         clip, coded = Path(folder) / "clip.y4m", Path(folder) / "clip.gsvc"
         clip.write_bytes(b"YUV4MPEG2 W16 H16 F25:1 Ip C444\nFRAME\n" + bytes(range(256)) * 3)
-        encode = [*gsvc, "encode", str(clip), "-", "--iterations", "1", "--quiet"]
+        encode = [*gsvc, "encode", str(clip), "-", "--profile", "paper", "--iterations", "1", "--quiet"]
         with coded.open("wb") as file:
             subprocess.run(encode, check=True, stdout=file)
         commands = {

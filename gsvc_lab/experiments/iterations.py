@@ -78,7 +78,7 @@ def moment(picture: Picture, population: Population, done: int, schedule: str, r
 
 def quick_moments(picture: Picture, count: int, times: Sequence[int], run: Run) -> list[Moment]:
     """The ends of fits with these numbers of iterations with quick's start and schedule."""
-    settings = Settings.quick().intra
+    settings = Settings.quick(profile="paper").intra
     found = []
     for time in times:
         population, done = fitted(picture, replace(settings, fit=settings.fit.with_(iterations=time)), count, 0)

@@ -177,7 +177,7 @@ def intra(jump: Jump, settings: FrameSettings, count: int, seed: int) -> Splats:
 def measure(size: Size, run: Run) -> list[Outcome]:
     """All P-frames: the paper's in each case, and quick's in the cases that it meets."""
     found = []
-    paper, quick = Settings.paper().intra, Settings.quick().intra
+    paper, quick = Settings.paper().intra, Settings.quick(profile="paper").intra
     paper = replace(paper, fit=paper.fit.with_(iterations=size.intra))
     total = pruned_to(size.splats, paper)  # the paper's N; pruning leaves 90 % of it
     for background in ("light", "black"):
@@ -195,6 +195,8 @@ def measure(size: Size, run: Run) -> list[Outcome]:
             reference = intra(jump, quick, size.splats, seed)
             for way in QUICK_WAYS:
                 splats = quick_inter(jump, reference, size.splats, seed, QUICK_EFFECTS[way])
-                found.append(jump.outcome(background, way, Settings.quick().inter.fit.iterations, seed, splats))
+                found.append(
+                    jump.outcome(background, way, Settings.quick(profile="paper").inter.fit.iterations, seed, splats)
+                )
             run.say(f"{CASES[background]}, random start {seed}: {len(found)} P-frames so far")
     return found

@@ -259,7 +259,7 @@ def run(run: Run) -> Result:
             f"with several sequences by --uvg, or neither"
         )
     numbers = measure(parts[: len(PAPER_SEQUENCES)], plan, run.threads, run.say)
-    quick = Settings.quick().detection
+    quick = Settings.quick(profile="paper").detection
     setting = (
         f"{numbers['clips']}; N = {numbers['splats']}, seed 0, window {WINDOW}, {THRESHOLD:g} deviations. "
         f"Pre-training as in the paper: whole frames, N splats, random start, {plan.pretraining} iterations "

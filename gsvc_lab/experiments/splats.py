@@ -39,7 +39,7 @@ class Fit:
 def measure(still: Still, counts: Sequence[int], iterations: int, run: Run) -> dict[str, list[Fit]]:
     """The fits by schedule, in the order of the counts."""
     picture = Picture(still.frame, run.threads)
-    presets = {"paper": Settings.paper().intra, "quick": Settings.quick().intra}
+    presets = {"paper": Settings.paper().intra, "quick": Settings.quick(profile="paper").intra}
     presets["paper"] = replace(presets["paper"], fit=presets["paper"].fit.with_(iterations=iterations))
     return {
         name: [one_fit(picture, settings, count, SCHEDULES[name], run) for count in counts]
@@ -143,7 +143,7 @@ def run(settings: Run) -> Result:
         f"it converges; the paper's pictures are of 1920x1080, after a number of iterations that it does not state. "
         f"Steps of about 1e-3 pixels let a splat grow by about {reach(iterations):.0f} pixels in that time, so few "
         f"splats cannot cover the frame. quick starts from the picture and makes "
-        f"{Settings.quick().intra.fit.iterations} iterations.{scales_missing(still.size)}"
+        f"{Settings.quick(profile='paper').intra.fit.iterations} iterations.{scales_missing(still.size)}"
     )
     conclusion = verdict(fits).about(
         settings,

@@ -33,7 +33,7 @@ def main() -> None:
     color = ColorDescription(primaries=1, transfer=1, matrix=1, full_range=False, chroma_location=0)
     video = VideoFormat(WIDTH, HEIGHT, DEMO_FRAME_RATE, 8, "rgb", color, frame_count=1)
     data = io.BytesIO()
-    settings = gsvc_ref.Settings.quick(splats=SPLATS, precision="deterministic")
+    settings = gsvc_ref.Settings.quick(profile="paper", splats=SPLATS, precision="deterministic")
     report = gsvc_ref.encode((iter(demo_clip(WIDTH, HEIGHT, 1)), video), data, settings)
     frame = next(gsvc_ref.decode(data.getvalue()))
     large = next(gsvc_ref.decode(data.getvalue(), scale=ZOOM))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 COMMAND: Final = "gsvc encode"
 
 OVERRIDES: Final = (
-    "splats", "psnr", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
+    "splats", "psnr", "quality", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
     "paced", "profile", "layers", "layer_splats",
 )  # fmt: skip
@@ -31,6 +31,7 @@ OVERRIDES: Final = (
 
 STAGES: Final = {
     "detect": "looking for cuts",
+    "encode": "encoding",
     "fit": "fitting",
     "rate": "looking for the number of splats",
     "quantize": "quantising",
@@ -54,12 +55,17 @@ def add_command(commands: Any) -> None:
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     parser.add_argument(
-        "--preset", choices=("quick", "paper"), default="quick",
-        help="quick (default): ours, some 100 iterations a frame; paper: the settings of the paper, minutes a frame",
+        "--preset", choices=("quick", "slow", "paper"), default="quick",
+        help="quick (default): some 100 to 300 steps a frame; slow: several times as many, fewer bits; paper: the "
+        "settings of the paper, in profile paper, minutes a frame",
+    )  # fmt: skip
+    parser.add_argument(
+        "--profile", choices=("main", "paper"),
+        help="the coding tools of the stream: main (default), about a third of the bits; paper, the paper's quantisers",
     )  # fmt: skip
     rate = parser.add_argument_group("rate and quality")
     rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most with --psnr")
-    rate.add_argument("--psnr", type=finite, metavar="DB", help="as few splats as keep each frame at this PSNR")
+    rate.add_argument("--psnr", type=finite, metavar="DB", help="as few bits as keep each frame at this PSNR")
     rate.add_argument(
         "--layers", type=numbers_of(finite), metavar="DB,DB,...",
         help="quality layers of profile main, at most 4: the PSNR with the base, with layer 1, ..., as 30,34,38; "
@@ -70,11 +76,19 @@ def add_command(commands: Any) -> None:
         help="the same by the number of splats with the base, with layer 1, ..., as 200,400,800",
     )  # fmt: skip
     rate.add_argument(
-        "--iterations", type=whole, metavar="K", help="budget: iterations of fitting an I-frame; P-frames in proportion"
+        "--quality", type=whole, metavar="Q",
+        help="how fine all codes are, 0 (coarse) to 79; 8 more halve every step, and 10 to 40 are usual. Without "
+        "--splats as many splats as go with it (profile main)",
+    )  # fmt: skip
+    rate.add_argument(
+        "--iterations", type=whole, metavar="K",
+        help="profile paper: iterations of fitting an I-frame; P-frames in proportion",
+    )  # fmt: skip
+    rate.add_argument("--cholesky-bits", type=whole, metavar="b", help="profile paper: bits of a Cholesky code, 1..12")
+    rate.add_argument(
+        "--color-stages", type=whole, metavar="M", help="profile paper: stages of the colour quantiser, 1..8"
     )
-    rate.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12")
-    rate.add_argument("--color-stages", type=whole, metavar="M", help="stages of the colour quantiser, 1..8")
-    rate.add_argument("--color-codewords", type=whole, metavar="B", help="codewords of a stage, 1..1024")
+    rate.add_argument("--color-codewords", type=whole, metavar="B", help="profile paper: codewords of a stage, 1..1024")
     frames = parser.add_argument_group("frames")
     frames.add_argument("--frames", type=frame_range, metavar="A:B", help="encode frames A to B-1 only")
     frames.add_argument(
@@ -87,15 +101,11 @@ def add_command(commands: Any) -> None:
     )
     frames.add_argument(
         "--effects", metavar="auto|all|...",
-        help="what the encoder does: auto (default of quick; where the scene calls for it), all (default of paper; on "
-        "every frame), then switches by name, for instance auto,gsa=off,dks=all: frames, regions = auto|all; gsa, dks, "
-        "gsp = auto|all|off; motion = auto|off",
+        help="what the encoder does: auto (default; where the scene calls for it), all (default of preset paper; on "
+        "every frame), then switches by name, for instance auto,gsa=off,dks=all: frames = auto|all; gsa, motion = "
+        "auto|off; dks = auto|all|off; profile paper alone: regions = auto|all; gsa, gsp = auto|all|off",
     )  # fmt: skip
     stream = parser.add_argument_group("stream")
-    stream.add_argument(
-        "--profile", choices=("paper", "main"),
-        help="the coding tools: paper (default), the quantisers of the paper; main, about a third of the bits",
-    )  # fmt: skip
     stream.add_argument("--lanes", type=whole, metavar="L", dest="lane_count", help="lanes of the entropy coder, 1..64")
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"
@@ -187,7 +197,8 @@ def make_settings(arguments: Namespace) -> "Settings":
 
     given = {name: getattr(arguments, name) for name in OVERRIDES}
     overrides = {name: value for name, value in given.items() if value is not None}
-    return Settings.paper(**overrides) if arguments.preset == "paper" else Settings.quick(**overrides)
+    presets = {"quick": Settings.quick, "slow": Settings.slow, "paper": Settings.paper}
+    return presets[arguments.preset](**overrides)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:
@@ -203,14 +214,19 @@ def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: Text
 def describe_settings(settings: "Settings", width: int, height: int) -> str:
     """The settings that matter most, in one line."""
     splats = plural(settings.most_splats(width, height), "splat")
-    rate = (
-        f"{splats} a frame" if settings.psnr is None else f"at least {settings.psnr:g} dB with at most {splats} a frame"
-    )
+    about = "about " if settings.profile == "main" else ""
     if settings.layer_count > 1:
         goals = [f"{goal:g} dB" for goal in settings.layers] or [
             plural(goal, "splat") for goal in settings.layer_splats
         ]
         rate = f"{settings.layer_count} layers of {', '.join(goals)}"
+    elif settings.psnr is not None:
+        rate = f"at least {settings.psnr:g} dB with at most {about}{splats} a frame"
+    elif settings.quality is not None:
+        most = f"{'at most ' if settings.splats is None else ''}{about}"
+        rate = f"quality {settings.quality} with {most}{splats} a frame"
+    else:
+        rate = f"{about}{splats} a frame"
     keys = settings.key_frames
     if keys == "auto":
         chosen = "found from the past alone" if settings.low_latency else "found automatically"
@@ -218,7 +234,10 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
         chosen = f"every {plural(keys, 'frame')}"
     else:
         chosen = "listed"
-    return f"preset {settings.preset}, {rate}, I-frames {chosen}, effects {settings.effects}, seed {settings.seed}"
+    return (
+        f"profile {settings.profile}, preset {settings.preset}, {rate}, I-frames {chosen}, effects {settings.effects}, "
+        f"seed {settings.seed}"
+    )
 
 
 def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
@@ -230,7 +249,9 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     def show(progress: "Progress") -> None:
         nonlocal done
         share = progress.iteration / progress.iterations if progress.iterations else 0.0
-        if progress.stage == "fit":
+        if progress.stage == "encode":
+            done = max(done, progress.frame + share)
+        elif progress.stage == "fit":
             done = max(done, progress.frame + share * FIT_SHARE)
         elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
             done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))

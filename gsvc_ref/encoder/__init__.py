@@ -3,9 +3,10 @@
 In reading order: `encoder` leads; `frame_types` gives each frame its type, by the rule of `key_frames` (DKS) after
 `pretraining`; `frame` encodes one frame, an I-frame from nothing, a P-frame from its `prediction`, which rests on the
 errors of its `blocks` and on `static` splats; `rate` and `quantizer_choice` choose numbers of splats and quantisers:
-that is profile `paper`. `main_frame` encodes one frame of profile `main`. `writing` takes splats that somebody else has found: `given_splats` checks them, and `splat_coder` codes
-them without any fit. What `encoder` and `writing` share is in `encoding`. `settings` and `effects` say what is asked
-for, `log` and `report` what was done. `source_and_target` opens both ends.
+that is profile `paper`. `main_frame` encodes one frame of profile `main`. `writing` takes splats that somebody else has
+found: `given_splats` checks them, and `splat_coder` codes them without any fit. What `encoder` and `writing` share is
+in `encoding`. `settings` and `effects` say what is asked for, `log` and `report` what was done. `source_and_target`
+opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects

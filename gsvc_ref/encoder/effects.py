@@ -24,6 +24,17 @@ MEANINGS: Final[dict[EffectName, str]] = {
 """The meaning of ``all``; ``auto`` does the same where the scene calls for it."""
 
 
+MAIN_MODES: Final[dict[EffectName, tuple[Mode, ...]]] = {
+    "frames": ("auto", "all"),
+    "regions": ("auto",),
+    "gsa": ("auto", "off"),
+    "dks": ("auto", "all", "off"),
+    "gsp": ("auto",),
+    "motion": ("auto", "off"),
+}
+"""The modes that each effect has in profile `main`."""
+
+
 @dataclass(frozen=True)
 class Effects:
     """The mode of each effect: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere.
@@ -87,6 +98,22 @@ class Effects:
                 raise UsageError(f"effects {text!r}: {name} is {mode!r}; it must be {' or '.join(allowed[name])}")
             given[name] = mode
         return replace(effects, **given)
+
+    def check_main(self) -> None:
+        """Refuse modes that profile `main` does not have.
+
+        Raises
+        ------
+        UsageError
+            Names the effect, and its modes there.
+        """
+        for name, modes in MAIN_MODES.items():
+            if (mode := self.mode(name)) not in modes:
+                allowed = "; ".join(f"{other}={'|'.join(those)}" for other, those in MAIN_MODES.items())
+                raise UsageError(
+                    f"effects {self}: {name}={mode} is of profile paper; in profile main the bits that it costs decide "
+                    f"which splat changes, comes or goes. It has {allowed}"
+                )
 
     def mode(self, name: EffectName) -> Mode:
         """The mode of an effect."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
-from typing import BinaryIO, Final
+from typing import BinaryIO
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
@@ -21,9 +21,6 @@ from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
-
-MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
-"""No level allows more splats in a frame."""
 
 
 def encode(
@@ -80,7 +77,7 @@ def encode(
     """
     chosen = Settings.quick() if settings is None else settings
     if not isinstance(chosen, Settings):
-        raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...) or Settings.paper(...)")
+        raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...), slow or paper")
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
     with opened_source(source, frame_rate) as reader:
@@ -107,9 +104,8 @@ class _Encode(Encoding[Frame]):
         self.reader, self.settings = reader, settings
         video = reader.format
         most = settings.most_splats(video.width, video.height)
-        # P-frames may pass N while they add before they prune; those of `main` count what they remove as well.
-        room = most if settings.profile == "main" else most // 4
-        level = level_for(video.width, video.height, splats=min(most + room, MAX_SPLATS))
+        room = settings.counted_splats(video.width, video.height)
+        level = level_for(video.width, video.height, splats=room)
         make: Callable[..., FrameCoder[Frame]] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
         if settings.layer_count > 1:
             make = LayeredFrameEncoder
@@ -119,7 +115,9 @@ class _Encode(Encoding[Frame]):
         ends = [end for end in (video.frame_count, stop) if end is not None]
         self.frame_count = max(0, min(ends) - start) if ends else None
         if settings.paced:
-            self.level = self._paced_level(most if settings.psnr is None else 0)  # with a quality to hold, nobody knows
+            usual = room if settings.profile == "main" else most
+            holds_quality = settings.psnr is not None or settings.quality is not None
+            self.level = self._paced_level(0 if holds_quality else usual)  # with a quality to hold, nobody knows
 
     def _paced_level(self, splats: int) -> int:
         """The least level, not below that of a frame, that allows a second of frames of so many splats."""
@@ -163,9 +161,10 @@ class _Encode(Encoding[Frame]):
         if not missed:
             return []
         worst = min(missed, key=lambda frame: frame.psnr)
+        more = "more splats" if self.settings.profile == "main" else "more splats or iterations"
         return [
             f"{len(missed)} of {len(self.reports)} frames have less than {goal:g} dB (frame {worst.number}, the worst, "
-            f"has {worst.psnr:.2f} dB): allow more splats or iterations"
+            f"has {worst.psnr:.2f} dB): allow {more}"
         ]
 
     def _missed_layers(self) -> list[str]:

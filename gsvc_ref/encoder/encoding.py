@@ -75,11 +75,14 @@ def completed(
     Exception
         Any other exception that ended the encode passes through, with a note if frames were saved.
     """
-    with Interrupts(patient=is_file(target)) as interrupts:
+    patient = is_file(target)
+    with Interrupts(patient=patient) as interrupts:
+        interrupts.held = patient  # a file that is just being opened would be left behind; a pipe may wait for a reader
         with (
             opened_target(target, live=live) as opened,
             _correctable(opened) if corrected else nullcontext(opened) as file,
         ):
+            interrupts.release()
             work = make(file, interrupts)
             report = work.run()
         report = replace(report, interrupted=report.interrupted or interrupts.seen)

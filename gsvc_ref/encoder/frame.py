@@ -93,9 +93,9 @@ class EncodedFrame:
     psnr
         PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
     iterations
-        The number of iterations of all fits and fine-tuning together.
+        The number of iterations of all fits and fine-tuning together; in profile `main`, of evaluations.
     seconds
-        Time by stage: start, fit, choose, rate, quantize, check.
+        Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
     decisions
         The decisions made on the way.
     reason

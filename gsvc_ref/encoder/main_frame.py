@@ -1,34 +1,87 @@
-"""Encoding frame after frame in profile `main`, each against the reconstruction of the one before (closed loop)."""
+"""One frame at a time in profile `main`, each against the reconstruction of the one before (closed loop).
 
+What is asked for decides N and D, the splats and the step of a frame:
+
+- Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
+- With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
+- With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
+  that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
+
+In the first two P-frames have the D of their I-frame.
+"""
+
+import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from gsvc_ref.arrays import F4, Frame
-from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
-from gsvc_ref.main_encoder.intra import IntraSettings, encode_intra, encode_intra_psnr
-from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.encoder.log import OFF, FrameLog, percent
+from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
+from gsvc_ref.main_encoder.intra import Target, encode_intra
+from gsvc_ref.main_encoder.splat_number import splats_for
+from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.metrics import psnr
+from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
+from gsvc_ref.training import psnr_of_loss
 
-MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
-"""No level allows more splats in a frame."""
+ENOUGH: Final = 0.1
+"""Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
 
-COARSER: Final = 0
-"""By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them, by default."""
+DB_PER_STEP: Final = 0.4
+"""Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
+
+P_TRIES: Final = 5
+"""Constant quality: the most values of D that are tried for a P-frame."""
+
+MOST_PSNR: Final = 200.0
+"""Stands for that of a frame equal to its source, in dB; no other frame has so much."""
+
+I_TRIES: Final = 5
+"""Constant quality: the most numbers of splats that are tried for an I-frame."""
+
+D_TRIES: Final = 3
+"""Constant quality: the most values of D that are tried for it after that."""
+
+DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+"""Constant quality: first guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
+
+MOST_DOUBLINGS: Final = 3.0
+"""Constant quality: by how much the number of splats changes at most between two tries."""
+
+
+@dataclass(frozen=True)
+class _Coded:
+    """A frame in codes.
+
+    Attributes
+    ----------
+    codes, state
+        The codes, and the decoder's state behind them.
+    psnr
+        Of the decoded frame, in dB, at most MOST_PSNR.
+    inter
+        The encoder of P-frames after this one.
+    """
+
+    codes: MainCodes
+    state: MainState
+    psnr: float
+    inter: InterEncoder
 
 
 class MainFrameEncoder:
@@ -47,23 +100,29 @@ class MainFrameEncoder:
         The settings given.
     state
         The decoder's state after the frames so far.
+    total, most, room
+        The number of splats that an I-frame begins its search with, the largest that it may be given, and the largest
+        that a frame may be counted with.
+    quantizer
+        That of the next P-frame, or the first that is tried for it.
+    reaches
+        Whether the last I-frame had the quality asked for.
+    before
+        The source of the frame before, (H, W, 3) f4.
     below
-        (B, 8) f4, splats that stand in front of those of the next frame in its picture: the base and the layers below,
-        where it is a layer that is encoded. None: there are none.
-    coarser
-        By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them.
+        Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)
-        self._total = settings.splat_count(width, height)
-        self._renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
-        self._inter = InterEncoder(InterSettings.quick())
-        self._quantizer = 0
-        self._before: F4 | None = None
-        self.below: F4 | None = None
-        self.coarser = COARSER
+        self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
+        self.room = settings.counted_splats(width, height)
+        self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+        self.inter = _inter_encoder(settings)
+        self.quantizer, self.reaches = 0, True
+        self.before: F4 | None = None
+        self.below = Splats.empty()
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -71,56 +130,243 @@ class MainFrameEncoder:
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
-        peak = (1 << self.bit_depth) - 1
-        picture: F4 = frame.astype(np.float32) / np.float32(peak)
-        seconds: dict[str, float] = {}
-        with _timed(seconds, "fit"):
-            progress("fit", 0, 1, None)
-            if self._before is not None and np.array_equal(picture, self._before):
-                codes = MainCodes.repeated_frame()
+        work = _FrameWork(self, frame, number, progress)
+        result = {"I": work.intra, "P": work.predicted, "R": work.repeated}[frame_type]()
+        assert isinstance(result.state, MainState)
+        self.state, self.before = result.state, work.picture
+        return result
+
+
+class _FrameWork:
+    """The work on one frame: what its steps share, and the time that each takes."""
+
+    def __init__(self, encoder: MainFrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
+        self.encoder, self.settings, self.frame = encoder, encoder.settings, frame
+        self.number = number
+        self.progress = progress
+        self.peak = (1 << encoder.bit_depth) - 1
+        self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
+        self.seconds: dict[str, float] = {}
+        self.iterations = 0
+        self.log = FrameLog()
+
+    def repeated(self, why: str | None = None) -> EncodedFrame:
+        """An R-frame: nothing changes."""
+        before = self.encoder.state
+        if why is not None:
+            self.log.add("frames", why, done=False)
+        with self._timed("check"):
+            quality = self._quality(before)
+        codes = MainCodes.repeated_frame()
+        return EncodedFrame(codes, before, quality, self.iterations, self.seconds, self.log.decisions)
+
+    def intra(self, reason: str | None = None) -> EncodedFrame:
+        """An I-frame."""
+        encoder, settings = self.encoder, self.settings
+        with self._timed("intra"):
+            if settings.psnr is not None:
+                coded = self._held_intra(settings.psnr)
             else:
-                codes = self._intra(picture, number) if frame_type == "I" else self._predicted(picture)
-        with _timed(seconds, "check"):
-            if codes.type != "R":
-                self.state = frame_body(Writer(), codes.type, self.state, 64, MOST_SPLATS, codes).after
-            self._before = picture
-            below = Splats.empty() if self.below is None else Splats.from_array(self.below)
-            decoded = self._renderer.frame(below.append(self.state.splats), self.bit_depth)
-            quality = psnr(frame, decoded, peak)
-        return EncodedFrame(codes, self.state, quality, 0, seconds)
+                quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
+                if quantizer is not None and settings.splats is None:
+                    encoder.total = self._splats_for(quantizer)
+                coded = self._searched(encoder.total, quantizer)
+        if settings.psnr is not None:
+            encoder.total = max(1, len(coded.state.values))
+            encoder.reaches = coded.psnr >= settings.psnr
+        self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
+        return self._finished(coded, reason)
 
-    def _intra(self, picture: F4, number: int) -> MainCodes:
-        rng = np.random.default_rng([self.settings.seed, number])
-        threads, precision = self.settings.threads, self.settings.precision
-        if self.settings.psnr is None:
-            found = encode_intra(
-                picture, self._total, rng, settings=IntraSettings.quick(), base=self.below, threads=threads,
-                precision=precision,
-            )  # fmt: skip
+    def predicted(self) -> EncodedFrame:
+        """A P-frame, or an I- or R-frame where that is better."""
+        encoder, settings, reference = self.encoder, self.settings, self.encoder.state
+        if len(reference.values) == 0:
+            return self.intra("the frame before has no splats")
+        with self._timed("inter"):
+            coded = (
+                self._inter(encoder.quantizer)
+                if settings.psnr is None
+                else self._coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, {})
+            )
+        if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
+            return self.intra("no room for more splats in the level of the stream")
+        if settings.psnr is not None and coded.psnr < settings.psnr and encoder.reaches:
+            return self.intra("a P-frame does not reach the quality")
+        if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
+            return self.repeated("no splat changes, so the frame before is repeated")
+        self._log_inter(coded.codes)
+        return self._finished(coded)
+
+    def _searched(self, splats: int, quantizer: int | None) -> _Coded:
+        """An I-frame of about so many splats."""
+        settings = self.settings
+        rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
+        found = encode_intra(
+            self.picture, splats, rng, quantizer, settings.main_intra, base=self.encoder.below.to_array(),
+            threads=settings.threads, precision=settings.precision,
+            on_evaluation=self._watch(settings.main_intra.evaluations),
+        )  # fmt: skip
+        return self._decoded(found.codes, _inter_encoder(settings))
+
+    def _held_intra(self, goal: float) -> _Coded:
+        """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
+
+        The number follows from the last two by a line over its logarithm. If the result is still too good, as with few
+        splats it may be, D becomes coarser.
+        """
+        encoder = self.encoder
+        tried: dict[int, _Coded] = {}
+        number, slope = encoder.total, DB_PER_DOUBLING
+        for _ in range(I_TRIES):
+            coded = tried[number] = self._searched(number, None)
+            excess = coded.psnr - goal
+            if 0 <= excess <= ENOUGH:
+                return coded
+            enough = min((n for n, found in tried.items() if found.psnr >= goal), default=encoder.most + 1)
+            short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
+            doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+            following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
+            if following in tried or not 1 <= following <= encoder.most:
+                break
+            if short and enough <= encoder.most:
+                rise = tried[enough].psnr - tried[short].psnr
+                slope = min(max(rise / float(log2(enough / short)), LEAST_SLOPE), MOST_SLOPE)
+            number = following
+        reaching = [n for n, found in tried.items() if found.psnr >= goal]
+        if not reaching:
+            return max(tried.values(), key=lambda found: found.psnr)
+        number = min(reaching)
+        best = tried[number]
+        steps = max(1, round((best.psnr - goal) / DB_PER_STEP))
+        first = min(best.codes.quantizer + steps, QUANTIZERS - 1)
+        return self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, {best.codes.quantizer: best})
+
+    def _splats_for(self, quantizer: int) -> int:
+        """The number of splats that goes with a quantiser."""
+        encoder, settings = self.encoder, self.settings
+        watch = self._watch(settings.main_intra.evaluations)
+        rng = np.random.default_rng([settings.seed, self.number])
+        target = Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
+        return splats_for(target, quantizer, rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most)
+
+    def _inter(self, quantizer: int) -> _Coded:
+        """A P-frame with a quantiser."""
+        encoder, settings = self.encoder, self.settings
+        assert encoder.before is not None
+        count = settings.main_inter.iterations + settings.main_inter.rounded_iterations
+        below = self.encoder.below.to_array()
+        objective = _WatchedObjective(self.picture, below, settings, self._watch(count))
+        inter = copy(encoder.inter)
+        frame = PFrame(encoder.state, objective, encoder.before, self.picture, quantizer, encoder.total)
+        return self._decoded(inter.encode(frame), inter)
+
+    def _coarsest(
+        self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
+    ) -> _Coded:
+        """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
+        for _ in range(tries):
+            if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
+                break
+            coded = tried[quantizer] = make(quantizer)
+            if 0 <= coded.psnr - goal <= ENOUGH:
+                break
+            fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
+            coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
+            guess = quantizer + round((coded.psnr - goal) / _slope(tried))
+            quantizer = min(max(guess, fine + 1), coarse - 1)
+        reaching = [q for q, found in tried.items() if found.psnr >= goal]
+        return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
+
+    def _decoded(self, codes: MainCodes, inter: InterEncoder) -> _Coded:
+        """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
+        codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
+        before = self.encoder.state
+        state = frame_body(Writer(), codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
+        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter)
+
+    def _quality(self, state: MainState) -> float:
+        """PSNR of a decoded frame, in dB."""
+        splats = self.encoder.below.append(state.splats)
+        return psnr(self.frame, self.encoder.renderer.frame(splats, self.encoder.bit_depth), self.peak)
+
+    def _finished(self, coded: _Coded, reason: str | None = None) -> EncodedFrame:
+        encoder = self.encoder
+        encoder.inter = coded.inter
+        encoder.quantizer = coded.codes.quantizer
+        quality = math.inf if coded.psnr == MOST_PSNR else coded.psnr
+        return EncodedFrame(
+            coded.codes, coded.state, quality, self.iterations, self.seconds, self.log.decisions, reason
+        )
+
+    def _log_inter(self, codes: MainCodes) -> None:
+        """Log what became of the splats of the frame before."""
+        effects, log = self.settings.effects, self.log
+        same, removed = float((codes.modes == 0).mean()), int((codes.modes == REMOVED).sum())
+        if same:
+            log.add("regions", f"changing {percent(same)} of the splats is not worth its bits", done=False)
         else:
-            found = encode_intra_psnr(
-                picture, self.settings.psnr, rng, IntraSettings.quick(), splats=self._total,
-                most_splats=self.settings.most_splats(self.state.width, self.state.height), base=self.below,
-                threads=threads, precision=precision,
-            )  # fmt: skip
-        self._quantizer, self._inter.past = found.codes.quantizer, None
-        return self._with_lanes(found.codes)
+            log.add("regions", "every splat changes", done=True)
+        new = codes.intra_count
+        if effects.gsa == "off":
+            log.add("gsa", OFF, done=False)
+        else:
+            reason = f"new splats that are worth their bits: {new:,}" if new else "no new splat is worth its bits"
+            log.add("gsa", reason, done=new > 0)
+        reason = f"splats removed, since they left the frame: {removed:,}" if removed else "no splat has left the frame"
+        log.add("gsp", reason, done=removed > 0)
+        if effects.motion == "off":
+            log.add("motion", OFF, done=False)
+        elif codes.motion_cell:
+            log.add("motion", f"a field in cells of {SIDES[codes.motion_cell]} pixels moves the splats", done=True)
+        else:
+            log.add("motion", "no field is worth its bits", done=False)
 
-    def _predicted(self, picture: F4) -> MainCodes:
-        assert self._before is not None
-        threads, precision = self.settings.threads, self.settings.precision
-        objective = Objective(picture, threads, precision=precision, background=self.below)
-        quantizer = min(max(self._quantizer + self.coarser, 0), QUANTIZERS - 1)
-        codes = self._inter.encode(PFrame(self.state, objective, self._before, picture, quantizer, self._total))
-        return self._with_lanes(codes)
+    def _watch(self, count: int) -> Callable[[float], None]:
+        """What is called after each of about `count` evaluations."""
+        done = 0
 
-    def _with_lanes(self, codes: MainCodes) -> MainCodes:
-        """The codes in as many lanes as the stream allows, a power of two."""
-        return replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
+        def evaluated(loss: float) -> None:
+            nonlocal done
+            self.iterations += 1
+            done = done % count + 1
+            self.progress("encode", done, count, psnr_of_loss(loss))
+
+        return evaluated
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
 
 
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    begin = time.perf_counter()
-    yield
-    seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - begin
+class _WatchedObjective(Objective):
+    """An objective that tells its evaluations."""
+
+    def __init__(self, picture: F4, below: F4, settings: Settings, on_evaluation: Callable[[float], None]) -> None:
+        super().__init__(picture, settings.threads, precision=settings.precision, background=below)
+        self._on_evaluation = on_evaluation
+
+    def evaluate(self, parameters: Any) -> tuple[float, F4]:
+        """As `Objective.evaluate`."""
+        loss, gradient = super().evaluate(parameters)
+        self._on_evaluation(loss)
+        return loss, gradient
+
+
+def _inter_encoder(settings: Settings) -> InterEncoder:
+    """An encoder of the P-frames behind an I-frame, with the effects that are switched on."""
+    inter, effects = settings.main_inter, settings.effects
+    if effects.motion == "off":
+        inter = replace(inter, cells=())
+    if effects.gsa == "off":
+        inter = replace(inter, new_share=0.0)
+    return InterEncoder(inter)
+
+
+def _slope(tried: dict[int, _Coded]) -> float:
+    """The PSNR that a step of D costs, in dB, by the outermost tries."""
+    low, high = min(tried), max(tried)
+    if low == high:
+        return DB_PER_STEP
+    return max((tried[low].psnr - tried[high].psnr) / (high - low), DB_PER_STEP / 4)

@@ -6,18 +6,16 @@ and the layers up to l - 1 leave of the frame. It is predicted from itself, so n
 
 from typing import Any
 
-import numpy as np
-
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
-from gsvc_ref.encoder.main_frame import COARSER, MainFrameEncoder
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.splats import Splats
 
 
-GAMMA = float(__import__("os").environ.get("GAMMA","1"))
 class LayeredFrameEncoder:
     """Encodes frames with their layers in order.
 
@@ -51,20 +49,31 @@ class LayeredFrameEncoder:
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2 and its layers; the next one is predicted from their reconstruction."""
-        below = np.zeros((0, 8), np.float32)
+        below = Splats.empty()
         seconds: dict[str, float] = {}
+        iterations = 0
         layers: list[EncodedLayer] = []
+        encodings: list[EncodedFrame] = []
         for layer, part in enumerate(self.parts):
             part.below = below
             encoded = part.encode(frame, frame_type, number, progress)
             assert isinstance(encoded.codes, MainCodes)
+            if layer == 0 and encoded.codes.type == "I":  # then no layer is there to be predicted from (R-15.13-2)
+                frame_type = "I"
+            encodings.append(encoded)
             layers.append(EncodedLayer(layer, encoded.codes, part.state, encoded.psnr))
-            below = np.concatenate([below, part.state.splats.to_array()])
+            below = below.append(part.state.splats)
+            iterations += encoded.iterations
             for stage, spent in encoded.seconds.items():
                 seconds[stage] = seconds.get(stage, 0.0) + spent
         base, highest = layers[0], layers[-1]
-        if base.codes.type == "I":
-            for layer, part in zip(layers, self.parts, strict=True):
-                finer = (1 - GAMMA) * (layer.codes.quantizer - highest.codes.quantizer)
-                part.coarser = COARSER - round(finer)
-        return EncodedFrame(base.codes, base.state, highest.psnr, 0, seconds, layers=tuple(layers))
+        return EncodedFrame(
+            base.codes,
+            base.state,
+            highest.psnr,
+            iterations,
+            seconds,
+            encodings[0].decisions,
+            encodings[0].reason,
+            tuple(layers),
+        )

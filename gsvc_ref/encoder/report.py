@@ -24,10 +24,11 @@ class Progress:
         Number of the frame in work, and the number of frames; None if the source does not say it, or has more than it
         said.
     stage
-        ``detect`` (looking for key frames), ``fit``, ``quantize``; with a PSNR to hold also ``rate`` (looking for the
-        number of splats, with a short fit after each change).
+        ``detect`` (looking for key frames); in profile `main` ``encode``, with a quality to hold once for each try; in
+        profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with
+        a short fit after each change).
     iteration, iterations
-        The iteration of the stage, and their number.
+        The iteration of the stage, and their number; in profile `main` about.
     psnr
         PSNR of the picture before it is rounded to bits, in dB; None if there is none yet.
     elapsed_s

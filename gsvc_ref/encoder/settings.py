@@ -1,15 +1,23 @@
-"""Everything that can be chosen about an encode, and the two presets: `quick` (ours) and `paper`."""
+"""Everything that can be chosen about an encode, and the presets.
+
+A stream is of profile `main` (spec.md section 15) or `paper`, and each has settings that the other has not. Presets
+`quick` and `slow` write `main`; `paper` is what the paper did, in profile `paper`, which `quick` can write as well.
+"""
 
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from numbers import Integral
 from typing import Any, Final, Literal, Self
 
+from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.header import MOST_LAYERS
 from gsvc_ref.checks import check_types
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.key_frames import GUARD_RATIO
 from gsvc_ref.errors import UsageError
+from gsvc_ref.main_encoder.inter import InterSettings
+from gsvc_ref.main_encoder.intra import IntraSettings
+from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.rendering.precision import check_precision
@@ -25,12 +33,16 @@ from gsvc_ref.training import (
 )
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
+ProfileName = Literal["main", "paper"]
 
 PIXELS_PER_SPLAT: Final = 40
 """The default number of splats is one for this many pixels."""
 
 MIN_PIXELS_PER_SPLAT: Final = 6
 """Constant quality stops adding splats at one for this many pixels: they then cost more than the pixels."""
+
+MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
+"""No level allows more splats in a frame."""
 
 MAX_FRAMES: Final = 2**32 - 1
 """Maximum number of frames of a stream."""
@@ -40,6 +52,17 @@ ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_code
 
 REACHING: Final = {"iterations": (1, MAX_ITERATIONS), **ELEMENTS}
 """The limits of the names of `Settings.with_` that are no fields: they reach into `intra` and `inter`."""
+
+OF_ONE_PROFILE: Final[dict[str, ProfileName]] = {
+    **dict.fromkeys((*REACHING, "entropy_precision"), "paper"),
+    **dict.fromkeys(("quality", "layers", "layer_splats", "main_intra", "main_inter"), "main"),
+}
+"""Settings that mean something in one profile alone."""
+
+PROFILES_OF: Final[dict[str, tuple[ProfileName, ...]]] = {
+    "quick": ("main", "paper"), "slow": ("main",), "paper": ("paper",),
+}  # fmt: skip
+"""The profiles of each preset, that which it writes by default first."""
 
 
 @dataclass(frozen=True)
@@ -130,21 +153,27 @@ class DetectionSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All settings of an encode; make them with `Settings.quick` or `Settings.paper`, and others with `with_`.
+    """All settings of an encode; make them with `quick`, `slow` or `paper`, and others with `with_`.
 
     Attributes
     ----------
     preset
         The preset that it came from.
     intra, inter
-        How I- and P-frames are made.
+        How I- and P-frames of profile `paper` are made. In profile `main` only `detection` uses their fits.
+    main_intra, main_inter
+        How I- and P-frames of profile `main` are made.
     detection
         How key frames are found when `key_frames` is ``auto``.
     splats
-        N, the number of splats of a frame; with `psnr` their maximum number. None: one for PIXELS_PER_SPLAT pixels, and
-        with `psnr` up to one for MIN_PIXELS_PER_SPLAT.
+        N, the number of splats of a frame (of profile `main`: of an I-frame, about); with `psnr` their maximum number.
+        None: one for PIXELS_PER_SPLAT pixels, and with `psnr` or `quality` up to one for MIN_PIXELS_PER_SPLAT.
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
+    quality
+        Profile `main`: the step D of all codes, from 0, the coarsest, to 79, the finest; 8 more halve D. I-frames have
+        `quantizer` 79 - `quality`, P-frames a little more. Without `splats`, as many splats go with it as are worth
+        their bits at this D. None: D follows from the number of splats.
     key_frames
         ``auto``, every k frames, or the listed frame numbers (0 always is one).
     low_latency
@@ -168,10 +197,10 @@ class Settings:
         Keep the limits of a second (spec.md section 5), so that a live player can promise to keep pace: an I-frame at
         least every four seconds, and an error where a second has too much.
     profile
-        The coding tools of the stream: ``paper``, or ``main`` (spec.md section 15).
+        The coding tools of the stream: ``main`` (spec.md section 15), or ``paper``.
     layers
-        Profile `main`: the PSNR in dB of I-frames with the base, with layer 1, ..., growing; P-frames keep to the steps
-        of the I-frame. None: no layers, unless `layer_splats` says some.
+        Profile `main`: the PSNR in dB with the base, with layer 1, ..., growing. Empty: no layers, unless
+        `layer_splats` says some.
     layer_splats
         Profile `main`: the number of splats of a frame with the base, with layer 1, ..., growing.
     """
@@ -180,8 +209,11 @@ class Settings:
     intra: FrameSettings
     inter: FrameSettings
     detection: DetectionSettings = field(default_factory=DetectionSettings)
+    main_intra: IntraSettings = field(default_factory=IntraSettings.quick)
+    main_inter: InterSettings = field(default_factory=InterSettings.quick)
     splats: int | None = None
     psnr: float | None = None
+    quality: int | None = None
     key_frames: KeyFrames = "auto"
     low_latency: bool = False
     effects: Effects = field(default_factory=Effects)
@@ -195,7 +227,7 @@ class Settings:
     index: bool = True
     checksums: bool = False
     paced: bool = False
-    profile: Literal["paper", "main"] = "paper"
+    profile: ProfileName = "main"
     layers: tuple[float, ...] = ()
     layer_splats: tuple[int, ...] = ()
 
@@ -203,6 +235,7 @@ class Settings:
         check_types(self)
         _check_range("splats", self.splats, 1, 1 << 22)
         _check_range("psnr", self.psnr, 1, 100)
+        _check_range("quality", self.quality, 0, QUANTIZERS - 1)
         _check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
         _check_range("seed", self.seed, 0, 2**63 - 1)
@@ -218,6 +251,25 @@ class Settings:
             _check_range("key_frames", self.key_frames, 1, MAX_FRAMES)
         elif isinstance(self.key_frames, tuple) and any(number < 0 for number in self.key_frames):
             raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
+        self._check_profile()
+
+    def _check_profile(self) -> None:
+        """Refuse what the profile does not have."""
+        profiles = PROFILES_OF.get(self.preset, (self.profile,))
+        if self.profile not in profiles:
+            presets = " and ".join(name for name, those in PROFILES_OF.items() if self.profile in those)
+            raise UsageError(
+                f"preset {self.preset} writes profile {profiles[0]} only; of profile {self.profile} are {presets}"
+            )
+        for name in ("quality", "layers", "layer_splats"):
+            if getattr(self, name) not in (None, ()) and self.profile != "main":
+                raise _of_other_profile(name)
+        if self.quality is not None and self.psnr is not None:
+            raise UsageError(
+                "quality says how fine the codes are and psnr how close the picture comes; give one of them"
+            )
+        if self.profile == "main":
+            self.effects.check_main()
 
     @classmethod
     def paper(cls, **overrides: Any) -> Self:
@@ -229,11 +281,14 @@ class Settings:
         tune = FitSettings(iterations=5_000, pruning=None)
         intra = FrameSettings(FitSettings(), tune, BlockSettings())
         inter = FrameSettings(FitSettings(pruning=PruningSchedule.inter()), tune, BlockSettings())
-        return cls("paper", intra, inter, effects=Effects.parse("all")).with_(**overrides)
+        return cls("paper", intra, inter, effects=Effects.parse("all"), profile="paper").with_(**overrides)
 
     @classmethod
     def quick(cls, **overrides: Any) -> Self:
-        """The default: a start drawn from the image, splats added where the residual is, few and well-sized steps."""
+        """The default: profile `main`, or, with ``profile="paper"``, the paper's coding by a shorter way.
+
+        That way is a start drawn from the image, splats added where the residual is, few and well-sized steps.
+        """
         few = FitSettings(
             schedule=Cosine(steps=150, final=0.02), optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99),
             learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
@@ -280,6 +335,12 @@ class Settings:
         detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
         return cls("quick", intra, inter, detection).with_(**overrides)
 
+    @classmethod
+    def slow(cls, **overrides: Any) -> Self:
+        """Profile `main`, searched for longer: fewer bits for the same quality."""
+        longer: dict[str, Any] = {"main_intra": IntraSettings.slow(), "main_inter": InterSettings.slow()}
+        return replace(cls.quick(), preset="slow", **longer).with_(**overrides)
+
     def with_(self, **changes: Any) -> Self:
         """A copy with other settings by name, as the presets take them.
 
@@ -287,13 +348,17 @@ class Settings:
         changes nothing. `iterations` is the number of the fit of an I-frame; all other fits of frames follow in
         proportion, but not `detection.iterations`, since losses after other numbers of iterations would be other
         statistics. `cholesky_bits`, `color_stages` and `color_codewords` are elements of the sequence header; any of
-        them switches off the choice among `candidates`.
+        them switches off the choice among `candidates`. All four are of profile `paper`.
 
         Raises
         ------
         UsageError
-            A name is unknown, or a value out of its range.
+            A name is unknown, of the other profile, or a value out of its range.
         """
+        profile = changes.get("profile", self.profile)
+        for name, owner in OF_ONE_PROFILE.items():
+            if changes.get(name) is not None and profile != owner:
+                raise _of_other_profile(name)
         reaching = {name: changes.pop(name) for name in REACHING if name in changes}
         names = [field.name for field in fields(self) if field.name != "preset"]
         if unknown := changes.keys() - set(names):
@@ -319,9 +384,7 @@ class Settings:
                 _check_range(name, value, 1, highest)
             if len(values) > MOST_LAYERS or any(a >= b for a, b in pairwise(values)):
                 raise UsageError(f"{name} is {values}; give at most {MOST_LAYERS} values that grow")
-            if self.profile != "main":
-                raise UsageError(f"{name} is a setting of profile main; streams of profile paper have no layers")
-            others = [other for other in ("splats", "psnr") if getattr(self, other) is not None]
+            others = [other for other in ("splats", "psnr", "quality") if getattr(self, other) is not None]
             others += ["layers"] if name == "layer_splats" and self.layers else []
             if others:
                 raise UsageError(f"{name} says how good each layer is, and so does {others[0]}; give one of them")
@@ -346,11 +409,20 @@ class Settings:
 
     def most_splats(self, width: int, height: int) -> int:
         """Maximum number of splats of a frame of this size."""
-        if self.splats is None and (self.psnr is not None or self.layers):
+        if self.splats is None and (self.psnr is not None or self.quality is not None or self.layers):
             return max(1, width * height // MIN_PIXELS_PER_SPLAT)
         if self.layer_splats:
             return replace(self, layer_splats=(), splats=self.layer_splats[-1]).splat_count(width, height)
         return self.splat_count(width, height)
+
+    def counted_splats(self, width: int, height: int) -> int:
+        """The maximum number of splats that the level counts in a frame of this size (R-5-2).
+
+        P-frames of profile `paper` may pass N while they add before they prune. Those of `main` count what they remove
+        and what they add, up to twice N.
+        """
+        most = self.most_splats(width, height)
+        return min(most + (most if self.profile == "main" else most // 4), MAX_SPLATS)
 
     def splat_count(self, width: int, height: int) -> int:
         """N for a frame of this size.
@@ -368,6 +440,16 @@ class Settings:
                 f"give fewer (the default is one for {PIXELS_PER_SPLAT} pixels)"
             )
         return self.splats
+
+
+def _of_other_profile(name: str) -> UsageError:
+    """What is said of a setting that the profile chosen does not have."""
+    if OF_ONE_PROFILE[name] == "main":
+        return UsageError(f"{name} is a setting of profile main; profile paper has splats and psnr for its quality")
+    return UsageError(
+        f"{name} is a setting of profile paper, and the stream is of profile main: choose profile paper, or leave it "
+        "out; main has the presets quick and slow"
+    )
 
 
 def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:

@@ -141,7 +141,9 @@ def write_settings(**options: Any) -> Settings:
         position_step=DIFFERENCE_STEP, cholesky_step=DIFFERENCE_STEP, static_threshold=0.5,
         colors=RvqSettings(colors.codewords, zero_codeword=True),
     )  # fmt: skip
-    settings = Settings("write", FrameSettings(none, none, values), FrameSettings(none, none, differences))
+    settings = Settings(
+        "write", FrameSettings(none, none, values), FrameSettings(none, none, differences), profile="paper"
+    )
     return settings.with_(decisions=False, **options)
 
 

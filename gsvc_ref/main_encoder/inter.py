@@ -10,13 +10,15 @@ Splats that the picture hardly misses are removed.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.arrays import F4, F8, I8
+from gsvc_ref.checks import check_types
+from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder import differences
 from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
@@ -111,6 +113,22 @@ class InterSettings:
     new_energy: float = 4.5
     worth: float = 1.0
     new_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        sides = all(cell in SIDES[1:] for cell in self.cells) and tuple(sorted(self.cells, reverse=True)) == self.cells
+        numbers = [getattr(self, field.name) for field in fields(self) if field.name != "cells"]
+        if (
+            not sides
+            or min(numbers) < 0
+            or self.motion_rounds < 1
+            or self.iterations < 1
+            or self.rounded_iterations < 1
+        ):
+            raise UsageError(
+                f"{self}: cells must be of 64, 32 and 16 in this order, the others at least 0, and motion_rounds, "
+                "iterations and rounded_iterations at least 1"
+            )
 
     @classmethod
     def quick(cls) -> "InterSettings":

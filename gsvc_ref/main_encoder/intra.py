@@ -7,6 +7,7 @@ are chosen by their length.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -70,6 +71,9 @@ BITS_WEIGHT: Final = 1.5
 Five codes of geometry and one or two of colour take log2 E bits each, and at a step D a bit is worth about 0.12 D^2.
 """
 
+OnEvaluation = Callable[[float], None]
+"""Called with the loss, as in `Objective`."""
+
 
 @dataclass(frozen=True)
 class IntraSettings:
@@ -114,6 +118,13 @@ class IntraSettings:
         check_types(self)
         if self.grow < 1 or self.weigh < 0 or self.settle < 1 or self.surplus < 1 or not self.parts:
             raise UsageError(f"{self}: grow and settle must be at least 1, weigh 0 and surplus 1, and parts be given")
+        if not all(0 <= share <= 1 for share in (*self.parts, *self.moves, *self.removals, self.moved_share)):
+            raise UsageError(f"{self}: parts, moves, removals and moved_share must be shares, in 0..1")
+
+    @property
+    def evaluations(self) -> int:
+        """How many evaluations an I-frame takes, about."""
+        return self.grow + self.weigh + self.settle * len(self.parts)
 
     @classmethod
     def quick(cls) -> "IntraSettings":
@@ -152,6 +163,7 @@ def encode_intra(
     base: F4 | None = None,
     threads: int | None = None,
     precision: Precision = "fast",
+    on_evaluation: OnEvaluation | None = None,
 ) -> IntraFrame:
     """The codes of an I-frame, or of a layer.
 
@@ -171,9 +183,11 @@ def encode_intra(
         (B, 8) f4, the decoded splats of the layers below.
     threads, precision
         As in `Objective`; the result does not depend on the threads, and with ``deterministic`` not on the CPU.
+    on_evaluation
+        Called after each evaluation of splats.
     """
     settings = settings or IntraSettings.quick()
-    target = Target(picture, base, threads, precision)
+    target = Target(picture, base, threads, precision, on_evaluation)
     z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
     if quantizer is None:
         above = base is not None and len(base) > 0
@@ -219,6 +233,7 @@ def encode_intra_psnr(
     base: F4 | None = None,
     threads: int | None = None,
     precision: Precision = "fast",
+    on_evaluation: OnEvaluation | None = None,
 ) -> IntraFrame:
     """The I-frame with the fewest splats tried whose decoded picture has a PSNR; the best one, if none has.
 
@@ -231,7 +246,7 @@ def encode_intra_psnr(
         In dB, of the decoded picture before it is rounded to integers.
     splats, most_splats
         The first number that is tried, and the largest.
-    picture, rng, settings, base, threads, precision
+    picture, rng, settings, base, threads, precision, on_evaluation
         As in `encode_intra`; each try begins with the same draws.
     """
     seed = int(rng.integers(1 << 62))
@@ -244,7 +259,7 @@ def encode_intra_psnr(
     for _ in range(TRIES):
         frame = encode_intra(
             picture, number, np.random.default_rng(seed), None, settings, base=base, threads=threads,
-            precision=precision,
+            precision=precision, on_evaluation=on_evaluation,
         )  # fmt: skip
         got = target.psnr(frame.parameters)
         tried.append((float(log2(number)), got))
@@ -285,11 +300,19 @@ class Target:
         (B, 8) f4, splats that are in every picture, such as those of a lower layer.
     threads, precision
         As in `Objective`.
+    on_evaluation
+        Called after each evaluation.
     """
 
     def __init__(
-        self, picture: F4, base: F4 | None = None, threads: int | None = None, precision: Precision = "fast"
+        self,
+        picture: F4,
+        base: F4 | None = None,
+        threads: int | None = None,
+        precision: Precision = "fast",
+        on_evaluation: OnEvaluation | None = None,
     ) -> None:
+        self._on_evaluation = on_evaluation
         self.height, self.width = picture.shape[:2]
         self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
         self._edges = Edges(picture)
@@ -321,6 +344,8 @@ class Target:
             self._objective.freeze(every, np.arange(len(every)) < held)
             self._frozen = len(every)
         loss, gradient = self._objective.evaluate(every)
+        if self._on_evaluation:
+            self._on_evaluation(loss)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient[held:] * np.float32(self._scale))
 
     def psnr(self, parameters: F4) -> float:

@@ -11,7 +11,7 @@ from gsvc_lab.scenes import demo_clip
 from gsvc_ref.cli import main
 from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
-QUICK = ["--iterations", "2", "--splats", "12", "--key-frames", "2", "--quiet"]
+QUICK = ["--splats", "12", "--key-frames", "2", "--quiet"]
 
 
 def video_format(width=32, height=24, bit_depth=8, chroma_format="420") -> VideoFormat:

@@ -77,7 +77,7 @@ def test_empty_file(fails, tmp_path):
 def test_smallest_and_odd_sizes_work(tmp_path, width, height):
     source = write_clip(tmp_path / "odd.y4m", frames=2, width=width, height=height)
     stream, decoded = tmp_path / "odd.gsvc", tmp_path / "odd_decoded.y4m"
-    assert main(["encode", str(source), str(stream), "--iterations", "2", "--splats", "1", "--quiet"]) == 0
+    assert main(["encode", str(source), str(stream), "--splats", "1", "--quiet"]) == 0
     assert main(["decode", str(stream), str(decoded), "--quiet"]) == 0
     assert decoded.stat().st_size == source.stat().st_size
 
@@ -146,7 +146,16 @@ def test_output_that_is_a_folder_or_the_input(fails, clip, tmp_path):
         (["--splats", "769"], "768 pixels"),
         (["--psnr", "nan"], "finite"),
         (["--psnr", "0"], "psnr is 0"),
-        (["--iterations", "0"], "iterations is 0"),
+        (["--profile", "paper", "--iterations", "0"], "iterations is 0"),
+        (["--iterations", "9"], "iterations is a setting of profile paper"),
+        (["--cholesky-bits", "9"], "cholesky_bits is a setting of profile paper"),
+        (["--profile", "paper", "--quality", "9"], "quality is a setting of profile main"),
+        (["--quality", "80"], "quality is 80; it must be in 0..79"),
+        (["--quality", "30", "--psnr", "30"], "give one of them"),
+        (["--preset", "slow", "--profile", "paper"], "preset slow writes profile main only"),
+        (["--preset", "paper", "--profile", "main"], "preset paper writes profile paper only"),
+        (["--effects", "all"], "regions=all is of profile paper"),
+        (["--effects", "auto,gsp=off"], "gsp=off is of profile paper"),
         (["--key-frames", "0"], "key_frames is 0"),
         (["--key-frames", "never"], "'never'"),
         (["--frames", "9-12"], "'9-12'"),

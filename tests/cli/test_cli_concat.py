@@ -202,7 +202,7 @@ def test_a_full_disk(fails, parts):
 
 def test_clips_of_other_settings_say_what_to_do(clip, stream, tmp_path, capsys):
     other = tmp_path / "other.gsvc"
-    assert main(["encode", str(clip), str(other), *QUICK, "--cholesky-bits", "9"]) == 0
+    assert main(["encode", str(clip), str(other), *QUICK, "--profile", "paper", "--cholesky-bits", "9"]) == 0
     assert StreamReader(other.read_bytes()).header.cholesky_bits == 9
     assert main(["concat", str(stream), str(other), "-o", str(tmp_path / "out.gsvc")]) == 2
     assert "`cholesky_bits` is " in capsys.readouterr().err

@@ -18,7 +18,7 @@ from gsvc_ref.cli import main
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
-OPTIONS = ["--iterations", "2", "--splats", "12", "--key-frames", "2", "--threads", "1"]
+OPTIONS = ["--splats", "12", "--key-frames", "2", "--threads", "1"]
 START = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it

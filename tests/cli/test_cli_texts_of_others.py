@@ -68,7 +68,7 @@ def test_tags_of_a_video(tmp_path, capsys, tag):
 def test_the_name_of_a_file(clip, tmp_path, capsys):
     path = tmp_path / os.fsdecode(b"a\x1b[31m\xffb.y4m")
     path.write_bytes(clip.read_bytes())
-    assert main(["encode", str(path), str(tmp_path / "x.gsvc"), "--splats", "12", "--iterations", "2"]) == 0
+    assert main(["encode", str(path), str(tmp_path / "x.gsvc"), "--splats", "12"]) == 0
     assert main(["encode", str(path), str(path)]) == 2
     assert main(["encode", "\x1b[31m", "--\x1b[31m"]) == 2
     out, err = capsys.readouterr()
@@ -107,8 +107,8 @@ def test_a_stream_in_a_pipe_is_not_called_a_bad_video(clip, stream, tmp_path, ca
     [
         (["decode", "STREAM", "-"], "standard output"),
         (["decode", "STREAM", "/dev/full", "--quiet"], "/dev/full"),
-        (["encode", "CLIP", "-", "--splats", "12", "--iterations", "2"], "standard output"),
-        (["encode", "CLIP", "/dev/full", "--splats", "12", "--iterations", "2", "--quiet"], "/dev/full"),
+        (["encode", "CLIP", "-", "--splats", "12"], "standard output"),
+        (["encode", "CLIP", "/dev/full", "--splats", "12", "--quiet"], "/dev/full"),
         (["info", "STREAM"], "standard output"),
         (["info", "STREAM", "--json"], "standard output"),
     ],

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast
+from codec_cases import encoded, fast, paper_fast, paper_quick
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.metrics import psnr
@@ -56,10 +56,12 @@ def black_and_white(zero, peak, rng):
 
 KINDS = (black, white, grey, one_hot_pixel, one_dark_pixel, a_hot_pixel_that_moves, noise, black_and_white)
 PRESETS = {
-    "quick": lambda: fast(effects="auto,frames=all"),
-    "detected": lambda: Settings.quick(
-        iterations=3, threads=1, effects="auto,frames=all"
-    ),  # with a choice of quantisers
+    "main": lambda: fast(effects="auto,frames=all"),
+    "main, detected": lambda: Settings.quick(threads=1),
+    "main, PSNR": lambda: fast(psnr=50, key_frames=2),
+    "main, quality": lambda: fast(quality=60),
+    "quick": lambda: paper_fast(effects="auto,frames=all"),
+    "detected": lambda: paper_quick(iterations=3, threads=1, effects="auto,frames=all"),  # with a choice of quantisers
     "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
 }
 
@@ -79,10 +81,11 @@ def test_it_makes_the_round_trip(kind, preset):
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
-def test_one_frame_alone_makes_the_round_trip(kind):
+@pytest.mark.parametrize("settings", [fast(key_frames="auto"), paper_quick(iterations=3, threads=1)])
+def test_one_frame_alone_makes_the_round_trip(kind, settings):
     zero = np.zeros((5, 7, 3), np.uint8)
     clip = kind(zero, 255, np.random.default_rng(4))[:1]
-    report, data = encoded(clip, Settings.quick(iterations=3, threads=1))
+    report, data = encoded(clip, settings)
     assert [frame.type for frame in report.frames] == ["I"]
     assert len(list(decode(data, threads=1))) == 1
 
@@ -90,6 +93,6 @@ def test_one_frame_alone_makes_the_round_trip(kind):
 def test_a_black_first_frame_leaves_the_quantisers_as_they_are():
     """It has no error with any quantiser, and would take the smallest for whatever follows."""
     zero = np.zeros((12, 16, 3), np.uint8)
-    settings = Settings.quick(iterations=3, threads=1, key_frames=())
+    settings = paper_quick(iterations=3, threads=1, key_frames=())
     report, _ = encoded([zero, zero + 200], settings)
     assert report.settings.intra.quantizer == settings.intra.quantizer

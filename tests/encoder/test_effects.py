@@ -5,7 +5,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, flat, waves
+from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,7 +37,7 @@ def test_effects_are_what_their_text_says(effects):
 
 
 def test_the_presets_have_their_effects():
-    assert Settings.quick().effects == Effects() == Effects.parse("auto")
+    assert paper_quick().effects == Effects() == Effects.parse("auto")
     assert Settings.paper().effects == Effects("all", "all", "all", "all", "all", "off") == Effects.parse("all")
     assert Settings.paper(effects="auto, gsa = off").effects == replace(Effects(), gsa="off")
 
@@ -55,7 +55,7 @@ def test_the_presets_have_their_effects():
 )
 def test_other_texts_are_refused_with_what_to_give(text, told):
     with pytest.raises(UsageError, match=told):
-        Settings.quick(effects=text)
+        paper_quick(effects=text)
 
 
 def test_other_values_are_refused():
@@ -74,7 +74,7 @@ def moved(columns: int) -> np.ndarray:
 def test_every_frame_has_a_decision_on_every_effect():
     clip = [TEXTURE, TEXTURE, moved(3), 255 - TEXTURE]
     for effects in ("auto", "all", "all,motion=auto", "auto,gsa=off,gsp=off,motion=off,dks=off"):
-        report, _ = encoded(clip, Settings.quick(iterations=4, threads=1, splats=40, effects=effects))
+        report, _ = encoded(clip, paper_quick(iterations=4, threads=1, splats=40, effects=effects))
         for frame in report.frames:
             assert [one.effect for one in frame.decisions] == list(EFFECT_NAMES)
             assert all(one.reason and one.seconds >= 0 for one in frame.decisions)
@@ -89,7 +89,7 @@ def test_a_frame_that_shows_nothing_new_is_repeated():
     clip = waves(64, 48, 1) * 2
     clip[1] = clip[1].copy()
     clip[1][5, 5] ^= 1
-    settings = fast(splats=150, iterations=60)
+    settings = paper_fast(splats=150, iterations=60)
     report, data = encoded(clip, settings)
     assert [frame.type for frame in report.frames] == ["I", "R"]
     assert report.frames[1].iterations == 0
@@ -106,7 +106,7 @@ def test_a_frame_left_in_a_poor_state_is_never_good_enough():
     """A random texture, of which some splats show next to nothing."""
     clip = [TEXTURE, TEXTURE.copy()]
     clip[1][5, 5] ^= 1
-    report, _ = encoded(clip, fast(splats=20))
+    report, _ = encoded(clip, paper_fast(splats=20))
     assert report.frames[0].psnr < 20
     assert [frame.type for frame in report.frames] == ["I", "P"]
 
@@ -116,7 +116,7 @@ def test_slow_changes_add_up_until_they_count():
     dark = np.full((32, 48, 3), 60, np.uint8)
     dark[8:24, 10:30] = 150
     clip = [np.uint8(dark + t) for t in range(14)]
-    report, _ = encoded(clip, fast(splats=24, iterations=40))
+    report, _ = encoded(clip, paper_fast(splats=24, iterations=40))
     assert min(frame.psnr for frame in report.frames) > report.frames[0].psnr - 1.5
     assert "P" in [frame.type for frame in report.frames[1:]]
 
@@ -124,7 +124,7 @@ def test_slow_changes_add_up_until_they_count():
 def test_noise_alone_calls_for_no_splats_no_motion_and_few_iterations():
     clip = [np.clip(waves(64, 48, 1)[0] + np.rint(RNG.normal(0, 6, (48, 64, 3))), 0, 255).astype(np.uint8)] * 1
     clip += [np.clip(waves(64, 48, 1)[0] + np.rint(RNG.normal(0, 6, (48, 64, 3))), 0, 255).astype(np.uint8)]
-    settings = fast(splats=40, iterations=60)
+    settings = paper_fast(splats=40, iterations=60)
     report, _ = encoded(clip, settings)
     decided = made(report, 1)
     assert not decided["gsa"].done
@@ -138,7 +138,7 @@ def test_noise_alone_calls_for_no_splats_no_motion_and_few_iterations():
 def test_splats_are_added_where_something_appears():
     clip = [waves(64, 48, 1)[0], waves(64, 48, 1)[0]]
     clip[1][10:26, 30:46] = (250, 20, 30)
-    report, data = encoded(clip, fast(splats=200, iterations=40))
+    report, data = encoded(clip, paper_fast(splats=200, iterations=40))
     assert made(report, 1)["gsa"].reason.endswith("% of the picture is predicted worse than the frame before was left")
     frame = list(Stream(data))[1]
     new = frame.splats.positions[frame.codes.origins < 0]
@@ -148,17 +148,17 @@ def test_splats_are_added_where_something_appears():
 
 def test_gsa_off_adds_none_and_gsp_off_removes_none():
     clip = waves(40, 30, 3, speed=4)
-    without, _ = encoded(clip, fast(splats=60, effects="all,gsa=off"))
+    without, _ = encoded(clip, paper_fast(splats=60, effects="all,gsa=off"))
     assert [frame.new_splats for frame in without.frames[1:]] == [0, 0]
     assert [frame.splats for frame in without.frames] == [54, 54, 54]  # GSP takes a tenth of the I-frame alone
-    kept, _ = encoded(clip, fast(splats=60, effects="all,gsp=off"))
+    kept, _ = encoded(clip, paper_fast(splats=60, effects="all,gsp=off"))
     assert [frame.pruned_splats for frame in kept.frames] == [0, 0, 0]
     assert [frame.splats for frame in kept.frames] == [60, 60, 60]
     assert made(kept, 1)["gsa"].reason == "no room for more splats without pruning"
 
 
 def test_all_prunes_as_many_as_it_adds():
-    report, _ = encoded(waves(40, 30, 3, speed=4), fast(splats=100, effects="all", iterations=20))
+    report, _ = encoded(waves(40, 30, 3, speed=4), paper_fast(splats=100, effects="all", iterations=20))
     assert [frame.splats for frame in report.frames] == [90, 90, 90]
     assert [frame.new_splats + frame.pruned_splats > 0 for frame in report.frames[1:]] == [True, True]
 
@@ -166,7 +166,7 @@ def test_all_prunes_as_many_as_it_adds():
 @pytest.mark.parametrize("effects", ["auto", "all", "all,gsp=off"])
 @pytest.mark.parametrize("low_latency", [False, True])
 def test_a_quality_is_held_by_all_of_them(effects, low_latency):
-    settings = Settings.quick(psnr=24.0, iterations=40, threads=1, effects=effects, low_latency=low_latency)
+    settings = paper_quick(psnr=24.0, iterations=40, threads=1, effects=effects, low_latency=low_latency)
     report, _ = encoded(waves(40, 30, 3), settings)
     assert min(frame.psnr for frame in report.frames) >= 24
 
@@ -181,7 +181,7 @@ def pretrained(clip, settings) -> tuple[str, int]:
 @pytest.mark.parametrize("low_latency", [False, True])
 def test_only_suspects_are_pretrained(low_latency):
     clip = [*waves(40, 30, 6), *waves(40, 30, 12, cut=0)[6:]]
-    quick = Settings.quick(threads=1, low_latency=low_latency)
+    quick = paper_quick(threads=1, low_latency=low_latency)
     types, count = pretrained(clip, quick)
     every, all_count = pretrained(clip, replace(quick, effects=Effects.parse("all")))
     assert types == every == "IPPPPPIPPPPP"
@@ -200,22 +200,22 @@ def test_pretraining_that_converges_early_counts_what_it_took():
 
 
 def test_still_pictures_are_not_pretrained_and_fades_hardly():
-    assert pretrained(flat(90, frames=5), Settings.quick(threads=1)) == ("IRRRR", 0)
+    assert pretrained(flat(90, frames=5), paper_quick(threads=1)) == ("IRRRR", 0)
     fade = [np.uint8(waves(40, 30, 1)[0] * (1 - t / 24)) for t in range(12)]
-    types, count = pretrained(fade, Settings.quick(threads=1))
+    types, count = pretrained(fade, paper_quick(threads=1))
     assert types == "I" + 11 * "P"
     assert count <= 2
 
 
 def test_without_dks_there_is_one_key_frame():
     clip = waves(40, 30, 6, cut=3)
-    assert pretrained(clip, Settings.quick(threads=1, effects="auto,dks=off")) == ("IPPPPP", 0)
+    assert pretrained(clip, paper_quick(threads=1, effects="auto,dks=off")) == ("IPPPPP", 0)
 
 
 def test_decisions_do_not_depend_on_the_threads():
     clip = [*waves(48, 40, 3), *waves(48, 40, 5, cut=0)[3:]]
     (one, first), (three, second) = (
-        encoded(clip, Settings.quick(iterations=6, splats=40, threads=threads)) for threads in (1, 3)
+        encoded(clip, paper_quick(iterations=6, splats=40, threads=threads)) for threads in (1, 3)
     )
     assert first == second
     assert all(

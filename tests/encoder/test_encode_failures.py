@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from codec_cases import Counting, encoded, fast, flat, video_format, waves
+from codec_cases import Counting, encoded, fast, flat, paper_fast, video_format, waves
 
 from gsvc_ref.encoder import IncompleteEncodeError, encode
 from gsvc_ref.errors import GsvcError, UsageError
@@ -56,15 +56,15 @@ def test_an_interrupt_keeps_the_frames_done(tmp_path, done, existing):
     assert len(list(decode(path))) == done
 
 
-@pytest.mark.parametrize("stage", ["fit", "quantize"])
-def test_an_interrupt_within_a_frame_drops_that_frame(tmp_path, stage):
+@pytest.mark.parametrize(("settings", "stage"), [(fast(), "encode"), (paper_fast(), "fit"), (paper_fast(), "quantize")])
+def test_an_interrupt_within_a_frame_drops_that_frame(tmp_path, settings, stage):
     def interrupt(progress):
         if (progress.frame, progress.stage) == (2, stage):
             raise KeyboardInterrupt
 
-    report = encode((CLIP, SMALL), tmp_path / "a.gsvc", fast(), progress=interrupt)
+    report = encode((CLIP, SMALL), tmp_path / "a.gsvc", settings, progress=interrupt)
     assert report.interrupted
-    assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:2], fast())[1]
+    assert (tmp_path / "a.gsvc").read_bytes() == encoded(CLIP[:2], settings)[1]
 
 
 def test_an_interrupt_while_key_frames_are_looked_for_keeps_what_is_decided(tmp_path):
@@ -134,7 +134,7 @@ def test_a_fault_at_the_first_frame_is_itself():
 
 def test_a_fault_of_the_progress_keeps_the_frames_before(tmp_path):
     def fail(progress):
-        if (progress.frame, progress.stage) == (2, "quantize"):
+        if (progress.frame, progress.stage) == (2, "encode"):
             raise ZeroDivisionError("mine")
 
     with pytest.raises(ZeroDivisionError, match="mine") as caught:

@@ -6,7 +6,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from codec_cases import Counting, encoded, fast, flat, video_format, waves
+from codec_cases import Counting, encoded, flat, paper_fast, paper_quick, video_format, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,8 +23,8 @@ TALL, WIDE = RNG.random((37, 5, 3), np.float32), RNG.random((8, 40, 3), np.float
 
 def auto(**overrides) -> Settings:
     """Quick settings with automatic key frames; `detection` gives changes of its settings."""
-    detection = replace(Settings.quick().detection, **overrides.pop("detection", {}))
-    return fast(**{"key_frames": "auto", "detection": detection} | overrides)
+    detection = replace(paper_quick().detection, **overrides.pop("detection", {}))
+    return paper_fast(**{"key_frames": "auto", "detection": detection} | overrides)
 
 
 def types(frames, settings) -> str:
@@ -74,22 +74,22 @@ def test_an_equal_frame_is_repeated(key_frames):
 
 def test_every_kth_frame_is_a_key_frame():
     clip = waves(24, 16, 7)
-    assert types(clip, fast(key_frames=3)) == "IPPIPPI"
-    assert types(clip, fast(key_frames=1)) == "IIIIIII"
-    assert types(clip, fast(key_frames=7)) == "IPPPPPP"
+    assert types(clip, paper_fast(key_frames=3)) == "IPPIPPI"
+    assert types(clip, paper_fast(key_frames=1)) == "IIIIIII"
+    assert types(clip, paper_fast(key_frames=7)) == "IPPPPPP"
 
 
 def test_listed_frames_are_key_frames():
     clip = waves(24, 16, 6)
-    assert types(clip, fast(key_frames=(2, 5))) == "IPIPPI"
-    assert types(clip, fast(key_frames=(0, 99))) == "IPPPPP"
-    assert types(clip, fast(key_frames=())) == "IPPPPP"
+    assert types(clip, paper_fast(key_frames=(2, 5))) == "IPIPPI"
+    assert types(clip, paper_fast(key_frames=(0, 99))) == "IPPPPP"
+    assert types(clip, paper_fast(key_frames=())) == "IPPPPP"
 
 
 def test_key_frames_that_were_asked_for_come_even_if_nothing_changed():
     clip = flat(50, frames=5)
-    assert types(clip, fast(key_frames=2)) == "IRIRI"
-    assert types(clip, fast(key_frames=(3,))) == "IRRIR"
+    assert types(clip, paper_fast(key_frames=2)) == "IRIRI"
+    assert types(clip, paper_fast(key_frames=(3,))) == "IRRIR"
 
 
 def test_the_reason_is_told():
@@ -100,12 +100,18 @@ def test_the_reason_is_told():
     assert [kind for kind, _ in reasons] == ["I", "P", "I", "P", "R"]
     assert len({reason for _, reason in reasons}) == 4
     assert "scene" in reasons[2][1]
-    assert "3" in encoded(clip, fast(key_frames=3))[0].frames[3].reason
+    assert "3" in encoded(clip, paper_fast(key_frames=3))[0].frames[3].reason
 
 
 @pytest.mark.parametrize(
     "settings",
-    [fast(), fast(key_frames=2), fast(key_frames=(1,)), auto(low_latency=True), fast(low_latency=True)],
+    [
+        paper_fast(),
+        paper_fast(key_frames=2),
+        paper_fast(key_frames=(1,)),
+        auto(low_latency=True),
+        paper_fast(low_latency=True),
+    ],
     ids=["one", "every", "listed", "low latency", "low latency, one"],
 )
 def test_nothing_is_read_before_it_is_needed(settings):
@@ -168,7 +174,7 @@ class Fresh(VideoReader):
 
 @pytest.mark.parametrize(
     ("settings", "held"),
-    [(fast(iterations=1), 0), (auto(iterations=1, detection={"iterations": 1, "window": 2}), 2)],
+    [(paper_fast(iterations=1), 0), (auto(iterations=1, detection={"iterations": 1, "window": 2}), 2)],
     ids=["one", "auto"],
 )
 def test_memory_does_not_grow_with_the_number_of_frames(settings, held):
@@ -183,7 +189,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(settings, held):
 
 def test_numbers_and_frames_pass_through_in_order():
     clip = waves(24, 16, 6)
-    for settings in (auto(detection={"window": 2}), fast(key_frames=2)):
+    for settings in (auto(detection={"window": 2}), paper_fast(key_frames=2)):
         items = list(typed_frames(iter(clip), settings, 255))
         assert [item.number for item in items] == list(range(6))
         assert all(item.frame is frame for item, frame in zip(items, clip, strict=True))
@@ -195,11 +201,11 @@ def test_every_frame_is_announced_before_it_is_pretrained():
     list(typed_frames(waves(24, 16, 5), auto(), 255, numbers.append))
     assert numbers == [0, 1, 2, 3, 4]
     numbers.clear()
-    list(typed_frames(waves(24, 16, 5), fast(), 255, numbers.append))
+    list(typed_frames(waves(24, 16, 5), paper_fast(), 255, numbers.append))
     assert numbers == []
 
 
-@pytest.mark.parametrize("preset", [Settings.quick, Settings.paper])
+@pytest.mark.parametrize("preset", [paper_quick, Settings.paper])
 def test_pretraining_repeats_itself(preset):
     detection = replace(preset().detection, iterations=5)
     settings = preset(threads=1, splats=20, detection=detection)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, flat, waves
+from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
@@ -17,7 +17,7 @@ HOSTILE: list[Any] = [
     None, True, False, np.True_, -1, 0, 2, 2.5, -0.0, 1e300, 5e-324, 2**31, 2**63, 10**400, np.nan, np.inf, -np.inf,
     1j, "", "auto", "5", "paper", b"5", (), (3,), (3, 2), (0, None), (None, 1), ("a",), (True,), [], [1, 2], {}, {1: 2},
     set(), object(), int, len, np.int64(5), np.uint8(7), np.float32(0.5), np.float64("nan"), np.zeros(0), np.arange(3),
-    np.array(5), np.array([5]), Decimal("0.5"), Decimal("NaN"), Fraction(1, 4), range(3), Settings.quick(),
+    np.array(5), np.array([5]), Decimal("0.5"), Decimal("NaN"), Fraction(1, 4), range(3), paper_quick(),
     FitSettings(), ((1, 2, 3),), ((1, 2),), ((99, 99, 99),), (-1, 5), (5, 10**30), (10**30, None), (0.5, None),
 ]  # fmt: skip
 
@@ -69,7 +69,7 @@ def test_overrides_are_checked_before_anything_is_made_of_them(name, value):
         return  # leaves the preset's value
     if (name, value) == ("psnr", 2.5):
         return
-    for preset in (Settings.quick, Settings.paper):
+    for preset in (paper_quick, Settings.paper):
         with pytest.raises(UsageError, match=name):
             preset(**{name: value})
 
@@ -96,15 +96,18 @@ def test_overrides_are_checked_before_anything_is_made_of_them(name, value):
 )
 def test_messages_say_what_is_allowed(wrong, message):
     with pytest.raises(UsageError, match=message):
-        Settings.quick(**wrong)
+        paper_quick(**wrong)
 
 
 def test_numbers_of_numpy_are_numbers():
-    settings = fast(splats=np.int64(5), psnr=np.float32(30.5), key_frames=(np.int32(2),), seed=np.uint64(2**62))
-    assert settings == fast(splats=5, psnr=30.5, key_frames=(2,), seed=2**62)
+    settings = paper_fast(splats=np.int64(5), psnr=np.float32(30.5), key_frames=(np.int32(2),), seed=np.uint64(2**62))
+    assert settings == paper_fast(splats=5, psnr=30.5, key_frames=(2,), seed=2**62)
     assert type(settings.splats) is int
-    assert fast(iterations=np.int16(3)) == fast(iterations=3)
-    assert encoded(waves(16, 12, 2), fast(splats=np.int64(5)))[1] == encoded(waves(16, 12, 2), fast(splats=5))[1]
+    assert paper_fast(iterations=np.int16(3)) == paper_fast(iterations=3)
+    assert (
+        encoded(waves(16, 12, 2), paper_fast(splats=np.int64(5)))[1]
+        == encoded(waves(16, 12, 2), paper_fast(splats=5))[1]
+    )
 
 
 def test_values_at_their_ends_encode():
@@ -121,13 +124,13 @@ def test_values_at_their_ends_encode():
         {"psnr": 100.0, "splats": 3},
         {"psnr": 1.0},
     ):
-        report, data = encoded(flat(90, 16, 12, frames=2), fast(**{"iterations": 1} | changes))
+        report, data = encoded(flat(90, 16, 12, frames=2), paper_fast(**{"iterations": 1} | changes))
         assert report.file_bytes == len(data)
 
 
 def test_the_rate_stage_tells_its_progress():
     seen = []
-    encoded(waves(24, 16, 1), fast(psnr=12.0, splats=60), progress=seen.append)
+    encoded(waves(24, 16, 1), paper_fast(psnr=12.0, splats=60), progress=seen.append)
     rate = [told for told in seen if told.stage == "rate"]
     assert rate
     assert all(1 <= told.iteration <= told.iterations for told in rate)

@@ -9,6 +9,8 @@ import pytest
 from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_ref.encoder import encode
+from gsvc_ref.encoder.source_and_target import LiveFile
+from gsvc_ref.files import PartialFile
 from gsvc_ref.interrupts import Interrupts
 
 SMALL = video_format(24, 16)
@@ -42,6 +44,23 @@ def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
     assert report.interrupted
     assert len(report.frames) == 3
     assert file.getvalue() == encoded(CLIP[:3], fast(index=False))[1]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize(("live", "opened", "method"), [(False, PartialFile, "_create"), (True, LiveFile, "__init__")])
+def test_an_interrupt_while_the_target_is_opened_leaves_nothing(tmp_path, monkeypatch, live, opened, method):
+    open_it = getattr(opened, method)
+
+    def interrupted(*arguments):
+        made = open_it(*arguments)
+        assert list(tmp_path.iterdir())
+        signal.raise_signal(signal.SIGINT)
+        return made
+
+    monkeypatch.setattr(opened, method, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        encode((CLIP, SMALL), tmp_path / "a.gsvc", fast(), live=live)
+    assert list(tmp_path.iterdir()) == []
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

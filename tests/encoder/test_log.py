@@ -8,7 +8,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, waves
+from codec_cases import encoded, paper_fast, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +19,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamWriter
 
 CLIP = waves(32, 24, 4)
-REPORT, DATA = encoded(CLIP, fast(splats=12))
+REPORT, DATA = encoded(CLIP, paper_fast(splats=12))
 LOG = write_log([frame.decisions for frame in REPORT.frames])
 
 
@@ -83,7 +83,7 @@ def test_names_of_later_versions_are_skipped():
 
 
 def test_without_decisions_the_frames_are_the_same():
-    _, bare = encoded(CLIP, fast(splats=12, decisions=False))
+    _, bare = encoded(CLIP, paper_fast(splats=12, decisions=False))
     with open_stream(bare) as a, open_stream(DATA) as b:
         assert a.info().ancillary is None
         assert a.info().bits["ancillary"] == 0

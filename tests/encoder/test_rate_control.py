@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, flat, waves
+from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,11 +21,11 @@ from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, lo
 WIDTH, HEIGHT = 32, 24
 PICTURE = waves(WIDTH, HEIGHT, 1)[0].astype(np.float32) / 255
 EVERYWHERE = np.ones((HEIGHT, WIDTH), bool)
-TUNE = fast(iterations=30).intra.tune
+TUNE = paper_fast(iterations=30).intra.tune
 
 
 def population(count, picture=PICTURE, iterations=15) -> tuple[Population, Objective]:
-    chosen, rng = fast(iterations=iterations), np.random.default_rng(0)
+    chosen, rng = paper_fast(iterations=iterations), np.random.default_rng(0)
     splats = image_start(picture, count, rng)
     made = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), chosen.intra.fit)
     objective = Objective(picture, 1)
@@ -158,7 +158,7 @@ def test_survivors_keep_their_origins_while_quality_is_held():
 @pytest.mark.parametrize("goal", [24.0, 28.0, 33.0])
 def test_constant_quality_holds_in_every_frame(goal):
     clip = waves(frames=3, cut=2)
-    settings = Settings.quick(iterations=40, psnr=goal, key_frames=(), threads=1)
+    settings = paper_quick(iterations=40, psnr=goal, key_frames=(), threads=1)
     report, _ = encoded(clip, settings)
     assert [frame.type for frame in report.frames] == ["I", "P", "P"]
     assert min(frame.psnr for frame in report.frames) >= goal
@@ -175,7 +175,7 @@ def test_of_all_attempts_at_a_quality_the_best_is_kept(monkeypatch):
         return attempts[-1]
 
     monkeypatch.setattr(frame_module._FrameWork, "_finish", recording)
-    settings = fast(iterations=30, psnr=24.0, cholesky_bits=2, color_stages=1, color_codewords=4)
+    settings = paper_fast(iterations=30, psnr=24.0, cholesky_bits=2, color_stages=1, color_codewords=4)
     report, data = encoded(waves(frames=1), settings)
     qualities = [attempt.psnr for attempt in attempts]
     assert qualities[-1] < max(qualities) < 24
@@ -188,7 +188,7 @@ def test_of_all_attempts_at_a_quality_the_best_is_kept(monkeypatch):
 def test_an_easy_frame_takes_fewer_splats_than_a_hard_one():
     y, x = np.mgrid[:24, :32]
     slope = np.repeat(((3 * x + 4 * y)[:, :, None]).astype(np.uint8), 3, axis=2)
-    settings = Settings.quick(iterations=40, psnr=26.0, key_frames=1, threads=1)
+    settings = paper_quick(iterations=40, psnr=26.0, key_frames=1, threads=1)
     report, _ = encoded([slope, *waves(frames=1)], settings)
     easy, hard = report.frames
     assert min(easy.psnr, hard.psnr) >= 26
@@ -198,7 +198,7 @@ def test_an_easy_frame_takes_fewer_splats_than_a_hard_one():
 def test_more_quality_takes_more_splats_and_more_bytes():
     sizes = []
     for goal in (22.0, 27.0, 32.0):
-        report, data = encoded(waves(frames=1), Settings.quick(iterations=40, psnr=goal, cholesky_bits=8, threads=1))
+        report, data = encoded(waves(frames=1), paper_quick(iterations=40, psnr=goal, cholesky_bits=8, threads=1))
         sizes.append((report.frames[0].splats, len(data)))
     assert sizes == sorted(sizes)
     assert len({splats for splats, _ in sizes}) == 3
@@ -206,12 +206,12 @@ def test_more_quality_takes_more_splats_and_more_bytes():
 
 def test_the_most_splats_are_a_bound_for_constant_quality():
     noise = [np.random.default_rng(t).integers(0, 256, (16, 24, 3), np.uint8) for t in range(2)]
-    report, _ = encoded(noise, fast(psnr=50.0, splats=14))
+    report, _ = encoded(noise, paper_fast(psnr=50.0, splats=14))
     assert [frame.splats for frame in report.frames] == [14, 14]
 
 
 def test_constant_rate_gives_every_frame_the_same_number_of_splats():
-    report, _ = encoded(waves(frames=4, cut=2), fast(splats=33, key_frames=3, effects="auto,gsa=all"))
+    report, _ = encoded(waves(frames=4, cut=2), paper_fast(splats=33, key_frames=3, effects="auto,gsa=all"))
     assert [frame.splats for frame in report.frames] == [33] * 4
     assert all(frame.new_splats == frame.pruned_splats == 1 for frame in report.frames if frame.type == "P")
 

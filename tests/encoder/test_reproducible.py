@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numba
 import pytest
-from codec_cases import encoded, waves
+from codec_cases import encoded, paper_quick, waves
 from numpy._core import _multiarray_umath as multiarray
 
 from gsvc_ref.encoder import Settings
@@ -29,7 +29,7 @@ GENERIC = {
 
 def settings(threads: int) -> Settings:
     """Everything that an encode may do: a choice of quantisers, detection of key frames, motion, fine-tuning."""
-    return Settings.quick(splats=60, iterations=20, threads=threads, precision="deterministic")
+    return paper_quick(splats=60, iterations=20, threads=threads, precision="deterministic")
 
 
 def digest(threads: int) -> str:

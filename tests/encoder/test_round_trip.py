@@ -8,7 +8,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, video_format, waves
+from codec_cases import encoded, paper_fast, paper_quick, video_format, waves
 
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.encoder import Settings, encode, encoder, encoding
@@ -45,13 +45,13 @@ def states(monkeypatch) -> list:
 
 
 VARIETY = {
-    "quick": fast(iterations=8, key_frames=3),
-    "chosen": Settings.quick(iterations=2, threads=1, key_frames=(2,)),
-    "quality": fast(psnr=24.0, key_frames=3),
+    "quick": paper_fast(iterations=8, key_frames=3),
+    "chosen": paper_quick(iterations=2, threads=1, key_frames=(2,)),
+    "quality": paper_fast(psnr=24.0, key_frames=3),
     "paper": Settings.paper(iterations=30, splats=30, key_frames=3, threads=1),
-    "odd quantisers": fast(cholesky_bits=1, color_stages=8, color_codewords=1, key_frames=4),
-    "large quantisers": fast(cholesky_bits=12, color_stages=2, color_codewords=1024, lane_count=64),
-    "all splats": fast(iterations=1, splats=32 * 24, key_frames=1),
+    "odd quantisers": paper_fast(cholesky_bits=1, color_stages=8, color_codewords=1, key_frames=4),
+    "large quantisers": paper_fast(cholesky_bits=12, color_stages=2, color_codewords=1024, lane_count=64),
+    "all splats": paper_fast(iterations=1, splats=32 * 24, key_frames=1),
 }
 
 
@@ -103,7 +103,7 @@ def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, setti
 def test_another_process_decodes_the_same_bits(states, tmp_path):
     path = tmp_path / "clip.gsvc"
     clip = waves(frames=4, cut=2)
-    encode((clip, video_format()), path, fast(iterations=8, key_frames=(2,)))
+    encode((clip, video_format()), path, paper_fast(iterations=8, key_frames=(2,)))
     command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(path)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout.splitlines()
     types = ["I", "P", "I", "P"]
@@ -116,10 +116,10 @@ def test_another_process_decodes_the_same_bits(states, tmp_path):
 def test_the_same_seed_gives_the_same_bytes_with_any_number_of_threads(override):
     clip = waves(64, 32, 3, cut=2)
     common = {"iterations": 6, "key_frames": "auto", "seed": 5, **override}
-    first = encoded(clip, Settings.quick(threads=1, **common))[1]
-    assert encoded(clip, Settings.quick(threads=2, **common))[1] == first
-    assert encoded(clip, Settings.quick(threads=1, **common))[1] == first
-    assert encoded(clip, Settings.quick(threads=1, **common | {"seed": 6}))[1] != first
+    first = encoded(clip, paper_quick(threads=1, **common))[1]
+    assert encoded(clip, paper_quick(threads=2, **common))[1] == first
+    assert encoded(clip, paper_quick(threads=1, **common))[1] == first
+    assert encoded(clip, paper_quick(threads=1, **common | {"seed": 6}))[1] != first
 
 
 def test_the_papers_preset_is_deterministic_too():
@@ -133,7 +133,7 @@ def test_the_papers_preset_is_deterministic_too():
 def test_the_report_says_what_the_stream_holds(bit_depth):
     clip = waves(frames=4, bit_depth=bit_depth)
     clip.append(clip[-1].copy())
-    report, data = encoded(clip, fast(key_frames=2, lane_count=3), bit_depth)
+    report, data = encoded(clip, paper_fast(key_frames=2, lane_count=3), bit_depth)
     with Stream(data) as stream:
         summary = stream.info()
         decoded = list(stream)
@@ -164,19 +164,19 @@ def test_the_report_says_what_the_stream_holds(bit_depth):
 
 def test_a_range_of_frames_is_that_of_the_source():
     clip = waves(frames=5)
-    part = encoded(clip, fast(frames=(1, 4)))[1]
-    assert part == encoded(clip[1:4], fast())[1]
-    assert encoded(clip, fast(frames=(3, None)))[1] == encoded(clip[3:], fast())[1]
-    assert encoded(clip, fast(frames=(3, 99)))[1] == encoded(clip[3:], fast())[1]
+    part = encoded(clip, paper_fast(frames=(1, 4)))[1]
+    assert part == encoded(clip[1:4], paper_fast())[1]
+    assert encoded(clip, paper_fast(frames=(3, None)))[1] == encoded(clip[3:], paper_fast())[1]
+    assert encoded(clip, paper_fast(frames=(3, 99)))[1] == encoded(clip[3:], paper_fast())[1]
 
 
 def test_frames_can_be_views_of_any_layout():
     clip = waves(frames=2)
-    plain = encoded(clip, fast())[1]
+    plain = encoded(clip, paper_fast())[1]
     reversed_twice = [frame[:, :, ::-1].copy()[:, :, ::-1] for frame in clip]
     turned = [frame.transpose(1, 0, 2).copy().transpose(1, 0, 2) for frame in clip]
-    assert encoded(reversed_twice, fast())[1] == plain
-    assert encoded(turned, fast())[1] == plain
+    assert encoded(reversed_twice, paper_fast())[1] == plain
+    assert encoded(turned, paper_fast())[1] == plain
 
 
 @pytest.mark.parametrize("key_frames", [(), "auto"])
@@ -190,15 +190,15 @@ def test_a_caller_may_fill_the_same_array_again(key_frames):
             yield array
 
     file = BytesIO()
-    encode((refilled(), video_format()), file, fast(key_frames=key_frames))
-    assert file.getvalue() == encoded(clip, fast(key_frames=key_frames))[1]
+    encode((refilled(), video_format()), file, paper_fast(key_frames=key_frames))
+    assert file.getvalue() == encoded(clip, paper_fast(key_frames=key_frames))[1]
 
 
 def test_the_quantisers_of_a_stream_are_chosen_on_its_first_frame():
-    report, data = encoded(waves(48, 32, 2), Settings.quick(iterations=4, key_frames=(), threads=1))
+    report, data = encoded(waves(48, 32, 2), paper_quick(iterations=4, key_frames=(), threads=1))
     chosen = report.settings.intra.quantizer
     triple = (chosen.cholesky_bits, len(chosen.colors.codewords), chosen.colors.codewords[0])
-    assert triple in Settings.quick().intra.candidates
+    assert triple in paper_quick().intra.candidates
     assert report.settings.inter.quantizer.cholesky_bits == chosen.cholesky_bits
     with Stream(data) as stream:
         header, intra = stream.header, next(iter(stream)).codes.intra
@@ -211,7 +211,7 @@ def test_the_quantisers_of_a_stream_are_chosen_on_its_first_frame():
 def test_progress_tells_stage_frame_and_iteration():
     seen = []
     frames = waves(frames=3)
-    settings = fast(key_frames="auto", frames=(1, None))
+    settings = paper_fast(key_frames="auto", frames=(1, None))
     encode((frames, video_format(frame_count=3)), BytesIO(), settings, progress=seen.append)
     assert {progress.stage for progress in seen} == {"detect", "fit", "quantize"}
     assert {progress.frame for progress in seen} == {0, 1}
@@ -226,7 +226,7 @@ def test_progress_tells_stage_frame_and_iteration():
 
 def test_progress_changes_no_byte():
     clip = waves(frames=2)
-    assert encoded(clip, fast(), progress=lambda _: None)[1] == encoded(clip, fast())[1]
+    assert encoded(clip, paper_fast(), progress=lambda _: None)[1] == encoded(clip, paper_fast())[1]
 
 
 @pytest.mark.parametrize("index", [True, False])
@@ -235,9 +235,9 @@ def test_an_open_file_takes_a_stream_at_its_place(tmp_path, index):
     clip = waves(frames=2)
     with path.open("w+b") as file:
         file.write(b"before")
-        report = encode((clip, video_format()), file, fast(index=index))
+        report = encode((clip, video_format()), file, paper_fast(index=index))
         assert not file.closed
         assert file.tell() == 6 + report.file_bytes
     data = path.read_bytes()
     assert data[:6] == b"before"
-    assert data[6:] == encoded(clip, fast(index=index))[1]
+    assert data[6:] == encoded(clip, paper_fast(index=index))[1]

@@ -1,12 +1,16 @@
 """Settings: presets, overrides by name, and what is refused."""
 
 from dataclasses import FrozenInstanceError, replace
+from io import BytesIO
 
+import numpy as np
 import pytest
-from codec_cases import encoded, fast, waves
+from codec_cases import encoded, fast, paper_quick, waves
 
-from gsvc_ref.encoder import Effects, Settings
+from gsvc_ref.encoder import Effects, Settings, encode
 from gsvc_ref.errors import UsageError
+from gsvc_ref.main_encoder.inter import InterSettings
+from gsvc_ref.main_encoder.intra import IntraSettings
 from gsvc_ref.training import Cosine, FitSettings, Rates
 
 
@@ -32,13 +36,16 @@ def test_the_papers_settings_are_the_papers():
 
 
 def test_quick_is_the_default_of_an_encode():
-    report, _ = encoded(waves(16, 12, 1), Settings.quick(iterations=1, cholesky_bits=8))
-    assert report.settings.preset == "quick"
+    file = BytesIO()
+    report = encode(np.array(waves(16, 12, 1)), file)
+    assert report.settings == Settings.quick()
+    assert report.header.profile == 1
 
 
 def test_overrides_of_nothing_change_nothing():
     names = ("splats", "psnr", "iterations", "threads", "cholesky_bits", "color_stages", "color_codewords")
-    assert Settings.quick(**dict.fromkeys(names)) == Settings.quick()
+    for preset in (Settings.quick, Settings.slow):
+        assert preset(**dict.fromkeys((*names, "quality"))) == preset()
     assert Settings.paper(**dict.fromkeys(names)) == Settings.paper()
 
 
@@ -57,14 +64,61 @@ def test_overrides_of_nothing_change_nothing():
         {"seed": 2**63 - 1},
         {"threads": 3},
         {"lane_count": 64},
-        {"entropy_precision": 12},
         {"index": False},
         {"checksums": True},
     ],
 )
 def test_an_override_changes_its_field_and_no_other(override):
-    for preset in (Settings.quick, Settings.paper):
+    for preset in (Settings.quick, Settings.slow, Settings.paper, paper_quick):
         assert preset(**override) == replace(preset(), **override)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [{"iterations": 5}, {"cholesky_bits": 8}, {"color_stages": 2}, {"color_codewords": 4}, {"entropy_precision": 12}],
+)
+def test_settings_of_profile_paper_are_refused_in_main(override):
+    (name,) = override
+    for preset in (Settings.quick, Settings.slow):
+        with pytest.raises(
+            UsageError, match=f"^{name} is a setting of profile paper, and the stream is of profile main"
+        ):
+            preset(**override)
+    assert Settings.quick(**override, profile="paper") == paper_quick(**override) != paper_quick()
+
+
+@pytest.mark.parametrize(
+    "override",
+    [{"quality": 30}, {"main_intra": IntraSettings.slow()}, {"main_inter": InterSettings.slow()}],
+)
+def test_settings_of_profile_main_are_refused_in_paper(override):
+    (name,) = override
+    for preset in (Settings.paper, paper_quick):
+        with pytest.raises(UsageError, match=f"^{name} is a setting of profile main"):
+            preset(**override)
+    assert Settings.quick(**override) == replace(Settings.quick(), **override)
+    with pytest.raises(UsageError, match="quality is a setting of profile main"):
+        Settings.quick(quality=30).with_(profile="paper")
+
+
+def test_presets_and_profiles_that_go_together():
+    for preset, profile in ((Settings.quick, "main"), (Settings.slow, "main"), (Settings.paper, "paper")):
+        assert preset().profile == profile == preset(profile=profile).profile
+    assert paper_quick().intra == Settings.quick().intra
+    assert paper_quick(effects="all").effects == Settings.paper().effects
+    with pytest.raises(UsageError, match="preset slow writes profile main only; of profile paper are quick and paper"):
+        Settings.slow(profile="paper")
+    with pytest.raises(UsageError, match="preset paper writes profile paper only; of profile main are quick and slow"):
+        Settings.paper(profile="main")
+    with pytest.raises(UsageError, match="give one of them"):
+        Settings.quick(quality=30, psnr=30)
+
+
+@pytest.mark.parametrize("switch", ["regions=all", "gsa=all", "gsp=all", "gsp=off"])
+def test_effects_that_main_does_not_have(switch):
+    with pytest.raises(UsageError, match=rf"{switch} is of profile paper;.*It has frames=auto\|all; regions=auto;"):
+        Settings.quick(effects=f"auto,{switch}")
+    assert Settings.quick(effects=f"auto,{switch}", profile="paper").effects == Effects.parse(f"auto,{switch}")
 
 
 def test_settings_are_frozen():
@@ -88,6 +142,9 @@ def test_unknown_names_are_refused_with_the_known_ones(name):
         {"splats": True},
         {"psnr": 0},
         {"psnr": 101},
+        {"quality": -1},
+        {"quality": 80},
+        {"quality": 1.5},
         {"psnr": float("nan")},
         {"psnr": float("inf")},
         {"threads": 0},
@@ -125,7 +182,7 @@ def test_values_out_of_range_are_refused_by_name(wrong):
 
 
 def test_iterations_are_those_of_an_i_frame_and_scale_all_others():
-    base, changed = Settings.quick(), Settings.quick(iterations=50)  # a third
+    base, changed = paper_quick(), paper_quick(iterations=50)  # a third
     assert changed.intra.fit.iterations == 50
     for kind in ("intra", "inter"):
         for part in ("fit", "tune"):
@@ -136,7 +193,7 @@ def test_iterations_are_those_of_an_i_frame_and_scale_all_others():
 
 
 def test_no_fit_is_left_without_iterations():
-    one = Settings.quick(iterations=1)
+    one = paper_quick(iterations=1)
     assert [part.iterations for kind in (one.intra, one.inter) for part in (kind.fit, kind.tune)] == [1, 1, 1, 1]
     assert one.with_(iterations=300).intra.fit.iterations == 300
 
@@ -148,15 +205,15 @@ def test_only_a_cosine_stretches_with_the_iterations():
 
 def test_settings_are_changed_as_presets_are_overridden():
     changes = {"iterations": 50, "cholesky_bits": 5, "color_stages": 2, "splats": 9, "effects": "auto,gsa=off"}
-    for preset in (Settings.quick, Settings.paper):
+    for preset in (paper_quick, Settings.paper):
         assert preset().with_(**changes) == preset(**changes)
         assert preset().with_() == preset()
     with pytest.raises(UsageError, match="unknown settings splat;"):
-        Settings.quick().with_(splat=3)
+        paper_quick().with_(splat=3)
 
 
 def test_the_quantiser_of_one_frame_type_can_be_changed():
-    intra = Settings.quick().intra
+    intra = paper_quick().intra
     changed = intra.with_(cholesky_bits=9, color_codewords=4, start="random")
     assert changed.quantizer == intra.quantizer.with_(cholesky_bits=9, color_codewords=4)
     assert changed == replace(intra, start="random", quantizer=changed.quantizer)
@@ -164,7 +221,7 @@ def test_the_quantiser_of_one_frame_type_can_be_changed():
 
 
 def test_quantisers_can_be_chosen_for_all_frames():
-    chosen = Settings.quick(cholesky_bits=5, color_stages=3, color_codewords=64)
+    chosen = paper_quick(cholesky_bits=5, color_stages=3, color_codewords=64)
     for kind in (chosen.intra, chosen.inter):
         assert kind.quantizer.cholesky_bits == 5
         assert kind.quantizer.colors.codewords == (64, 64, 64)
@@ -175,15 +232,15 @@ def test_quantisers_can_be_chosen_for_all_frames():
 
 @pytest.mark.parametrize("override", [{"cholesky_bits": 8}, {"color_stages": 2}, {"color_codewords": 16}])
 def test_explicit_quantisers_switch_off_the_automatic_choice(override):
-    assert Settings.quick().intra.candidates
-    assert not Settings.quick(**override).intra.candidates
+    assert paper_quick().intra.candidates
+    assert not paper_quick(**override).intra.candidates
 
 
 def test_one_stream_has_one_b():
-    quick = Settings.quick()
+    quick = paper_quick()
     other = replace(quick.inter, quantizer=replace(quick.inter.quantizer, cholesky_bits=9))
     with pytest.raises(UsageError, match="cholesky_bits"):
-        Settings.quick(inter=other)
+        paper_quick(inter=other)
 
 
 @pytest.mark.parametrize(
@@ -199,6 +256,10 @@ def test_constant_quality_may_take_a_splat_for_six_pixels_or_those_asked_for():
     assert Settings.quick(psnr=30.0).splat_count(40, 30) == 30
     assert Settings.quick(psnr=30.0).most_splats(40, 30) == 200
     assert Settings.quick(psnr=30.0).most_splats(2, 2) == 1
+    assert Settings.quick(quality=30).most_splats(40, 30) == 200
+    assert Settings.quick(quality=30, splats=25).most_splats(40, 30) == 25
+    assert Settings.quick(splats=25).counted_splats(40, 30) == 50
+    assert paper_quick(splats=25).counted_splats(40, 30) == 31
     assert Settings.quick(psnr=30.0, splats=25).most_splats(40, 30) == 25
 
 

@@ -4,7 +4,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, flat, video_format, waves
+from codec_cases import encoded, flat, paper_fast, paper_quick, video_format, waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +17,7 @@ SIZES = [(1, 1), (1, 9), (7, 1), (2, 2), (17, 5), (33, 31), (16, 16)]
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-@pytest.mark.parametrize("preset", [Settings.quick, Settings.paper])
+@pytest.mark.parametrize("preset", [paper_quick, Settings.paper])
 def test_any_size_makes_the_round_trip(width, height, preset):
     clip = waves(width, height, 3)
     report, data = encoded(clip, preset(iterations=3, cholesky_bits=8, key_frames=2, checksums=True))
@@ -30,10 +30,10 @@ def test_any_size_makes_the_round_trip(width, height, preset):
 
 
 def test_automatic_key_frames_and_motion_work_at_any_size():
-    detection = Settings.quick(iterations=1).detection
+    detection = paper_quick(iterations=1).detection
     for width, height in SIZES:
         clip = waves(width, height, 3)
-        report, data = encoded(clip, fast(key_frames="auto", detection=detection))
+        report, data = encoded(clip, paper_fast(key_frames="auto", detection=detection))
         assert len(list(decode(data))) == len(report.frames) == 3
 
 
@@ -41,7 +41,7 @@ def test_automatic_key_frames_and_motion_work_at_any_size():
 def test_any_depth_makes_the_round_trip(bit_depth):
     peak = 2**bit_depth - 1
     clip = waves(24, 16, 2, bit_depth=bit_depth)
-    report, data = encoded(clip, fast(iterations=60, splats=40), bit_depth)
+    report, data = encoded(clip, paper_fast(iterations=60, splats=40), bit_depth)
     decoded = list(decode(data))
     assert {frame.dtype for frame in decoded} == {np.dtype(np.uint8 if bit_depth == 8 else np.uint16)}
     assert max(int(frame.max()) for frame in decoded) <= peak
@@ -55,14 +55,14 @@ def test_the_depth_of_the_source_does_not_change_the_splats():
     """16 bits of a clip whose samples are 257 times those of 8 bits are the same picture."""
     eight = waves(24, 16, 2)
     sixteen = [frame.astype(np.uint16) * 257 for frame in eight]
-    streams = [Stream(encoded(eight, fast())[1]), Stream(encoded(sixteen, fast(), 16)[1])]
+    streams = [Stream(encoded(eight, paper_fast())[1]), Stream(encoded(sixteen, paper_fast(), 16)[1])]
     for a, b in zip(*streams, strict=True):
         assert np.allclose(a.splats.to_array(), b.splats.to_array(), rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("splats", [1, 2])
 def test_one_splat_makes_a_frame(splats):
-    report, data = encoded(waves(24, 16, 4), fast(splats=splats, key_frames=2))
+    report, data = encoded(waves(24, 16, 4), paper_fast(splats=splats, key_frames=2))
     assert [frame.splats for frame in report.frames] == [splats] * 4
     assert len(list(decode(data))) == 4
 
@@ -74,7 +74,7 @@ def test_the_papers_preset_can_do_with_one_splat():
 
 def test_black_is_exactly_black():
     clip = flat(0, frames=2)
-    report, data = encoded(clip, fast(effects="auto,frames=all"))
+    report, data = encoded(clip, paper_fast(effects="auto,frames=all"))
     assert [frame.psnr for frame in report.frames] == [np.inf, np.inf]
     assert report.mean_psnr == np.inf
     assert not any(frame.any() for frame in decode(data))
@@ -83,7 +83,7 @@ def test_black_is_exactly_black():
 @pytest.mark.parametrize("value", [255, 128, (255, 0, 60)], ids=["white", "grey", "red"])
 def test_even_frames_are_no_trouble(value):
     clip = flat(value, frames=2)
-    report, data = encoded(clip, fast(iterations=60, effects="auto,frames=all"))
+    report, data = encoded(clip, paper_fast(iterations=60, effects="auto,frames=all"))
     assert [frame.type for frame in report.frames] == ["I", "P"]
     assert min(frame.psnr for frame in report.frames) > 20
     assert len(list(decode(data))) == 2
@@ -91,7 +91,7 @@ def test_even_frames_are_no_trouble(value):
 
 def test_from_black_to_white_and_back():
     clip = [*flat(0), *flat(255), *flat(0), *waves(frames=1), *flat(255)]
-    report, data = encoded(clip, fast(iterations=30, effects="auto,frames=all"))
+    report, data = encoded(clip, paper_fast(iterations=30, effects="auto,frames=all"))
     assert [frame.type for frame in report.frames] == list("IPPPP")
     assert np.isfinite([frame.psnr for frame in report.frames[1:2]]).all()
     assert len(list(decode(data))) == 5
@@ -114,7 +114,7 @@ QUICK = st.fixed_dictionaries(
 
 
 @settings(max_examples=25)
-@given(videos(max_frames=3, max_size=20), QUICK, st.sampled_from((Settings.quick, Settings.paper)))
+@given(videos(max_frames=3, max_size=20), QUICK, st.sampled_from((paper_quick, Settings.paper)))
 def test_whatever_the_video_and_the_settings_the_stream_decodes(video, overrides, preset):
     frames, bit_depth = video
     height, width = frames[0].shape[:2]

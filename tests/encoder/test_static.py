@@ -70,7 +70,11 @@ def frames():
 def decoded(tmp_path, **overrides):
     video = VideoFormat(64, 48, 25, 8, "rgb", COLOR, frame_count=3)
     target = tmp_path / "a.gsvc"
-    encode((frames(), video), target, Settings.quick(splats=60, iterations=30, key_frames=(0,), **overrides))
+    encode(
+        (frames(), video),
+        target,
+        Settings.quick(profile="paper", splats=60, iterations=30, key_frames=(0,), **overrides),
+    )
     with open(target) as stream:
         return list(stream)
 

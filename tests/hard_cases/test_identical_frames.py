@@ -11,7 +11,7 @@ from gsvc_ref.cli import main
 from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
 COLOR = ColorDescription(primaries=1, transfer=1, matrix=1, full_range=False, chroma_location=0)
-QUICK = ["--iterations", "2", "--splats", "4", "--key-frames", "2", "--quiet"]
+QUICK = ["--splats", "4", "--key-frames", "2", "--quiet"]
 
 
 def refuse(constant: str) -> None:

@@ -103,7 +103,7 @@ def encoding(size: tuple[int, int], **settings: Any) -> str:
     scene = {"title": "t", "size": size, "frames": 3, "base": {"checker": {"size": 0.3}}, "effects": [water, noise]}
     clip = list(frames(Scene.from_dict(scene)))
     file = BytesIO()
-    encode((clip, form), file, Settings.quick(**settings, threads=1, precision="deterministic"))
+    encode((clip, form), file, Settings.quick(profile="paper", **settings, threads=1, precision="deterministic"))
     decoded = decode(file.getvalue(), precision="deterministic")
     return hashed(iter([file.getvalue(), *map(in_files, decoded)]))
 

@@ -24,7 +24,7 @@ from gsvc_ref.cli import main
 
 source, folder = sys.argv[1:]
 stream = f"{folder}/clip.gsvc"
-for line in (["encode", source, stream, "--splats", "20", "--iterations", "3"], ["info", stream],
+for line in (["encode", source, stream, "--splats", "20"], ["info", stream],
              ["decode", stream, f"{folder}/clip.y4m"], ["compare", source, stream]):
     code = main([*line, *(["--quiet"] if line[0] in ("encode", "decode") else [])])
     if code:

@@ -17,7 +17,8 @@ from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult
 
 WIDTH, HEIGHT = 40, 30
 SIZE = np.array([WIDTH / 2, HEIGHT / 2], np.float32)
-INTRA, INTER = Settings.quick().intra.quantizer, Settings.quick().inter.quantizer
+QUICK = Settings.quick(profile="paper")
+INTRA, INTER = QUICK.intra.quantizer, QUICK.inter.quantizer
 PAPER = Settings.paper().intra.quantizer
 COLUMNS = (slice(0, 2), slice(2, 5), slice(5, 8))
 

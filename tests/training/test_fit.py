@@ -39,7 +39,7 @@ PICTURE = np.stack(
 ).astype(np.float32)  # fmt: skip
 NO_STEPS = Rates(0, 0, 0, 0)
 BARE = FitSettings(iterations=10, convergence=None, pruning=None)
-QUICK = Settings.quick(iterations=40)
+QUICK = Settings.quick(profile="paper", iterations=40)
 
 
 def population(count=12, weight=1.0, settings=BARE, seed=0) -> Population:

@@ -44,7 +44,9 @@ def encode_video(
     video = VideoFormat(
         width, height, rate, bit_depth, "rgb", ColorDescription(2, 2, 0, full_range=True, chroma_location=0)
     )
-    settings = Settings.quick(splats=splats, key_frames=key_frame_interval or "auto", precision="deterministic")
+    settings = Settings.quick(
+        profile="paper", splats=splats, key_frames=key_frame_interval or "auto", precision="deterministic"
+    )
     stream = io.BytesIO()
     report = encode((list(frames), video), stream, settings)
     if report.header.level > level:

@@ -124,18 +124,24 @@ NUMBERS: Final = (
     1 << 200, 0.0, -0.0, 0.5, 1e-300, 1e300, math.inf, -math.inf, math.nan, 30.0,
 )  # fmt: skip
 NAMES: Final = (
+    "quality", "profile",
     "splats", "psnr", "key_frames", "frames", "seed", "threads", "precision", "lane_count", "entropy_precision",
     "index", "checksums", "iterations", "cholesky_bits", "color_stages", "color_codewords", "low_latency", "effects",
     "decisions", "nonsense",
 )  # fmt: skip
-WORDS: Final = {"key_frames": ("auto",), "precision": ("fast", ""), "effects": ("auto", "all,gsa=off", "auto,gsa", "")}
+WORDS: Final = {
+    "key_frames": ("auto",),
+    "precision": ("fast", ""),
+    "profile": ("main", "paper"),
+    "effects": ("auto", "all,gsa=off", "auto,gsa", ""),
+}
 """The settings that take words; the types of all others are numbers, as their annotations say."""
 
 
 def settings(data: bytes) -> str:
     """Settings by name: UsageError, or settings that say the number of splats of a frame."""
     rng = Random(data)
-    preset = rng.choice((Settings.quick, Settings.paper))
+    preset = rng.choice((Settings.quick, Settings.slow, Settings.paper))
     given = {name: _value(rng, name) for name in rng.sample(NAMES, rng.randrange(1, 4))}
     try:
         made = preset(**given)

@@ -150,7 +150,7 @@ def test_numbers_out_of_range(numbers):
 
 def test_a_curve_that_is_complete_and_one_that_is_stopped():
     source = small_source()
-    complete = encoding_curve(Settings.quick(splats=12, iterations=4), source, math.inf)
+    complete = encoding_curve(Settings.quick(profile="paper", splats=12, iterations=4), source, math.inf)
     assert complete.end.startswith("complete: the decoded frame has ")
     seconds = [second for second, _ in complete.points]
     assert seconds == sorted(seconds)

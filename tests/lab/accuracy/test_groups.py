@@ -69,7 +69,7 @@ def test_threads_go_up_to_all_processors(monkeypatch, most, counts):
 def test_the_setting_called_quick_is_the_preset(group):
     quick = [setting.work for setting in group.settings if setting.usual == "quick"]
     assert quick == [Training()]
-    assert Training().fit == Settings.quick().intra.fit
+    assert Training().fit == Settings.quick(profile="paper").intra.fit
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_the_setting_called_quick_is_the_preset(group):
     ],
 )  # fmt: skip
 def test_coding_is_that_of_the_preset_but_for_the_setting(coding, changed):
-    assert differences(Settings.quick(), coding.settings(40, 30)) == changed
+    assert differences(Settings.quick(profile="paper"), coding.settings(40, 30)) == changed
 
 
 @pytest.fixture(scope="module")

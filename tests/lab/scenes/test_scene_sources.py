@@ -13,7 +13,7 @@ from gsvc_lab.scenes import Scene, frames
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video import open_video
 
-QUICK = gsvc_ref.Settings.quick(iterations=2, splats=8)
+QUICK = gsvc_ref.Settings.quick(splats=8)
 TOML = 'title = "t"\nsize = [12, 8]\nframes = 2\nframe_rate = 10\nbase = {color = [0.2, 0.4, 0.6]}\n'
 
 
@@ -82,7 +82,7 @@ def test_scenes_are_encoded_from_python_by_name_and_from_files(tmp_path):
         streams.append(target.getvalue())
     assert streams[0] == streams[1] == streams[2]
     report = gsvc_ref.encode("scene:jumping-circle", io.BytesIO(), gsvc_ref.Settings.quick(
-        iterations=1, splats=4, frames=(0, 1)))  # fmt: skip
+        splats=4, frames=(0, 1)))  # fmt: skip
     assert len(report.frames) == 1
 
 
