@@ -28,7 +28,7 @@ MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
 """No level allows more splats in a frame."""
 
 COARSER: Final = 2
-"""By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them, by default."""
+"""By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them."""
 
 
 class MainFrameEncoder:
@@ -50,8 +50,6 @@ class MainFrameEncoder:
     below
         (B, 8) f4, splats that stand in front of those of the next frame in its picture: the base and the layers below,
         where it is a layer that is encoded. None: there are none.
-    coarser
-        By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -63,7 +61,6 @@ class MainFrameEncoder:
         self._quantizer = 0
         self._before: F4 | None = None
         self.below: F4 | None = None
-        self.coarser = COARSER
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -110,7 +107,7 @@ class MainFrameEncoder:
         assert self._before is not None
         threads, precision = self.settings.threads, self.settings.precision
         objective = Objective(picture, threads, precision=precision, background=self.below)
-        quantizer = min(max(self._quantizer + self.coarser, 0), QUANTIZERS - 1)
+        quantizer = min(self._quantizer + COARSER, QUANTIZERS - 1)
         codes = self._inter.encode(PFrame(self.state, objective, self._before, picture, quantizer, self._total))
         return self._with_lanes(codes)
 

@@ -10,14 +10,13 @@ import numpy as np
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
-from gsvc_ref.encoder.main_frame import COARSER, MainFrameEncoder
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.reconstruction import FrameType
 
 
-GAMMA = float(__import__("os").environ.get("GAMMA","1"))
 class LayeredFrameEncoder:
     """Encodes frames with their layers in order.
 
@@ -63,8 +62,4 @@ class LayeredFrameEncoder:
             for stage, spent in encoded.seconds.items():
                 seconds[stage] = seconds.get(stage, 0.0) + spent
         base, highest = layers[0], layers[-1]
-        if base.codes.type == "I":
-            for layer, part in zip(layers, self.parts, strict=True):
-                finer = (1 - GAMMA) * (layer.codes.quantizer - highest.codes.quantizer)
-                part.coarser = COARSER - round(finer)
         return EncodedFrame(base.codes, base.state, highest.psnr, 0, seconds, layers=tuple(layers))
