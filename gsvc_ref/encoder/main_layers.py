@@ -4,7 +4,8 @@ Layer l is coded as the base is, with what is below it as a constant background:
 and the layers up to l - 1 leave of the frame. It is predicted from itself, so no layer depends on the bits of another.
 """
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
@@ -37,6 +38,9 @@ class LayeredFrameEncoder:
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
         self.parts = [MainFrameEncoder(one, width, height, bit_depth) for one in settings.of_layers()]
+        if settings.layers:  # each may need all splats that there is room for
+            for part in self.parts:
+                part.most, part.room = max(1, part.most // len(self.parts)), part.room // len(self.parts)
 
     @property
     def state(self) -> MainState:
@@ -50,30 +54,21 @@ class LayeredFrameEncoder:
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2 and its layers; the next one is predicted from their reconstruction."""
         below = Splats.empty()
-        seconds: dict[str, float] = {}
-        iterations = 0
-        layers: list[EncodedLayer] = []
-        encodings: list[EncodedFrame] = []
-        for layer, part in enumerate(self.parts):
+        encoded: list[EncodedFrame] = []
+        for part in self.parts:
             part.below = below
-            encoded = part.encode(frame, frame_type, number, progress)
-            assert isinstance(encoded.codes, MainCodes)
-            if layer == 0 and encoded.codes.type == "I":  # then no layer is there to be predicted from (R-15.13-2)
+            encoded.append(part.encode(frame, frame_type, number, progress))
+            if encoded[0].codes.type == "I":  # then no layer is there to be predicted from (R-15.13-2)
                 frame_type = "I"
-            encodings.append(encoded)
-            layers.append(EncodedLayer(layer, encoded.codes, part.state, encoded.psnr))
             below = below.append(part.state.splats)
-            iterations += encoded.iterations
-            for stage, spent in encoded.seconds.items():
-                seconds[stage] = seconds.get(stage, 0.0) + spent
-        base, highest = layers[0], layers[-1]
-        return EncodedFrame(
-            base.codes,
-            base.state,
-            highest.psnr,
-            iterations,
-            seconds,
-            encodings[0].decisions,
-            encodings[0].reason,
-            tuple(layers),
+        seconds: dict[str, float] = {}
+        for stage, spent in (item for layer in encoded for item in layer.seconds.items()):
+            seconds[stage] = seconds.get(stage, 0.0) + spent
+        layers = tuple(
+            EncodedLayer(number, cast("MainCodes", layer.codes), part.state, layer.psnr)
+            for number, (layer, part) in enumerate(zip(encoded, self.parts, strict=True))
         )
+        return replace(
+            encoded[0], psnr=layers[-1].psnr, iterations=sum(layer.iterations for layer in encoded), seconds=seconds,
+            layers=layers,
+        )  # fmt: skip

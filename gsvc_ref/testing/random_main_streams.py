@@ -155,8 +155,7 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    drawn_kind: Kind = choices.pick(KINDS) if kind is None else kind
-    run = RandomRun(choices.generator(), drawn_kind)
+    run = RandomRun(choices.generator(), kind or choices.pick(SYMBOL_KINDS))
     after, codes = code_run(run, before, codes, count)
     return codes, after
 
