@@ -33,7 +33,7 @@ from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounde
 from gsvc_ref.main_profile.cells import cell_order
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
-from gsvc_ref.portable import exp, log2, log10
+from gsvc_ref.portable import log10
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
 from gsvc_ref.training.settings import Growth
@@ -58,12 +58,6 @@ What a base leaves of a picture is faint, and so are the splats fitted to it. Th
 picture of the same quality: a layer of 300 splats on a base of 200 took 15.9 kbit in all for 33.2 dB with 4 more steps
 than its own rule has, and 18.3 for 33.7 with none, where one layer takes 13.8 and 15.0.
 """
-
-DB_PER_DOUBLING: Final = 4.5
-"""First guess of what twice the splats gain."""
-AIM: Final = 0.05
-"""By how many dB a search for a PSNR aims higher than it must, and half of what it is content with."""
-TRIES: Final = 5
 
 BITS_WEIGHT: Final = 1.5
 """W in the term of the bits, W D^2 / 2 ln(E^2 + D^2) of each splat.
@@ -203,7 +197,7 @@ def quantizer_for(z: F8) -> int:
     A bit is best spent either on a splat more or on finer steps of all. Both give the same where the median of the
     splats' energies E, before any is removed for its bits, is MEDIAN_ENERGY times D: then some 10 to 30 % of them turn
     out not to be worth their bits, whatever the picture and its quality. A finer D is waste on splats too few, a
-    coarser one removes more of them. For a quality that is asked for, N is what is searched (`encode_intra_psnr`).
+    coarser one removes more of them. For a quality that is asked for, N is what is searched.
 
     Parameters
     ----------
@@ -220,64 +214,6 @@ def quantizer_for(z: F8) -> int:
     median = math.sqrt(float(np.sort(_energies(z))[len(z) // 2]))
     steps = np.array([step_of(quantizer) for quantizer in range(QUANTIZERS)])
     return int(np.argmin(np.abs(steps - 16 * median / MEDIAN_ENERGY)))
-
-
-def encode_intra_psnr(
-    picture: F4,
-    psnr: float,
-    rng: Generator,
-    settings: IntraSettings | None = None,
-    *,
-    splats: int,
-    most_splats: int,
-    base: F4 | None = None,
-    threads: int | None = None,
-    precision: Precision = "fast",
-    on_evaluation: OnEvaluation | None = None,
-) -> IntraFrame:
-    """The I-frame with the fewest splats tried whose decoded picture has a PSNR; the best one, if none has.
-
-    The number of splats is searched by secants of the PSNR over its logarithm, at first with DB_PER_DOUBLING; the
-    quantiser follows from `quantizer_for`.
-
-    Parameters
-    ----------
-    psnr
-        In dB, of the decoded picture before it is rounded to integers.
-    splats, most_splats
-        The first number that is tried, and the largest.
-    picture, rng, settings, base, threads, precision, on_evaluation
-        As in `encode_intra`; each try begins with the same draws.
-    """
-    seed = int(rng.integers(1 << 62))
-    target = Target(picture, base, threads, precision)
-    tried: list[tuple[float, float]] = []  # log2 of the number, and the PSNR that it gave
-    found: IntraFrame | None = None
-    best: IntraFrame | None = None
-    most = -math.inf
-    number = min(splats, most_splats)
-    for _ in range(TRIES):
-        frame = encode_intra(
-            picture, number, np.random.default_rng(seed), None, settings, base=base, threads=threads,
-            precision=precision, on_evaluation=on_evaluation,
-        )  # fmt: skip
-        got = target.psnr(frame.parameters)
-        tried.append((float(log2(number)), got))
-        if got >= psnr and (found is None or len(frame.state) < len(found.state)):
-            found = frame
-        if got > most:
-            best, most = frame, got
-        slope = DB_PER_DOUBLING
-        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
-            slope = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
-        doublings = (psnr + AIM - got) / min(max(slope, 2.0), 8.0)
-        following = min(max(1, round(number * float(exp(math.log(2) * min(max(doublings, -3.0), 3.0))))), most_splats)
-        if following == number or 0 <= got - psnr < 2 * AIM:
-            break
-        number = following
-    result = found or best
-    assert result is not None
-    return result
 
 
 def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFrame:

@@ -106,8 +106,7 @@ def _rows(*row: int) -> Any:
 def crowd(header: SequenceHeader, sizes: Any, count: int) -> MainCodes:
     """An I-frame of splats of class 2 in the first cell, whose codes of size and aspect are `sizes`."""
     planes = (*PLAUSIBLE.planes[:3], Density(0, 20, 144), *PLAUSIBLE.planes[4:])
-    rows = np.ones((count, 1), np.int64)
-    new = IntraCodes(rows * [0, 0], rows * [4, -1, 0], rows * [*sizes, 0], rows * [0, 0])
+    new = IntraCodes(*(np.repeat(_rows(*row), count, axis=0) for row in ((0, 0), (4, -1, 0), (*sizes, 0), (0, 0))))
     return MainCodes(type="I", quantizer=24, densities=densities_for(header, planes), new=new)
 
 
