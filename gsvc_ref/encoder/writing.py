@@ -60,7 +60,8 @@ def write(
     """Write splats of any trainer as a stream; nothing is fitted, they are only quantised.
 
     Frames are taken one by one, so that an iterator may have any number of them. Whatever ends it early after at least
-    one complete frame, the frames so far become a valid stream in the target's place, as with `encode`.
+    one complete frame, the frames so far become a valid stream in the target's place, as with `encode`. The stream is
+    of profile `paper`: the encoder of profile `main` finds splats for its own coordinates, and takes none.
 
     Parameters
     ----------

@@ -365,8 +365,8 @@ def test_progress_tells_frame_iteration_and_quality(clip, tmp_path, monkeypatch)
     monkeypatch.setenv("TERM", "dumb")
     assert main(["encode", str(clip), str(tmp_path / "out.gsvc"), *QUICK[:-1], "--json"]) == 0
     shown = terminal.getvalue()
-    assert "frame 1/4  fitting 1/2" in shown
-    assert "frame 4/4  quantising" in shown
+    assert "frame 1/4  encoding 1/" in shown
+    assert "frame 4/4  encoding" in shown
     assert " dB" in shown
     assert " left" in shown
 

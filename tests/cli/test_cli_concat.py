@@ -116,7 +116,7 @@ def test_progress_is_shown_on_a_terminal(parts, tmp_path, monkeypatch):
 
 def test_a_header_that_differs(fails, parts, stream, tmp_path):
     error = fails(2, parts[0], stream, "-o", tmp_path / "out.gsvc")
-    assert f"`width` is 16 in {parts[0]} and 32 in {stream}" in error
+    assert f"`profile` is 0 in {parts[0]} and 1 in {stream}" in error
     assert "encode one of them again" in error
 
 
@@ -200,9 +200,12 @@ def test_a_full_disk(fails, parts):
     assert "/dev/full: No space left" in fails(1, *parts, "-o", "/dev/full")
 
 
-def test_clips_of_other_settings_say_what_to_do(clip, stream, tmp_path, capsys):
+def test_clips_of_other_settings_say_what_to_do(clip, tmp_path, capsys):
     other = tmp_path / "other.gsvc"
-    assert main(["encode", str(clip), str(other), *QUICK, "--profile", "paper", "--cholesky-bits", "9"]) == 0
+    eight, nine = ([*QUICK, "--profile", "paper", "--iterations", "2", "--cholesky-bits", b] for b in "89")
+    stream = tmp_path / "eight.gsvc"
+    assert main(["encode", str(clip), str(stream), *eight]) == 0
+    assert main(["encode", str(clip), str(other), *nine]) == 0
     assert StreamReader(other.read_bytes()).header.cholesky_bits == 9
     assert main(["concat", str(stream), str(other), "-o", str(tmp_path / "out.gsvc")]) == 2
     assert "`cholesky_bits` is " in capsys.readouterr().err

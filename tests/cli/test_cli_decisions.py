@@ -32,12 +32,15 @@ def still(tmp_path):
     return path
 
 
+PAPER = ["--profile", "paper", "--iterations", "2"]
+
+
 def test_the_effects_are_told_and_what_they_left_out(still, tmp_path, capsys):
-    assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "auto,motion=off") == 0
+    assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "auto,motion=off", *PAPER) == 0
     out = capsys.readouterr().out
     assert "effects auto,motion=off, seed 0" in out
     assert "  effects: 1 frame repeated, DKS pre-trained 0 of 3 frames, GSA in 0 of 1 P-frame, static splats in" in out
-    assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "all", "--json") == 0
+    assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "all", "--json", *PAPER) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["settings"]["effects"]["frames"] == "all"
     assert [frame["type"] for frame in report["frames"]] == ["I", "P", "P"]
