@@ -2,7 +2,7 @@
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pkgutil import resolve_name
 from typing import Any, Final
@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gsvc_lab.benchmarks.material import STREAM_SPLATS, stream
+from gsvc_lab.benchmarks.material import PROFILES, STREAM_SPLATS, Profile, stream
 from gsvc_lab.benchmarks.memory import peaks_of
 from gsvc_lab.benchmarks.results import Goal, Section, Table
 from gsvc_lab.benchmarks.timing import Spread
@@ -19,10 +19,18 @@ from gsvc_ref import decode
 GOALS: Final = {10_000: (150, 250), 50_000: (70, 120)}
 """Must and aim in frames per second by N."""
 
+MAIN_GOALS: Final = (1.3, 1.0)
+"""Must and aim of the time of profile `main`, in that of `paper`."""
+
 STAGES: Final = {
     "checksum": ("gsvc_ref.bitstream.chunks.crc32c",),
-    "entropy": ("gsvc_ref.bitstream.planes.decode_kernel", "gsvc_ref.bitstream.bit_reader.decode_golombs"),
-    "reconstruct": ("gsvc_ref.stream.chunk_decoder.reconstruct",),
+    "entropy": (
+        "gsvc_ref.bitstream.planes.decode_kernel",
+        "gsvc_ref.bitstream.bit_reader.decode_golombs",
+        "gsvc_ref.main_profile.frames.read_predicted",
+        "gsvc_ref.main_profile.frames.read_intra",
+    ),
+    "reconstruct": ("gsvc_ref.stream.profiles.reconstruct",),
     "work": ("gsvc_ref.stream.chunk_decoder.rendering_work",),
     "chunk": ("gsvc_ref.stream.reader.ChunkDecoder.decode",),
     "render": ("gsvc_ref.stream.decoder.SequenceRenderer.next_frame",),
@@ -94,51 +102,76 @@ def stage_seconds(source: bytes, threads: int) -> list[dict[str, float]]:
 
 
 def decoding(threads: int) -> Section:
-    """Stages, frames per second, and memory."""
+    """Stages, frames per second and memory of both profiles, and what `main` takes against `paper`."""
     section = Section("Decoding")
-    header = ["N", "frame", "bytes", *COLUMNS, "sum", "frames/s"]
-    rows, memory = [], []
+    header = ["profile", "N", "splats", "frame", "bytes", *COLUMNS, "sum", "frames/s"]
+    rows, memory, ratios = [], [], []
     for count in STREAM_SPLATS:
-        path = stream(count)
-        source = path.read_bytes()
-        frame_seconds(source, threads), stage_seconds(source, threads)
-        whole, stages = [], []
-        for _ in range(ROUNDS):
-            whole.append(frame_seconds(source, threads))
-            stages.append(stage_seconds(source, threads))
-        sizes = _frame_bytes(source)
+        sources = {profile: stream(count, profile).read_bytes() for profile in PROFILES}
+        whole, stages = _measured(sources, threads)
         for label, frames in (("I", slice(0, 1)), ("P", slice(1, None))):
-            seconds = np.array([part[frames] for part in whole]).mean(axis=1)
-            medians = {
-                stage: float(np.median([np.mean([frame[stage] for frame in part[frames]]) for part in stages]))
-                for stage in COLUMNS
-            }
-            rate = Spread.of(1 / seconds)
-            row = [f"{count:,}", label, f"{np.mean(sizes[frames]):,.0f}"]
-            row += [f"{1000 * value:.2f}" for value in medians.values()]
-            rows.append([*row, Spread.of(seconds).text(2, 1000), rate.text(0)])
-            section.numbers.append({"splats": count, "frame": label, "stages": medians, "seconds": seconds.tolist()})
-            must, aim = GOALS[count]
-            goal = f"decode a 1080p stream, N = {count:,}, {label}-frames"
-            section.goals.append(Goal(goal, "frames/s", must, aim, rate.median, True))
-        peaks = peaks_of(MEMORY, str(path))
-        memory.append([f"{count:,}", *(f"{peak:.0f}" for peak in peaks)])
-        section.numbers.append({"splats": count, "MiB": peaks})
+            means = {}
+            for profile, source in sources.items():
+                seconds = means[profile] = np.array([part[frames] for part in whole[profile]]).mean(axis=1)
+                medians = {
+                    stage: float(
+                        np.median([np.mean([frame[stage] for frame in part[frames]]) for part in stages[profile]])
+                    )
+                    for stage in COLUMNS
+                }
+                rate = Spread.of(1 / seconds)
+                sizes, splats = np.mean(_frame_sizes(source)[frames], axis=0)
+                row = [profile, f"{count:,}", f"{splats:,.0f}", label, f"{sizes:,.0f}"]
+                row += [f"{1000 * value:.2f}" for value in medians.values()]
+                rows.append([*row, Spread.of(seconds).text(2, 1000), rate.text(0)])
+                numbers = {"profile": profile, "splats": count, "frame": label}
+                section.numbers.append({**numbers, "stages": medians, "seconds": seconds.tolist()})
+                must, aim = GOALS[count]
+                goal = f"decode a 1080p stream of {profile}, N = {count:,}, {label}-frames"
+                section.goals.append(Goal(goal, "frames/s", must, aim, rate.median, True))
+            against = Spread.of(means["main"] / means["paper"])
+            ratios.append([f"{count:,}", label, against.text()])
+            goal = f"decode main against paper, N = {count:,}, {label}-frames"
+            section.goals.append(Goal(goal, "times", *MAIN_GOALS, against.median, False))
+        for profile in PROFILES:
+            peaks = peaks_of(MEMORY, str(stream(count, profile)))
+            memory.append([profile, f"{count:,}", *(f"{peak:.0f}" for peak in peaks)])
+            section.numbers.append({"profile": profile, "splats": count, "MiB": peaks})
     text = (
         "Milliseconds a frame by stage, medians of "
         f"{ROUNDS} decodes with a clock in every stage; the sum and frames per second without those clocks, median "
-        "(quartiles). The stream is what `gsvc encode` writes with the preset `quick`: an I-frame and three P-frames "
+        "(quartiles). The streams are what `gsvc encode` writes with the preset `quick`: an I-frame and three P-frames "
         "of a picture that moves; the first frame also sets the decoder up, in its `other`. `work` is the check of "
-        "R-5-4; `render` goes to 8 bits."
+        "R-5-4; `render` goes to 8 bits. A kernel of profile `main` that reads also reconstructs: `reconstruct` is 0."
     )
     section.tables.append(Table(text, header, rows))
-    header = ["N", "after import, MiB", "peak, MiB"]
+    text = (
+        "Time of a frame of `main` in that of `paper`, decoded in turns, from the file to 8 bits: median (quartiles)."
+    )
+    section.tables.append(Table(text, ["N", "frame", "main / paper"], ratios))
+    header = ["profile", "N", "after import, MiB", "peak, MiB"]
     section.tables.append(Table("Memory of a process of its own that decodes the stream.", header, memory))
     return section
 
 
-def _frame_bytes(source: bytes) -> list[int]:
+def _measured(
+    sources: Mapping[Profile, bytes], threads: int
+) -> tuple[dict[Profile, list[list[float]]], dict[Profile, list[list[dict[str, float]]]]]:
+    """`frame_seconds` and `stage_seconds` of streams, in turns, `ROUNDS` times behind one that does not count."""
+    whole: dict[Profile, list[list[float]]] = {profile: [] for profile in sources}
+    stages: dict[Profile, list[list[dict[str, float]]]] = {profile: [] for profile in sources}
+    for number in range(ROUNDS + 1):
+        for profile, source in sources.items():
+            seconds, parts = frame_seconds(source, threads), stage_seconds(source, threads)
+            if number > 0:
+                whole[profile].append(seconds)
+                stages[profile].append(parts)
+    return whole, stages
+
+
+def _frame_sizes(source: bytes) -> list[tuple[int, int]]:
+    """Bytes and splats of each frame of a stream."""
     from gsvc_ref.stream import StreamReader
 
     with StreamReader(source) as reader:
-        return [frame.size for frame in reader.frames()]
+        return [(frame.size, len(frame.splats)) for frame in reader.frames()]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ SIZES: Final = {(1920, 1080): (10_000, 20_000, 50_000), (352, 288): (1000, 2000,
 """N of the populations of each frame size."""
 
 SEED: Final = 0
+
+Profile = Literal["paper", "main"]
+PROFILES: Final[tuple[Profile, ...]] = get_args(Profile)
 
 STREAM_SPLATS: Final = (10_000, 50_000)
 STREAM_FRAMES: Final = 4
@@ -108,16 +111,16 @@ def changed(splats: Splats) -> Splats:
     return replace(splats, colors=splats.colors * np.float32(0.999))
 
 
-def stream(count: int) -> Path:
+def stream(count: int, profile: Profile) -> Path:
     """A stream of 1920x1080 pixels as `gsvc encode` writes it with the preset `quick`: I P P P."""
     width, height = 1920, 1080
-    path = CACHE / f"stream_{count}.gsvc"
+    path = CACHE / f"stream_{profile}_{count}.gsvc"
     if not path.exists():
-        _say(f"encoding {STREAM_FRAMES} frames of {width}x{height} with {count:,} splats, once")
+        _say(f"encoding {STREAM_FRAMES} frames of {width}x{height} with {count:,} splats, profile {profile}, once")
         CACHE.mkdir(exist_ok=True)
         color = ColorDescription(primaries=1, transfer=1, matrix=0, full_range=True, chroma_location=0)
         video = VideoFormat(width, height, Fraction(25), 8, "rgb", color, frame_count=STREAM_FRAMES)
-        settings = Settings.quick(profile="paper", splats=count, key_frames=(0,), seed=SEED)
+        settings = Settings.quick(splats=count, key_frames=(0,), seed=SEED, profile=profile)
         gsvc_ref.encode((_frames(width, height), video), path, settings)
     return path
 
@@ -128,7 +131,7 @@ def _frames(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def _train(target: F4, count: int) -> F4:
-    settings = Settings.quick(profile="paper").intra.fit
+    settings = Settings.quick().intra.fit
     assert settings.growth is not None
     rng = np.random.default_rng(SEED)
     splats = image_start(target, settings.growth.start(count), rng)
@@ -153,7 +156,8 @@ def main() -> None:
         for case in cases(width, height):
             print(f"{case.name}: {case.covering():.1f} splats cover a pixel")
     for count in STREAM_SPLATS:
-        print(f"stream with N = {count:,}: {stream(count).stat().st_size:,} bytes")
+        for profile in PROFILES:
+            print(f"stream of {profile} with N = {count:,}: {stream(count, profile).stat().st_size:,} bytes")
 
 
 if __name__ == "__main__":

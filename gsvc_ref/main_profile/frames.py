@@ -291,8 +291,9 @@ def code_run(
 def _with_new(state: MainState, codes: MainCodes, new: IntraCodes, values: I8) -> tuple[MainState, MainCodes]:
     """State and codes of a frame with the splats of an I-frame, or new ones, behind those that stay."""
     past = np.full(len(values), 0 if codes.type == "I" else 2, np.int64)
-    both = np.concatenate([state.values, values]), np.concatenate([state.past, past])
-    return replace(state, values=both[0], past=both[1]), replace(codes, new=new)
+    if len(state.values):
+        values, past = np.concatenate([state.values, values]), np.concatenate([state.past, past])
+    return replace(state, values=values, past=past), replace(codes, new=new)
 
 
 def _check_finished(s: Coder, lanes: Lanes) -> None:

@@ -33,7 +33,7 @@ def place_bits(shapes: I8, j: I8) -> I8:
 
 
 def intra_state(codes: IntraCodes, step: int) -> I8:
-    """The state (N, 8) that the codes of an I-frame, or of new splats, stand for (15-10), (15-15).
+    """The state (N, 8) that the codes of an I-frame, or of new splats, stand for: (15-10), (15-15).
 
     Parameters
     ----------

@@ -80,12 +80,27 @@ def random_streams() -> str:
     return hashed(random_stream(seed).data for seed in range(20))
 
 
-def decoding(precision: str) -> str:
+def random_main_streams() -> str:
+    """The streams of profile `main` of twenty seeds, and the splats of their frames."""
+    from gsvc_ref.stream import StreamReader
+    from gsvc_ref.testing import random_main_stream
+
+    def parts() -> Iterator[bytes]:
+        for seed in range(20):
+            data = random_main_stream(seed).data
+            yield data
+            yield from (in_files(frame.splats.to_array()) for frame in StreamReader(data))
+
+    return hashed(parts())
+
+
+def decoding(precision: str, *, main: bool = False) -> str:
     """The frames of small streams."""
     from gsvc_ref.stream import decode
-    from gsvc_ref.testing import random_stream
+    from gsvc_ref.testing import random_main_stream, random_stream
 
-    streams = (random_stream(seed, max_frames=3, max_count=40, max_pixels=600).data for seed in range(40, 52))
+    make = random_main_stream if main else random_stream
+    streams = (make(seed, max_frames=3, max_count=40, max_pixels=600).data for seed in range(40, 52))
     return hashed(in_files(frame) for stream in streams for frame in decode(stream, precision=precision))
 
 
@@ -114,11 +129,14 @@ PARTS: dict[str, Callable[[], str]] = {
     "kills": lambda: vectors(kills=True),
     "scenes": scenes,
     "streams": random_streams,
+    "streams-main": random_main_streams,
     "decode": lambda: decoding("deterministic"),
+    "decode-main": lambda: decoding("deterministic", main=True),
     "decode-exact": lambda: decoding("exact"),
     "decode-fast": lambda: decoding("fast"),
     "encode-small": lambda: encoding((12, 9), splats=6, iterations=2),
     "encode": lambda: encoding((48, 40), splats=60, iterations=20),
+    "encode-main": lambda: encoding((12, 9), splats=6, iterations=2, profile="main"),
 }
 """By name."""
 
