@@ -26,7 +26,7 @@ from gsvc_ref.rendering import Objective, Renderer
 MOST_SPLATS: Final = max(level.splats for level in LEVELS.values())
 """No level allows more splats in a frame."""
 
-COARSER: Final = 2
+COARSER: Final = 0
 """By how many steps of an eighth of an octave D is greater in P-frames than in the I-frame before them."""
 
 

@@ -105,7 +105,7 @@ class InterSettings:
     rounded_iterations: int = 30
     length: float = 0.5
     momentum: float = 0.9
-    sparsity: float = 0.8
+    sparsity: float = 0.4
     price: float = 0.9
     new_gain: float = 9.0
     new_energy: float = 4.5
@@ -115,7 +115,7 @@ class InterSettings:
     @classmethod
     def quick(cls) -> "InterSettings":
         """About as long for a frame as preset `quick` of profile `paper`."""
-        return cls(motion_steps=3, motion_rounds=4, iterations=45, rounded_iterations=18)
+        return cls(motion_steps=3, motion_rounds=4, iterations=50, rounded_iterations=18)
 
     @classmethod
     def slow(cls) -> "InterSettings":
