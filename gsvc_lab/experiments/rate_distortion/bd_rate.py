@@ -4,6 +4,7 @@ import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from scipy.interpolate import PchipInterpolator
 
@@ -11,6 +12,9 @@ from gsvc_ref.errors import UsageError
 
 Pair = tuple[float, float]
 """Rate (any unit, above 0) and quality."""
+
+LITTLE: Final = 0.5
+"""A BD-rate over less of the test's range than this is marked, and so is a mean with one such or none."""
 
 
 def check_bd_rates() -> None:

@@ -47,8 +47,8 @@ class Layered:
 
 
 def layered(clip: PlanarClip, single: Curve, folder: Path, threads: int | None) -> Layered:
-    """Code a clip in layers with the numbers of splats of the first points of a single layer's curve."""
-    splats = tuple(point.splats for point in single.points[:COUNT] if point.splats is not None)
+    """Code a clip in layers with the numbers of splats of a single layer's curve, those before its finest point."""
+    splats = tuple(point.splats for point in single.points[-COUNT - 1 : -1] if point.splats is not None)
     made, _ = gsvc_point(clip, MAIN.settings(layer_splats=splats, threads=threads), folder)
     rate = rate_at(single.pairs("psnr"), made.psnr)
     return Layered(clip.title, splats, made.psnr, made.bytes, None if rate is None else rate * clip.pixels / 8)

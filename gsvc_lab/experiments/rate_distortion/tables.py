@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from gsvc_lab.experiments.experiment import Table
-from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate, rate_at
+from gsvc_lab.experiments.rate_distortion.bd_rate import LITTLE, BdRate, rate_at
 from gsvc_lab.experiments.rate_distortion.compare import WORDS, Comparison, Ratios
 from gsvc_lab.experiments.rate_distortion.decisions import DECISIONS, WHY
 from gsvc_lab.experiments.rate_distortion.goals import percent
 from gsvc_lab.experiments.rate_distortion.layers import Layered
 from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
-
-LITTLE: Final = 0.5
-"""A BD-rate over less of the test's range than this is marked, and so is a mean with one such or none."""
 
 PUBLISHED: Final = (
     ("GSVC, N = 10,000", "0.20", "33.92", "0.93", "87.95"),

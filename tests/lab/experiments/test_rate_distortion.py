@@ -114,6 +114,28 @@ def test_goals_are_judged_by_the_worst_clip_and_the_mean():
     assert "I- and P-frames only: carphone -80.0 %; b -20.0 %; mean -60.0 %." in said
 
 
+def test_a_goal_about_all_clips_needs_all_of_them():
+    curves = [
+        *(curve(coders.PAPER.name, clip, (1, 30), (10, 40)) for clip in ("a", "b")),
+        curve(coders.MAIN.name, "a", (0.1, 30), (1, 40)),
+        curve(coders.MAIN.name, "b", (0.1, 50), (1, 60)),
+    ]
+    mean, worst = goals.goals_of(compare.compared(curves, coders.MAIN.name), curves, None, [])[:2]
+    assert mean.measured == pytest.approx(0.1)
+    assert mean.reached == worst.reached == "not on all clips"
+    assert mean.remark == "1 of 2 clips"
+
+
+def test_files_are_set_against_the_code_length_together_and_alone():
+    points = [
+        measure.Point("", size, 1, 30, 30, 0.9, None, 1, 1, 1, 10, measure.CodeLength(bits, 0, 0))
+        for size, bits in ((110, 800), (1010, 8000))
+    ]
+    goal = goals.goals_of([], [measure.Curve(coders.MAIN.name, "c", tuple(points))], None, [])[-1]
+    assert goal.measured == pytest.approx(1120 / 1100)
+    assert goal.remark.endswith("single files +1.0 % to +10.0 %")
+
+
 def test_what_is_not_there_is_no_goal_reached():
     found = goals.goals_of([], [], None, [])
     assert {goal.reached for goal in found} == {"not measured"}
@@ -423,7 +445,7 @@ def test_the_small_version_has_six_clips_of_their_own_titles(tmp_path):
 
 def test_numbers_of_splats_follow_from_the_area(clip):
     assert coders.PAPER.counts(clip) == (20, 40, 81, 163)
-    assert coders.MAIN.counts(clip) == (40, 81, 163, 341)
+    assert coders.MAIN.counts(clip) == (10, 20, 40, 81, 163, 341)
     assert coders.MAIN.settings(splats=3).profile == "main"
     assert coders.LONG.settings(splats=3).profile == "paper"
 
