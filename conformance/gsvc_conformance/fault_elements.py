@@ -14,7 +14,8 @@ OFFSETS: Final = {
     "chunk_bit": "chunk_type", "frame_count_bit": "frame_count", "map_bit": "survivor_map", "table_bit": "frequency",
     "first_bit": "frame_number_step", "word_bit": "word", "state_bit": "lane_state", "start": "position_high",
     'frame["checksum_bit"]': "parameter_checksum", 'body["densities_bit"]': "densities_present",
-    "self.word_bit": "word", "checksum_bit": "parameter_checksum",
+    "self.word_bit": "word",
+    "checksum_bit": "parameter_checksum",
 }  # fmt: skip
 """Elements by the variable of an offset that is not that of the element that was read last."""
 RUNS: Final = {"16 * 3": "codeword", "16 * word_count": "word", "32 * ": "lane_state", "count * w": "symbol"}
