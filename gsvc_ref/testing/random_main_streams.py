@@ -155,8 +155,8 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    drawn: Kind = choices.pick(SYMBOL_KINDS) if kind is None else kind
-    run = RandomRun(choices.generator(), drawn)
+    symbols: Kind = choices.pick(SYMBOL_KINDS) if kind is None else kind
+    run = RandomRun(choices.generator(), symbols)
     after, codes = code_run(run, before, codes, count)
     return codes, after
 

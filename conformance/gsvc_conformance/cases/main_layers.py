@@ -188,6 +188,17 @@ def faults_above_the_quality(value: int) -> Inputs:
     assert result(expected, "error") == ""
 
 
+@case("core", "reconstruct_layers", rules=["R-6.2-6"])
+def chunk_before_the_first_frame() -> Inputs:
+    """A chunk `n` behind the header is of no frame, so it is skipped, although it has the form of an I of layer 1."""
+    layers = LayerPlan(-1, 1, Plan("I", 3)), LayerPlan(1, 1, Plan("I", 5))
+    stream = with_layers(Draws(61), BASE, layers)
+    expected = yield {"stream": stream, "layer": 1}
+    assert result(expected, "error") == ""
+    extra = result(expected, "counts") - spec.reconstruct_stream(stream)["counts"]
+    assert extra.tolist() == [0, 5, 5, 0]
+
+
 SIZE: Final[dict[str, Any]] = {"width": 256, "height": 256}
 """A frame of which 512 splats that cover it are the rendering work of level 1."""
 
@@ -245,9 +256,6 @@ FAULTY_LAYERS: Final = {
                                 "a chunk of layer 1 stands behind one of layer 2", "layers stand in their order"),
     "twice": FaultyLayer((LayerPlan(0, 1, LAYER_I), LayerPlan(0, 1, Plan("P"))), "R-15.13-1",
                          "a frame has two chunks of layer 1", "one at most"),
-    "before_the_first_frame": FaultyLayer((LayerPlan(-1, 1, LAYER_I),), "R-15.13-1",
-                                          "a chunk of layer 1 stands behind the header", "it belongs to a frame",
-                                          complete=0),
     "reserved_type": FaultyLayer((LayerPlan(0, 1, LAYER_I, lambda p: p[:1] + b"B" + p[2:]),), "R-3.2-1",
                                  "layer_type is B", "I, P or R"),
     "p_without_i": FaultyLayer((LayerPlan(0, 1, Plan("P", 2)),), "R-15.13-2", "a layer begins with P", "with I"),
