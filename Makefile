@@ -32,7 +32,7 @@ lowest:            ## run the tests with the lowest version of each package that
 		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]' --editable ./conformance
 	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive'
 
-vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (two minutes, and two for setting up)
+vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (nine minutes on two cores, and two for setting up)
 	$(BIN)/gsvc-conformance generate
 	$(BIN)/gsvc-conformance list --markdown conformance/protocol.md
 	$(BIN)/gsvc-conformance verify
