@@ -141,7 +141,7 @@ paired(
     "The state that the codes of an I-frame, or of new splats, stand for.",
     inputs="quantizer: int; cells: i8 (N, 2); colors: i8 (N, 3); shapes: i8 (N, 3); places: i8 (N, 2)",
     outputs="state: i8 (N, 8)",
-    equations=("15-4", "15-10"),
+    equations=("15-4", "15-10", "15-15"),
     rules=("R-15.4-1",),
     oracle=_plain("main_intra"),
 )
