@@ -19,7 +19,7 @@ LAB = Path(gsvc_lab.__file__).parent
 
 CORRECT = {
     "sqrt", "floor", "ceil", "frexp", "ldexp", "fsum", "isfinite", "isinf", "isnan", "copysign", "prod", "radians",
-    "factorial", "inf", "nan", "pi", "log", "isclose", "gcd",
+    "factorial", "inf", "nan", "pi", "log", "isclose", "gcd", "isqrt",
 }  # fmt: skip
 """Of `math`: exact, correctly rounded, or a single product; `log` of constants only."""
 
@@ -37,11 +37,21 @@ FOR_PEOPLE = ("scenes/gallery.py", "scenes/gallery_pictures.py", "encoder/report
 GENERATORS = {
     "encoder/pretraining.py", "encoder/frame.py", "encoder/quantizer_choice.py", "training/frame_quantizer.py",
     "encoder/prediction.py", "encoder/splat_coder.py", "training/block_quantizer.py", "encoder/rate.py",
-    "training/fitting.py",
+    "training/fitting.py", "encoder/main_frame.py", "main_encoder/intra.py", "main_encoder/splat_number.py",
 }  # fmt: skip
 """Who may name `numpy.random`: they make or hand on a `Generator`, of which only `random` is called."""
 
-PARTS = ("bitstream", "encoder", "quantization", "reconstruction", "rendering", "stream", "training")
+PARTS = (
+    "bitstream",
+    "encoder",
+    "main_encoder",
+    "main_profile",
+    "quantization",
+    "reconstruction",
+    "rendering",
+    "stream",
+    "training",
+)
 SOURCES = sorted(
     str(path.relative_to(HOME.parent))
     for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("[dps]*.py"),

@@ -106,11 +106,14 @@ class _Encode(Encoding[Frame]):
         most = settings.most_splats(video.width, video.height)
         room = settings.counted_splats(video.width, video.height)
         level = level_for(video.width, video.height, splats=room)
+        unforeseen = settings.profile == "main" and not settings.paced  # the rendering work of its splats
+        if unforeseen:
+            level = min(level + 1, max(LEVELS))
         make: Callable[..., FrameCoder[Frame]] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
         if settings.layer_count > 1:
             make = LayeredFrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
-        super().__init__(file, video, coder, level, progress, interrupts, live=live)
+        super().__init__(file, video, coder, level, progress, interrupts, live=live, least_level=unforeseen)
         start, stop = settings.frames
         ends = [end for end in (video.frame_count, stop) if end is not None]
         self.frame_count = max(0, min(ends) - start) if ends else None

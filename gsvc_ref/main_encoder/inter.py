@@ -257,7 +257,7 @@ class _Updates:
         self.limits = limits_of(frame.state.densities)
         self.count, self.D = len(anchor), frame.step / 16
         self.width, self.height = frame.objective.width, frame.objective.height
-        self.scale = self.width * self.height * 255.0**2  # loss to squared error
+        self.scale = self.width * self.height * 255.0 * 255.0  # loss to squared error
         self.by_q = self.scale / (2 * self.D * self.D)  # loss to f
         self.q, self.y = np.zeros((self.count, 8)), np.zeros((self.count, 8))
         self.parameters = np.empty((self.count, 8), np.float32)

@@ -252,7 +252,7 @@ class Target:
         self.height, self.width = picture.shape[:2]
         self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
         self._edges = Edges(picture)
-        self._scale = self.height * self.width * 255.0**2
+        self._scale = self.height * self.width * 255.0 * 255.0
         self._base = np.zeros((0, 8), np.float32) if base is None else base
         self._held, self._frozen = self._base, 0
 

@@ -33,6 +33,9 @@ I8 = NDArray[np.int64]
 UNITS: Final = 4
 """Vectors are in units of 1/4 px."""
 
+SQUARE: Final = 255.0 * 255.0
+"""What a squared error of 1 is in units of 8 bits."""
+
 FLOW_SPACING: Final = 8
 """The optical flow is read every so many pixels."""
 
@@ -163,7 +166,7 @@ class _Search:
         self.objective, self.price = objective, price
         self.reference = np.ascontiguousarray(reference)
         self.moved = self.reference.copy()  # (N, 8) f4
-        self.scale = objective.height * objective.width * 255.0**2
+        self.scale = objective.height * objective.width * SQUARE
         self.error_of_none = objective.loss(self.reference) * self.scale
 
     def evaluate(self, vectors: F8, cell: int) -> tuple[float, F8]:
@@ -179,7 +182,7 @@ class _Search:
         picture = self.objective.picture()  # of what was evaluated last
         out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
         stride = 2
-        _sum_products(picture, vectors, cell, stride, 2 * 255.0**2 * stride * stride / UNITS**2, out)
+        _sum_products(picture, vectors, cell, stride, 2 * SQUARE * stride * stride / (UNITS * UNITS), out)
         return out
 
     def descend(self, cell: int, start: F8, steps: int) -> F8:
@@ -227,7 +230,7 @@ class _Search:
     def stiffness(self, vectors: F8, cell: int) -> F8:
         """The curvature if every splat moved alone, by (metric) of `coordinates`, (gy, gx, 2)."""
         out = np.zeros(vectors.shape)
-        _stiffness(self.reference, cell, 255.0**2 * math.pi / UNITS**2, out)
+        _stiffness(self.reference, cell, SQUARE * math.pi / (UNITS * UNITS), out)
         return out
 
 

@@ -84,7 +84,8 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
         spacing = max(1, int(size / 2))
         rows, columns = -(-height // spacing), -(-width // spacing)
         radius = math.ceil(REACH * size)
-        weights = exp(-0.5 * ((np.arange(-radius - spacing, radius + spacing + 1)) / size) ** 2)
+        places = np.arange(-radius - spacing, radius + spacing + 1) / size
+        weights = exp(-0.5 * (places * places))
         layer = Candidates(size, spacing, np.zeros((rows, columns, 3)))
         _respond(rest, size, spacing, radius, weights, layer.response, 0, 0, rows, columns)
         layers.append((layer, radius, weights))
@@ -147,7 +148,8 @@ class NewSplats:
 
     def keep(self, least: float) -> None:
         """Drop the splats whose energy is below `least` times D."""
-        kept = _energies(self.z) >= (least * self.quantizer) ** 2
+        lowest = least * self.quantizer
+        kept = _energies(self.z) >= lowest * lowest
         self.z, self.first, self.second = self.z[kept], self.first[kept], self.second[kept]
 
 
@@ -389,12 +391,12 @@ def _round(
         S = min(max(shapes[i, 2] * shears[j], -S_MOST), S_MOST)
         ex, ey = min(max((A >> 10) + 1 - j, -4), 2), min(max((B >> 10) + 1 - j, -4), 2)
         cx = min(max(int(z[i, 0]) // CELL, 0), columns - 1)
-        wide = 2.0**ex
+        wide = math.ldexp(1.0, ex)
         px = min(max(math.floor((z[i, 0] - CELL * cx) / wide), 0), (1 << (2 - ex)) - 1)
         X = cx * 1024 + (px << (ex + 8)) + (1 << (ex + 7))
         y = z[i, 1] + S / 1024 * exp_kernel((B - A) * (LN2 / 1024)) * (X / 256 - z[i, 0])
         cy = min(max(math.floor(y) // CELL, 0), rows - 1)
-        high = 2.0**ey
+        high = math.ldexp(1.0, ey)
         py = min(max(math.floor((y - CELL * cy) / high), 0), (1 << (2 - ey)) - 1)
         cells[i, 0], cells[i, 1], places[i, 0], places[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1] = X, cy * 1024 + (py << (ey + 8)) + (1 << (ey + 7))

@@ -12,7 +12,7 @@ import web_pages
 
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
-from gsvc_conformance.cases.main_streams import BASE, LAYERS, with_layers
+from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_ref import spec
 from gsvc_ref.draws import Draws
 from gsvc_ref.stream import StreamReader

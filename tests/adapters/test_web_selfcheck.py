@@ -17,7 +17,8 @@ ROOT = VECTORS.parent
 WEB = "conformance/gsvc_conformance/adapters/web"
 SOME = [
     "decode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum",
-    "rendering_work", "to_frame", "render_frame",
+    "rendering_work", "to_frame", "render_frame", "splat_classes", "main_intra", "motion_of_splats", "main_inter",
+    "state_parameters",
 ]  # fmt: skip
 CHECK = "async ([url, only]) => GSVC.selfCheck(await GSVC.vectorsAt(url), { only })"
 
@@ -84,6 +85,7 @@ def test_a_right_decoder_passes(checked, vector_folder):
         "deterministic": "not claimed",
         "seeking": "not claimed",
         "sizes": "not claimed",
+        "layers": "not claimed",
     }
 
 
@@ -100,7 +102,8 @@ def test_every_operation_of_the_page_is_of_a_class_that_a_decoder_claims(served_
     }
     """
     page = served_page.evaluate(script)
-    assert page["classes"] == ["bitstream", "reconstruction", "rendering", "deterministic", "seeking", "sizes"]
+    classes = ["bitstream", "reconstruction", "rendering", "deterministic", "seeking", "sizes", "layers"]
+    assert page["classes"] == classes
     assert set(page["names"]) == {
         name for name, operation in operations().items() if operation.group in page["classes"]
     }

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from gsvc_conformance.cases.main_streams import BASE, LAYERS, with_layers
+from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_conformance.vector import VECTORS
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.draws import Draws

@@ -41,7 +41,7 @@ def test_bytes_do_not_depend_on_the_threads() -> None:
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="both processes would be interpreted by the same Python")
 def test_bytes_do_not_depend_on_the_cpu(tmp_path: Path) -> None:
     environment = {**os.environ, **GENERIC, "NUMBA_CACHE_DIR": str(tmp_path)}
-    program = "from main_encoder.test_machines import digest; print(digest(1))"
+    program = "from main_encoder.test_main_machines import digest; print(digest(1))"
     other = subprocess.run(
         [sys.executable, "-c", program], cwd=Path(__file__).parents[1], env=environment, capture_output=True, text=True,
         check=True,

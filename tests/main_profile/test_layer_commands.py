@@ -17,7 +17,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_video
 from tests.main_profile.material import stream_of
-from tests.main_profile.test_layers import HEADER, TYPES, layered
+from tests.main_profile.test_main_layers import HEADER, TYPES, layered
 
 
 @pytest.fixture(scope="module")

@@ -228,7 +228,7 @@ def test_the_format_of_the_source_survives(chroma_format):
     color = type(base.color)(9, 16, 0 if chroma_format in ("rgb", "444") else 9, chroma_format == "rgb", 2)
     source = type(base)(24, 16, Fraction(30000, 1001), 10, chroma_format, color, Fraction(12, 11))
     file = io.BytesIO()
-    encode((waves(24, 16, 1, bit_depth=10), source), file, fast(iterations=1))
+    encode((waves(24, 16, 1, bit_depth=10), source), file, fast())
     with Stream(file.getvalue()) as opened:
         assert opened.format == type(base)(24, 16, Fraction(30000, 1001), 10, chroma_format, color, Fraction(12, 11), 1)
 
