@@ -162,7 +162,8 @@ def test_info_for_people(stream, capsys):
     assert out.startswith(f"{stream}: {size:,} bytes, 4 complete frames\n")
     assert "2 I, 2 P (frame 0: I, frame 1: P, frame 2: I, frame 3: P)" in out
     assert ["total", f"{8 * size:,}", "100.0%"] in [line.split() for line in out.splitlines()]
-    splats = [len(frame.splats) for frame in gsvc_ref.open(stream)]
+    with gsvc_ref.open(stream) as reader:
+        splats = [len(frame.splats) for frame in reader]
     assert out.splitlines()[-1].split()[:3] == ["3", "P", str(splats[3])]
 
 

@@ -37,10 +37,12 @@ def taken(reader: StreamReader, start: int = 0) -> tuple[list[DecodedFrame], Gsv
     return frames, None
 
 
-def read(data: bytes, *, pipe: bool = False) -> tuple[SequenceHeader | None, list[DecodedFrame], GsvcError | None]:
+def read(
+    data: bytes, *, pipe: bool = False, layer: int | None = 0
+) -> tuple[SequenceHeader | None, list[DecodedFrame], GsvcError | None]:
     """All that a reader says, from its construction on."""
     try:
-        reader = StreamReader(Pipe(data) if pipe else data)
+        reader = StreamReader(Pipe(data) if pipe else data, layer=layer)
     except GsvcError as error:
         return None, [], error
     return reader.header, *taken(reader)

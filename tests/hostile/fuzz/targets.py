@@ -115,7 +115,7 @@ def pictures(data: bytes) -> str:
     """All pictures of a stream, in both precisions."""
     if declared_splats(data) > MAX_SPLATS["pictures"]:
         return SKIPPED
-    header, frames, error = read(data)
+    header, frames, error = read(data, layer=None)
     if header is None:
         return str(error and error.rule)
     size = header.width, header.height
@@ -135,7 +135,8 @@ def pictures(data: bytes) -> str:
             assert picture.dtype == (np.uint8 if header.bit_depth == 8 else np.uint16)
             assert picture.max() < 1 << header.bit_depth
             assert len(frame.splats) or not picture.any()
-            assert frame.type != "R" or np.array_equal(picture, shown[number - 1])
+            repeated = number > 0 and frame.repeats(frames[number - 1])
+            assert not repeated or np.array_equal(picture, shown[number - 1])
     if not frames:
         return str(error and error.rule)
     return ACCEPTED if error is None else f"{error.rule} behind frames"
