@@ -146,22 +146,23 @@ class ExportedFrames:
 
         from gsvc_ref.constants import SMALLEST_NORMAL
 
-        ids, next_id, frame = np.empty(0, np.int64), 0, None
+        ids, next_id = np.empty(0, np.int64), 0
+        frame: DecodedFrame | None = None
         while True:
-            first = frame is None
+            before = frame
             try:
                 frame = next(self._frames, None)
             except GsvcError as error:
-                if first:
+                if before is None:
                     raise
                 self.damage = error
                 return
             if frame is None:
-                if first:
+                if before is None:
                     raise UsageError("there is no such frame in the stream; gsvc info says how many it has")
                 return
-            if first or frame.type != "R":
-                origins = None if first else frame.codes.origins
+            if before is None or not frame.repeats(before):
+                origins = None if before is None else frame.origins(before)
                 ids, next_id = continued(ids, next_id, len(frame.splats), origins)
             parameters = frame.splats.to_array()
             visible = (parameters[:, [2, 4]] >= SMALLEST_NORMAL).all(axis=1)
