@@ -177,7 +177,8 @@ def test_two_conditions_together_tell_which_vectors_fail():
 
 
 def test_every_error_of_one_kind():
-    vectors = FOLDER.read([name for name in FOLDER.names if name.startswith("faulty/reconstruct_stream/")][:40])
+    names = [name for name in FOLDER.names if name.startswith("faulty/reconstruct_stream/")]
+    vectors = FOLDER.read(names[::8])
     wrong, right = [], []
     for vector in vectors:
         kind = vector.expected["error"].value.split()[0]

@@ -50,6 +50,7 @@ ALIKE: Final = {
     "no index is below a count of 0": {"r_6_5_6_codeword_count_zero"},
     "what was cut cannot be read": {fault.slug for fault in faults() if "_cut_" in fault.slug and not fault.also},
     "the fault that is checked later is of the same kind": {
+        "r_15_5_3_no_densities",
         "r_6_2_4_before_known_type", "r_6_1_5_before_frame_count", "r_6_4_2_before_frame_number",
         "r_6_5_4_before_colors_present", "r_6_5_5_before_offset",
         "r_8_1_before_checksum",
@@ -91,7 +92,7 @@ def answers(forgetful: Decoder) -> dict[str, dict[str, Any]]:
     found = {}
     for fault in faults():
         if fault.slug not in HUGE:
-            with suppress(ArithmeticError, LookupError, UnboundLocalError, ValueError):
+            with suppress(ArithmeticError, LookupError, TypeError, UnboundLocalError, ValueError):
                 found[fault.slug] = forgetful(fault.make(), fault.rule)
     return found
 

@@ -14,6 +14,7 @@ from gsvc_conformance.streams import MAX_PIXELS, stream_of, write_streams
 from gsvc_ref import UsageError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import Wishes, random_stream, split_chunks
+from gsvc_ref.testing.random_main_streams import random_main_stream
 
 
 @pytest.fixture(scope="module")
@@ -21,12 +22,53 @@ def sixty():
     return [stream_of(0, number) for number in range(60)]
 
 
-def test_sixty_streams_use_every_element(sixty):
+OF_MAIN = {name for name in ELEMENTS if name.endswith(" (frame_body)")} | {
+    "layer_count", "quantizer", "lane_exponent", "motion_cell", "densities_present", "frame_reserved",
+    "density_family", "scale_code", "centre", "slope", "halving_code", "layer", "layer_type",
+}  # fmt: skip
+"""Elements of profile `main` alone."""
+
+
+def all_values(streams):
+    """The values of every element of the bases of streams."""
     found = {}
-    for stream in sixty:
+    for stream in streams:
         for name, (_, some) in values(stream.data).items():
             found.setdefault(name, set()).update(some)
-    assert ELEMENTS.keys() <= found.keys()
+    return found
+
+
+def test_sixty_streams_of_profile_main_use_every_element():
+    sixty = [random_main_stream(number) for number in range(60)]
+    found = all_values(sixty)
+
+    def note(element):
+        if element.name in ("layer", "layer_type"):
+            found.setdefault(element.name, set()).add(element.value)
+
+    for stream in sixty:
+        assert sum(1 for _ in StreamReader(stream.data, layer=None, trace=note)) == len(stream.frames)
+    assert found.keys() >= OF_MAIN
+    assert found["profile"] == {1}
+    assert found["layer_count"] == {1, 2, 3, 4}
+    assert found["layer"] == {1, 2, 3}
+    assert found["layer_type"] == set(b"IPR")
+    assert set(b"HIPRnxE") <= found["chunk_type"]
+    assert found["motion_cell"] == {0, 1, 2, 3}
+    assert found["lane_exponent"] >= set(range(6))  # 6 takes a lane_count of 64, which few have
+    assert found["halving_code"] == set(range(8))
+    assert found["scale_code"] == set(range(32))
+    assert len(found["quantizer"]) > 50
+    assert found["quantizer"] <= set(range(80))
+    for name, ends in {"centre": (0, 1023), "slope": (0, 255)}.items():
+        assert (min(found[name]), max(found[name])) == ends
+    assert found["density_family"] == found["densities_present"] == {0, 1}
+
+
+def test_sixty_streams_use_every_element(sixty):
+    found = all_values(sixty)
+    assert ELEMENTS.keys() - OF_MAIN <= found.keys()
+    assert found["profile"] == {0}
     assert found["plane_mode"] == {0, 1, 2}
     for flag in ("positions", "cholesky", "quantizer", "colors", "codebooks"):
         assert found[f"{flag}_present"] == {0, 1}

@@ -12,12 +12,15 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from gsvc_conformance import reference
 from gsvc_conformance.cases.building import HEADER, intra_block, operated
+from gsvc_conformance.cases.faulty_main import EMPTY, PLANS
+from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of
 from gsvc_conformance.elements import ELEMENTS
-from gsvc_conformance.reference import reconstruct_stream
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.draws import Draws
 from gsvc_ref.reconstruction import FrameCodes
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, split_chunks, write_stream
 
@@ -43,6 +46,9 @@ FOLLOWS: Final = (
 )  # fmt: skip
 """What may come when the element itself is legal, and the elements that follow are taken for others."""
 
+MAIN_FOLLOWS: Final = (ACCEPTED, "R-3.1-4", "R-5-4", "R-6.2-3", "R-6.6-5", "R-7-1")
+"""The same in a frame of profile `main`."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -58,12 +64,15 @@ class Row:
         What must come of a value.
     stream
         The stream in which the element says a value.
+    quality
+        The quality (spec.md section 15.13) in which the stream is decoded; 0 is the base alone.
     """
 
     element: str
     values: Iterable[Any]
     rule: Rule
     stream: Callable[[Any], bytes]
+    quality: int = 0
 
 
 def overview(*lies: Lie, **header: Any) -> bytes:
@@ -77,6 +86,20 @@ def rich(*lies: Lie, **header: Any) -> bytes:
 def one_of_five(*lies: Lie) -> bytes:
     """One splat, whose first colour is one of five codewords."""
     return write_stream(HEADER, [FrameCodes.intra_frame(intra_block(1))], lies=lies)
+
+
+def of_main(*lies: Lie, plans: tuple[Plan, ...] = PLANS, **header: Any) -> bytes:
+    """Frames I, P, R and P of profile `main`, or frames of other plans."""
+    made = replace(MAIN_HEADER, **header)
+    return write_stream(made, codes_of(made, plans, Draws(15)), lies=lies)
+
+
+def layered(*lies: Lie) -> bytes:
+    """Frames I and P of profile `main`, with two layers of the first and one of the second."""
+    made = replace(MAIN_HEADER, layer_count=4)
+    base, lower, upper = (codes_of(made, (Plan("I", 5), Plan("P", 2)), Draws(seed)) for seed in range(3))
+    layers = {0: [(1, lower[0]), (2, upper[0])], 1: [(1, lower[1])]}
+    return write_stream(made, base, index=False, layers=layers, lies=lies)
 
 
 def said(name: str, occurrence: int = 0, of: Callable[..., bytes] = overview, **header: Any) -> Callable[[Any], bytes]:
@@ -106,8 +129,8 @@ def header_rows() -> Iterable[Row]:
                  "video_full_range_flag", "chroma_sample_loc_type"):  # fmt: skip
         yield Row(name, EDGES, always(ACCEPTED), said(name))
     yield Row("cholesky_bits", BYTES, within(range(1, 13), "R-6.3-1", FOLLOWS), said("cholesky_bits"))
-    for name, reserved in {"profile": [0], "level": range(1, 6)}.items():
-        yield Row(name, BYTES, within(reserved, "R-3.2-1"), said(name))
+    yield Row("profile", BYTES, lambda v: {0: ACCEPTED, 1: "R-6.2-3"}.get(v, "R-3.2-1"), said("profile"))
+    yield Row("level", BYTES, within(range(1, 6), "R-3.2-1"), said("level"))
     yield Row("flags", BYTES, within(range(4), "R-3.2-1", FOLLOWS), said("flags"))
     sizes = {"width": (0, 1, 2, 2**17 // 12, 2**17 // 12 + 1, 65535), "height": (0, 1, 2, 2**13, 2**13 + 1, 65535)}
     for name, values in sizes.items():
@@ -272,19 +295,134 @@ def plane_rows() -> Iterable[Row]:
     yield Row("word", words, always("R-7-1"), in_rich("word"))
 
 
+def main_header_rows() -> Iterable[Row]:
+    """The sequence header of profile `main`."""
+    in_main = partial(said, of=of_main)
+    yield Row("profile", BYTES, lambda v: {0: "R-6.2-3", 1: ACCEPTED}.get(v, "R-3.2-1"), in_main("profile"))
+    yield Row("level", BYTES, within(range(1, 6), "R-3.2-1"), in_main("level"))
+    # With checksums what is taken for the quantizer of the I-frame is a reserved one.
+    yield Row("flags", BYTES, within([0, 2], "R-3.2-1"), in_main("flags"))
+    yield Row("bit_depth", BYTES, within(range(8, 17), "R-6.3-1"), in_main("bit_depth"))
+    yield Row("lane_count", BYTES, _rule_of_a_lane_count, in_main("lane_count"))
+    yield Row("layer_count", BYTES, within(range(1, 5), "R-6.3-1"), in_main("layer_count"))
+    yield Row("frame_count", (0, 1, 3, 4, 5, MOST), within([0, 4], "R-6.3-2"), in_main("frame_count"))
+
+
+def _rule_of_a_lane_count(count: int) -> str:
+    """The frames have up to 4 lanes."""
+    return "R-6.3-1" if not 1 <= count <= 64 else "R-15.5-1" if count < 4 else ACCEPTED
+
+
+def main_frame_rows() -> Iterable[Row]:
+    """What frames of profile `main` begin with: an I-frame of 9 splats, a P-frame with new ones and one without."""
+    in_main = partial(said, of=of_main)
+    for number in range(4):
+        values = (0, 1, 2, 3, 4, 127, 128, MOST)
+        yield Row("frame_number", values, within([number], "R-6.4-1"), in_main("frame_number", number))
+        changes: list[Any] = [0, MOST, *(lambda crc, bit=bit: crc ^ 1 << bit for bit in (0, 7, 8, 16, 31))]
+        yield Row("parameter_checksum", changes, always("R-6.4-3"),
+                  in_main("parameter_checksum", number, parameter_checksum_flag=True))  # fmt: skip
+    for frame, exponent in enumerate((1, 2, 0)):
+        quantizers = (*BYTES, 24, 78, 79, 80, 81)
+        yield Row("quantizer", quantizers, lambda q: ACCEPTED if q == 24 else MAIN_FOLLOWS if q < 80 else "R-3.2-1",
+                  in_main("quantizer", frame))  # fmt: skip
+        yield Row("lane_exponent", range(8), lambda e, truth=exponent:
+                  ACCEPTED if e == truth else MAIN_FOLLOWS if e <= 2 else "R-15.5-1",
+                  in_main("lane_exponent", frame))  # fmt: skip
+        yield Row("frame_reserved", range(4), within([0], "R-3.2-1"), in_main("frame_reserved", frame))
+    yield Row("motion_cell", range(4), within([0], "R-15.5-2"), in_main("motion_cell"))
+    for frame, cell in {1: 3, 2: 1}.items():
+        yield Row("motion_cell", range(4), lambda v, truth=cell: ACCEPTED if v == truth else MAIN_FOLLOWS,
+                  in_main("motion_cell", frame))  # fmt: skip
+    empty = partial(said, of=partial(of_main, plans=EMPTY))
+    yield Row("motion_cell", range(4), within([0], "R-15.5-2"), empty("motion_cell", 1))
+    yield Row("densities_present", (0, 1), within([1], "R-15.5-3"), in_main("densities_present"))
+    yield Row("densities_present", (0, 1), lambda v: ACCEPTED if v else MAIN_FOLLOWS, in_main("densities_present", 1))
+    yield Row("densities_present", (0, 1), within([0], "R-15.5-3"), in_main("densities_present", 2))
+    yield Row("densities_present", (0, 1), within([1], "R-15.5-4"), empty("densities_present", 1))
+    counts = (0, 1, 2, 9, 128, SPLATS - 12, SPLATS - 9, SPLATS - 8, SPLATS, SPLATS + 1, 2**22, 2**22 + 1, MOST)
+    for name, truth, before in (("splat_count", 9, 0), ("new_splat_count", 2, 9)):
+        yield Row(f"{name} (frame_body)", counts, _rule_of_a_count(truth, before), in_main(name))
+    yield Row("new_splat_count (frame_body)", (0, 1, 2, SPLATS + 1, MOST),
+              lambda n: ACCEPTED if n == 0 else MAIN_FOLLOWS if n < SPLATS else "R-5-2",
+              in_main("new_splat_count", 1))  # fmt: skip
+
+
+def _rule_of_a_count(truth: int, before: int) -> Rule:
+    """A frame with densities has some splat that is new."""
+
+    def rule(count: int) -> str | tuple[str, ...]:
+        if count in (0, truth):
+            return ACCEPTED if count else "R-15.5-3"
+        return MAIN_FOLLOWS if count + before <= SPLATS else "R-5-2"
+
+    return rule
+
+
+def main_value_rows() -> Iterable[Row]:
+    """Densities and the run of frames of profile `main`."""
+    in_main = partial(said, of=of_main)
+    for plane in range(6):
+        values: dict[str, Iterable[int]] = {"density_family": (0, 1), "scale_code": range(32),
+                                            "centre": (0, 1, 511, 512, 1022, 1023)}  # fmt: skip
+        for name, some in values.items():
+            yield Row(name, some, always_of(MAIN_FOLLOWS), in_main(name, plane))
+    for plane in range(4):
+        yield Row("slope", EDGES, always_of(MAIN_FOLLOWS), in_main("slope", plane))
+    yield Row("halving_code", range(8), always_of(MAIN_FOLLOWS), in_main("halving_code"))
+    for run in range(3):
+        low = [lambda x, v=v: [v, *x[1:].tolist()] for v in (0, 1, 65535)]
+        yield Row("lane_state (frame_body)", low, always("R-6.6-5"), in_main("lane_state", run))
+        other = [lambda x, d=d: [*x[:-1].tolist(), (int(x[-1]) ^ d) | 65536] for d in (1, 2**15, 2**31)]
+        other.append(lambda x: [MOST] * len(x))
+        yield Row("lane_state (frame_body)", other, always("R-7-1"), in_main("lane_state", run))
+        words = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (1, 0xFFFF)]
+        words += [lambda w: w[:-1], lambda w: [*w, 0]]
+        yield Row("word (frame_body)", words, always("R-7-1"), in_main("word", run))
+        raw = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (0x1000, 0x8000)]  # it may be of a raw value
+        yield Row("word (frame_body)", raw, always_of((ACCEPTED, "R-7-1")), in_main("word", run))
+
+
+def layer_rows() -> Iterable[Row]:
+    """What layers begin with."""
+    in_layers = partial(said, of=layered)
+    yield Row("layer", BYTES, within([1], "R-15.13-1"), in_layers("layer"), 3)  # one of layer 2 follows
+    yield Row("layer", BYTES, within([2, 3], "R-15.13-1"), in_layers("layer", 1), 3)
+    yield Row("layer", BYTES, lambda v: {1: ACCEPTED, 2: MAIN_FOLLOWS, 3: "R-15.13-2"}.get(v, "R-15.13-1"),
+              in_layers("layer", 2), 3)  # fmt: skip
+    first = {ord("I"): ACCEPTED, ord("P"): "R-15.13-2", ord("R"): "R-15.13-2"}
+    for chunk in range(2):
+        yield Row("layer_type", ALL_BYTES, lambda v: first.get(v, "R-3.2-1"), in_layers("layer_type", chunk), 3)
+    later = {ord("I"): MAIN_FOLLOWS, ord("P"): ACCEPTED, ord("R"): "R-6.2-3"}
+    yield Row("layer_type", ALL_BYTES, lambda v: later.get(v, "R-3.2-1"), in_layers("layer_type", 2), 3)
+
+
 def always_of(rules: tuple[str, ...]) -> Rule:
     return lambda _: rules
 
 
-ROWS: Final = [*header_rows(), *container_rows(), *frame_rows(), *value_rows(), *plane_rows()]
+ROWS: Final = [
+    *header_rows(), *container_rows(), *frame_rows(), *value_rows(), *plane_rows(), *main_header_rows(),
+    *main_frame_rows(), *main_value_rows(), *layer_rows(),
+]  # fmt: skip
+
+
+def reconstructed(functions: dict[str, Any], stream: bytes, quality: int) -> dict[str, Any]:
+    """What one of the decoders finds in a stream."""
+    found: dict[str, Any] = (
+        functions["reconstruct_layers"](stream=stream, layer=quality)
+        if quality
+        else functions["reconstruct_stream"](stream=stream)
+    )
+    return found
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.element)
 def test_values(row: Row) -> None:
     for value in row.values:
         data = row.stream(value)
-        mine = reconstruct_stream(stream=data)
-        theirs = namespace()["reconstruct_stream"](stream=data)
+        mine = reconstructed(reference.namespace(), data, row.quality)
+        theirs = reconstructed(namespace(), data, row.quality)
         assert mine["error"] == theirs["error"], value
         assert mine["parameters"].tobytes() == theirs["parameters"].tobytes(), value
         expected = row.rule(value)
