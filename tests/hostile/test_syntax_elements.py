@@ -324,28 +324,36 @@ def main_frame_rows() -> Iterable[Row]:
                   in_main("parameter_checksum", number, parameter_checksum_flag=True))  # fmt: skip
     for frame, exponent in enumerate((1, 2, 0)):
         quantizers = (*BYTES, 24, 78, 79, 80, 81)
-        yield Row("quantizer", quantizers, lambda q: ACCEPTED if q == 24 else MAIN_FOLLOWS if q < 80 else "R-3.2-1",
-                  in_main("quantizer", frame))  # fmt: skip
-        yield Row("lane_exponent", range(8), lambda e, truth=exponent:
-                  ACCEPTED if e == truth else MAIN_FOLLOWS if e <= 2 else "R-15.5-1",
+        yield Row("quantizer", quantizers, _other_than(24, range(80), "R-3.2-1"), in_main("quantizer", frame))
+        yield Row("lane_exponent", range(8), _other_than(exponent, range(3), "R-15.5-1"),
                   in_main("lane_exponent", frame))  # fmt: skip
         yield Row("frame_reserved", range(4), within([0], "R-3.2-1"), in_main("frame_reserved", frame))
     yield Row("motion_cell", range(4), within([0], "R-15.5-2"), in_main("motion_cell"))
     for frame, cell in {1: 3, 2: 1}.items():
-        yield Row("motion_cell", range(4), lambda v, truth=cell: ACCEPTED if v == truth else MAIN_FOLLOWS,
-                  in_main("motion_cell", frame))  # fmt: skip
+        yield Row("motion_cell", range(4), _other_than(cell, range(4)), in_main("motion_cell", frame))
     empty = partial(said, of=partial(of_main, plans=EMPTY))
     yield Row("motion_cell", range(4), within([0], "R-15.5-2"), empty("motion_cell", 1))
     yield Row("densities_present", (0, 1), within([1], "R-15.5-3"), in_main("densities_present"))
-    yield Row("densities_present", (0, 1), lambda v: ACCEPTED if v else MAIN_FOLLOWS, in_main("densities_present", 1))
+    yield Row("densities_present", (0, 1), _other_than(1, (0, 1)), in_main("densities_present", 1))
     yield Row("densities_present", (0, 1), within([0], "R-15.5-3"), in_main("densities_present", 2))
     yield Row("densities_present", (0, 1), within([1], "R-15.5-4"), empty("densities_present", 1))
     counts = (0, 1, 2, 9, 128, SPLATS - 12, SPLATS - 9, SPLATS - 8, SPLATS, SPLATS + 1, 2**22, 2**22 + 1, MOST)
     for name, truth, before in (("splat_count", 9, 0), ("new_splat_count", 2, 9)):
         yield Row(f"{name} (frame_body)", counts, _rule_of_a_count(truth, before), in_main(name))
     yield Row("new_splat_count (frame_body)", (0, 1, 2, SPLATS + 1, MOST),
-              lambda n: ACCEPTED if n == 0 else MAIN_FOLLOWS if n < SPLATS else "R-5-2",
-              in_main("new_splat_count", 1))  # fmt: skip
+              _other_than(0, range(SPLATS), "R-5-2"), in_main("new_splat_count", 1))  # fmt: skip
+
+
+def _other_than(truth: int, allowed: Iterable[int], rule: str = "") -> Rule:
+    """Behind another allowed value than the truth, what follows is taken for others; `rule` is what the rest breaks."""
+    kept = frozenset(allowed)
+
+    def broken(value: int) -> str | tuple[str, ...]:
+        if value in kept:
+            return ACCEPTED if value == truth else MAIN_FOLLOWS
+        return rule
+
+    return broken
 
 
 def _rule_of_a_count(truth: int, before: int) -> Rule:
@@ -374,11 +382,12 @@ def main_value_rows() -> Iterable[Row]:
         low = [lambda x, v=v: [v, *x[1:].tolist()] for v in (0, 1, 65535)]
         yield Row("lane_state (frame_body)", low, always("R-6.6-5"), in_main("lane_state", run))
         other = [lambda x, d=d: [*x[:-1].tolist(), (int(x[-1]) ^ d) | 65536] for d in (1, 2**15, 2**31)]
-        other.append(lambda x: [MOST] * len(x))
-        yield Row("lane_state (frame_body)", other, always("R-7-1"), in_main("lane_state", run))
+        yield Row("lane_state (frame_body)", [*other, lambda x: [MOST] * len(x)], always("R-7-1"),
+                  in_main("lane_state", run))  # fmt: skip
         words = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (1, 0xFFFF)]
-        words += [lambda w: w[:-1], lambda w: [*w, 0]]
-        yield Row("word (frame_body)", words, always("R-7-1"), in_main("word", run))
+        yield Row(
+            "word (frame_body)", [*words, lambda w: w[:-1], lambda w: [*w, 0]], always("R-7-1"), in_main("word", run)
+        )
         raw = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (0x1000, 0x8000)]  # it may be of a raw value
         yield Row("word (frame_body)", raw, always_of((ACCEPTED, "R-7-1")), in_main("word", run))
 
@@ -388,12 +397,12 @@ def layer_rows() -> Iterable[Row]:
     in_layers = partial(said, of=layered)
     yield Row("layer", BYTES, within([1], "R-15.13-1"), in_layers("layer"), 3)  # one of layer 2 follows
     yield Row("layer", BYTES, within([2, 3], "R-15.13-1"), in_layers("layer", 1), 3)
-    yield Row("layer", BYTES, lambda v: {1: ACCEPTED, 2: MAIN_FOLLOWS, 3: "R-15.13-2"}.get(v, "R-15.13-1"),
-              in_layers("layer", 2), 3)  # fmt: skip
+    behind: dict[int, str | tuple[str, ...]] = {1: ACCEPTED, 2: MAIN_FOLLOWS, 3: "R-15.13-2"}
+    yield Row("layer", BYTES, lambda v: behind.get(v, "R-15.13-1"), in_layers("layer", 2), 3)
     first = {ord("I"): ACCEPTED, ord("P"): "R-15.13-2", ord("R"): "R-15.13-2"}
     for chunk in range(2):
         yield Row("layer_type", ALL_BYTES, lambda v: first.get(v, "R-3.2-1"), in_layers("layer_type", chunk), 3)
-    later = {ord("I"): MAIN_FOLLOWS, ord("P"): ACCEPTED, ord("R"): "R-6.2-3"}
+    later: dict[int, str | tuple[str, ...]] = {ord("I"): MAIN_FOLLOWS, ord("P"): ACCEPTED, ord("R"): "R-6.2-3"}
     yield Row("layer_type", ALL_BYTES, lambda v: later.get(v, "R-3.2-1"), in_layers("layer_type", 2), 3)
 
 
