@@ -15,11 +15,12 @@ from gsvc_conformance.claim import read_claim
 from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.features import features_of
 from gsvc_conformance.fitting import fit
-from gsvc_conformance.mutants import Mutant, answer, judge, killed_by, main_profile
+from gsvc_conformance.mutants import Mutant, answer, judge, main_profile
 from gsvc_conformance.operation import operations
 from gsvc_conformance.preconditions import broken
 from gsvc_conformance.profiles import ANY, OF_MAIN, OF_MAIN_STREAMS, OF_PAPER, PROFILES, profile_of
-from gsvc_conformance.vector import Vector, files_of, from_files
+from gsvc_conformance.vector import VECTORS, Vector
+from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_ref import spec
 from gsvc_ref.stream import reconstruct_stream
 
@@ -31,11 +32,9 @@ OF_STREAMS: Final = [
 
 @cache
 def vector(name: str) -> Vector:
-    """The vector of a case, as files have it."""
-    case = cases()[name]
-    made = from_files(files_of(case, *case.run()))
-    ((_, kills),) = killed_by([made], main_profile.MUTANTS).items()
-    return replace(made, manifest={**made.manifest, "kills": kills})
+    """A golden vector."""
+    (found,) = VectorFolder(VECTORS).read([name])
+    return found
 
 
 def check(case: Case) -> None:
