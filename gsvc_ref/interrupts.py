@@ -21,11 +21,16 @@ SIGNALS: Final = (signal.SIGINT, *TERMINATION)
 INSISTING_S: Final = 1.0
 """Seconds from the first interrupt until a second gets through a hold: a pipe may never take what is written."""
 
+AGAIN_S: Final = 0.02
+"""Seconds until an interrupt is looked at again that came inside of llvmlite."""
+
 
 class Interrupts:
     """Python's own handling of Ctrl-C, `signal.default_int_handler`, with a hold on it; a context manager.
 
-    Only the main thread gets signals, and only where that handler is in place is anything replaced.
+    Only the main thread gets signals, and only where that handler is in place is anything replaced. An interrupt that
+    comes while llvmlite frees what a compilation has made waits until it is done: raised there, it would be lost, or
+    the same memory be freed twice.
 
     Parameters
     ----------
@@ -48,6 +53,11 @@ class Interrupts:
         self._replaced: list[int] = []
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        if _inside_llvmlite(frame):
+            again = threading.Timer(AGAIN_S, _send, [number])
+            again.daemon = True
+            again.start()
+            return
         insists = self.seen and not self._patient and time.monotonic() - self._since > INSISTING_S
         through = not self.held or insists
         self.held |= self._once
@@ -81,6 +91,23 @@ class Interrupts:
         for number in self._replaced:
             if signal.getsignal(number) == mine:
                 signal.signal(number, signal.default_int_handler)
+
+
+def _inside_llvmlite(frame: FrameType | None) -> bool:
+    """Whether a function of llvmlite is running."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").startswith("llvmlite."):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _send(number: int) -> None:
+    """Send the main thread a signal, so that it does not go on waiting for input."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
 
 
 @contextmanager

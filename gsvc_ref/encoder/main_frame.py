@@ -38,6 +38,7 @@ from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
+from gsvc_ref.training.motion import estimated_motion
 
 ENOUGH: Final = 0.1
 """Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
@@ -111,6 +112,9 @@ class MainFrameEncoder:
         The source of the frame before, (H, W, 3) f4.
     below
         Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
+    above
+        Of a layer: the splats of those above in the frame before. A P-frame is fitted to the picture with them all,
+        moved by the optical flow, so that what they stand on goes where they will go.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -122,7 +126,7 @@ class MainFrameEncoder:
         self.inter = _inter_encoder(settings)
         self.quantizer, self.reaches = 0, True
         self.before: F4 | None = None
-        self.below = Splats.empty()
+        self.below, self.above = Splats.empty(), Splats.empty()
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -254,8 +258,11 @@ class _FrameWork:
         encoder, settings = self.encoder, self.settings
         assert encoder.before is not None
         count = settings.main_inter.iterations + settings.main_inter.rounded_iterations
-        below = self.encoder.below.to_array()
-        objective = _WatchedObjective(self.picture, below, settings, self._watch(count))
+        above = encoder.above.to_array()
+        if len(above) and settings.effects.motion != "off":
+            above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
+        beside = np.concatenate([encoder.below.to_array(), above])
+        objective = _WatchedObjective(self.picture, beside, settings, self._watch(count))
         inter = copy(encoder.inter)
         frame = PFrame(encoder.state, objective, encoder.before, self.picture, quantizer, encoder.total)
         return self._decoded(inter.encode(frame), inter)

@@ -13,6 +13,9 @@ MEMORY: Final = 8
 FIRST_SCALE: Final = 0.25
 LEAST_SCALE: Final = 0.02
 
+RESTART_SHRINK: Final = 0.25
+"""The first step of a restart to that of the one before, where that found no smaller error."""
+
 MOST_MOVE: Final = 0.7
 """Longest step of a position, in standard deviations of its splat."""
 MOST_SHAPE: Final = 0.4
@@ -41,6 +44,7 @@ class LBFGS:
         self._steps, self._changes = np.zeros((2, MEMORY, count, 8))  # (MEMORY, N, 8) f8 each
         self._inverse = np.zeros(MEMORY)  # (MEMORY,) f8: 1 / (step . change)
         self._pairs, self._last, self._scale, self._shrink, self._error = 0, -1, FIRST_SCALE, 1.0, math.inf
+        self._least, self._restarts = math.inf, 0  # the least error, and the restarts since then
         self._step: F8 | None = None  # (N, 8) f8, the last one made
         self._gradient = np.zeros((0, 8))
 
@@ -48,11 +52,13 @@ class LBFGS:
         """Let splats follow the others; the next gradient makes no pair."""
         zeros = np.zeros((MEMORY, new, 8))
         self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
-        self._step, self._error = None, math.inf
+        self._step, self._error, self._least = None, math.inf, math.inf
 
     def step(self, z: F8, error: float, gradient: F8) -> F8:
         """The step (N, 8) from coordinates z (N, 8), given the error there and its gradient (N, 8)."""
         self._learn(z, gradient)
+        if error < self._least:
+            self._least, self._restarts = error, 0
         self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
         self._error, self._gradient = error, gradient.copy()
         self._step = np.empty_like(z)
@@ -63,8 +69,10 @@ class LBFGS:
         return self._step
 
     def restart(self) -> None:
-        """Forget all pairs, and begin again with a short step."""
-        self._pairs, self._scale, self._shrink, self._step, self._error = 0, 0.1, 1.0, None, math.inf
+        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
+        self._pairs, self._scale, self._step, self._error = 0, 0.1, None, math.inf
+        self._shrink = RESTART_SHRINK**self._restarts
+        self._restarts += 1
 
     def _learn(self, z: F8, gradient: F8) -> None:
         """Keep the pair of the last step, if its curvature is positive."""

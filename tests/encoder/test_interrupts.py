@@ -4,6 +4,7 @@ import io
 import os
 import signal
 import threading
+import time
 
 import pytest
 from codec_cases import encoded, fast, video_format, waves
@@ -45,6 +46,22 @@ def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
     assert len(report.frames) == 3
     assert file.getvalue() == encoded(CLIP[:3], fast(index=False))[1]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_inside_of_llvmlite_waits_for_its_end():
+    done: list[str] = []
+    names = {"__name__": "llvmlite.binding.ffi", "signal": signal, "done": done}
+    exec("def free():\n    signal.raise_signal(signal.SIGINT)\n    done.append('freed')", names)
+
+    def interrupted():
+        with Interrupts(patient=False):
+            names["free"]()
+            done.append("behind it")
+            time.sleep(60)
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert done == ["freed", "behind it"]
 
 
 @pytest.mark.parametrize(("live", "opened", "method"), [(False, PartialFile, "_create"), (True, LiveFile, "__init__")])

@@ -7,7 +7,6 @@ from codec_cases import encoded, fast, flat, paper_fast, same, waves
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.log import read_log
-from gsvc_ref.encoder.main_frame import COARSER
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import Stream, decode
 
@@ -84,7 +83,7 @@ def test_a_p_frame_that_cannot_hold_the_psnr_becomes_an_i_frame():
 def test_quality_gives_the_step():
     for quality in (20, 37):
         report, data = encoded(CLIP[:2], fast(quality=quality, splats=40))
-        assert [frame.quantizer for frame in codes(data)] == [79 - quality, 79 - quality + COARSER]
+        assert [frame.quantizer for frame in codes(data)] == [79 - quality, 79 - quality]
         assert report.frames[0].splats <= 48
     assert [codes(encoded(CLIP[:1], fast(quality=q, splats=9))[1])[0].quantizer for q in (0, 79)] == [79, 0]
 

@@ -60,7 +60,7 @@ def test_blocks_of_the_page_and_the_docstring_pass(tmp_path):
         conftest.write('settings.register_profile("few", settings.get_profile("ci"), max_examples=10)')
     done = run(tmp_path, "--hypothesis-profile=few", cold=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "8 passed" in done.stdout
+    assert "9 passed" in done.stdout
 
 
 @pytest.mark.exhaustive
@@ -69,7 +69,7 @@ def test_blocks_pass_on_a_cold_cache_under_the_default_settings(tmp_path):
     (tmp_path / "conftest.py").unlink()
     done = run(tmp_path, cold=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "8 passed" in done.stdout
+    assert "9 passed" in done.stdout
     assert any((tmp_path / "kernels").rglob("*.nbc"))
 
 
