@@ -21,16 +21,19 @@ SIGNALS: Final = (signal.SIGINT, *TERMINATION)
 INSISTING_S: Final = 1.0
 """Seconds from the first interrupt until a second gets through a hold: a pipe may never take what is written."""
 
-AGAIN_S: Final = 0.02
-"""Seconds until an interrupt is looked at again that came inside of llvmlite."""
+AGAIN_S: Final = 0.001
+"""Seconds until an interrupt is looked at again that came during one of UNTOUCHED."""
+
+UNTOUCHED: Final = ("close", "detach", "_raw_object_cache_notify", "_raw_object_cache_getbuffer")
+"""Functions of llvmlite out of which nothing may be raised: they free memory, or are called by the compiler."""
 
 
 class Interrupts:
     """Python's own handling of Ctrl-C, `signal.default_int_handler`, with a hold on it; a context manager.
 
     Only the main thread gets signals, and only where that handler is in place is anything replaced. An interrupt that
-    comes while llvmlite frees what a compilation has made waits until it is done: raised there, it would be lost, or
-    the same memory be freed twice.
+    comes while llvmlite frees memory or is called by its compiler waits until that is done: raised there, it would be
+    lost, or the same memory be freed twice.
 
     Parameters
     ----------
@@ -53,7 +56,7 @@ class Interrupts:
         self._replaced: list[int] = []
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if _inside_llvmlite(frame):
+        if _untouched(frame):
             again = threading.Timer(AGAIN_S, _send, [number])
             again.daemon = True
             again.start()
@@ -93,10 +96,10 @@ class Interrupts:
                 signal.signal(number, signal.default_int_handler)
 
 
-def _inside_llvmlite(frame: FrameType | None) -> bool:
-    """Whether a function of llvmlite is running."""
+def _untouched(frame: FrameType | None) -> bool:
+    """Whether one of UNTOUCHED is running."""
     while frame is not None:
-        if frame.f_globals.get("__name__", "").startswith("llvmlite."):
+        if frame.f_code.co_name in UNTOUCHED and frame.f_globals.get("__name__", "").startswith("llvmlite."):
             return True
         frame = frame.f_back
     return False

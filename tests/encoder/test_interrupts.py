@@ -48,14 +48,14 @@ def test_an_interrupt_while_a_frame_is_written_keeps_that_frame():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_an_interrupt_inside_of_llvmlite_waits_for_its_end():
+def test_an_interrupt_while_llvmlite_frees_memory_waits():
     done: list[str] = []
     names = {"__name__": "llvmlite.binding.ffi", "signal": signal, "done": done}
-    exec("def free():\n    signal.raise_signal(signal.SIGINT)\n    done.append('freed')", names)
+    exec("def close():\n    signal.raise_signal(signal.SIGINT)\n    done.append('freed')", names)
 
     def interrupted():
         with Interrupts(patient=False):
-            names["free"]()
+            names["close"]()
             done.append("behind it")
             time.sleep(60)
 

@@ -11,7 +11,7 @@ from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import Stream, decode
 
 CLIP = waves(48, 32, 4)
-ENOUGH_DB = 0.6
+ENOUGH_DB = 0.3
 
 
 def noise(frames=1, shape=(32, 48, 3)):
@@ -50,11 +50,11 @@ def test_the_seed_matters():
 
 
 def test_a_psnr_is_held_and_hardly_exceeded():
-    """A dozen splats: one more is half a dB."""
-    goal = 24.0
-    report, data = encoded(CLIP, Settings.quick(psnr=goal, key_frames=3, threads=1))
+    """Thirty splats: one more is a fifth of a dB."""
+    goal, clip = 32.0, waves(96, 64, 4)
+    report, data = encoded(clip, Settings.quick(psnr=goal, key_frames=3, threads=1))
     assert types(report) == "IPPI"
-    for source, decoded in zip(CLIP, decode(data), strict=True):
+    for source, decoded in zip(clip, decode(data), strict=True):
         assert goal <= psnr(source, decoded, 255) <= goal + ENOUGH_DB
     assert report.notes == []
 
@@ -103,7 +103,7 @@ def test_equal_frames_are_repeated_unless_all_are_asked_for():
 
 def test_a_frame_in_which_no_change_is_worth_its_bits_is_repeated():
     clip = [CLIP[0], CLIP[0] ^ 1]
-    report, data = encoded(clip, fast(splats=20))
+    report, data = encoded(clip, fast(splats=20, effects="auto,gsa=off"))
     assert types(report) == "IR"
     first, second = decode(data)
     assert np.array_equal(first, second)

@@ -63,16 +63,17 @@ def test_threads_do_not_matter() -> None:
 
 
 def test_settling_beats_rounding() -> None:
-    picture = a_picture()
-    target = intra.Target(picture, threads=1)
-    rng = np.random.default_rng(3)
-    z = intra.grow(target, 60, rng, FEW)
-    step = step_of(intra.quantizer_for(z))
-    z = intra.weigh(target, z, step / 16, rng, FEW)
-    plain = target.psnr(rounded(z, step, 56, 40).parameters)
-    target.hold(np.zeros((0, 8), np.float32))
-    settled = target.psnr(intra.settle(target, z, step, rng, FEW).parameters)
-    assert settled > plain + 0.2
+    """By a dB or two, in the mean over draws: one draw says little."""
+    settings, gains = intra.IntraSettings.quick(), []
+    for seed in range(3):
+        target, rng = intra.Target(a_picture(), threads=1), np.random.default_rng(seed)
+        z = intra.grow(target, 150, rng, settings)
+        step = step_of(intra.quantizer_for(z))
+        z = intra.weigh(target, z, step / 16, rng, settings)
+        plain = target.psnr(rounded(z, step, 56, 40).parameters)
+        target.hold(np.zeros((0, 8), np.float32))
+        gains.append(target.psnr(intra.settle(target, z, step, rng, settings).parameters) - plain)
+    assert sum(gains) / len(gains) > 0.5
 
 
 def test_a_layer_adds_to_its_base() -> None:
