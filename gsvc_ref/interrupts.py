@@ -24,7 +24,7 @@ INSISTING_S: Final = 1.0
 AGAIN_S: Final = 0.001
 """Seconds until an interrupt is looked at again that came during one of UNTOUCHED."""
 
-UNTOUCHED: Final = ("close", "detach", "_raw_object_cache_notify", "_raw_object_cache_getbuffer")
+UNTOUCHED: Final = ("__del__", "close", "detach", "_raw_object_cache_notify", "_raw_object_cache_getbuffer")
 """Functions of llvmlite out of which nothing may be raised: they free memory, or are called by the compiler."""
 
 
