@@ -153,7 +153,7 @@ def proximal_step(
 
     From y goes a gradient step of `length` (N,), at most 1.5 in each component. Then each component moves towards 0 by
     length * sparsity (L1), and a group whose squared length is below 2 * length * price becomes 0 (L0). The next y is
-    q + beta (q - q before).
+    q + beta (q - q before), or q where a splat's step goes against its last one.
     """
     step = np.empty(8)
     for i in range(len(q)):
@@ -171,9 +171,13 @@ def proximal_step(
             if square < 2 * eta * price:
                 for k in range(FIRST[group], FIRST[group + 1]):
                     step[k] = 0.0
+        against = 0.0
+        for k in range(8):
+            against += (y[i, k] - step[k]) * (step[k] - q[i, k])
+        momentum = 0.0 if against > 0 else beta
         changed = False
         for k in range(8):
-            ahead = step[k] + beta * (step[k] - q[i, k])
+            ahead = step[k] + momentum * (step[k] - q[i, k])
             q[i, k] = step[k]
             changed |= ahead != y[i, k]
             y[i, k] = ahead
