@@ -74,10 +74,10 @@ def test_a_psnr_out_of_reach_is_told_and_ends():
 
 def test_a_p_frame_that_cannot_hold_the_psnr_becomes_an_i_frame():
     cut = [CLIP[0], waves(48, 32, 1, cut=0)[0]]
-    report, _ = encoded(cut, fast(psnr=27.0))
+    report, _ = encoded(cut, fast(psnr=30.0))
     assert types(report) == "II"
     assert report.frames[1].reason == "a P-frame does not reach the quality"
-    assert min(frame.psnr for frame in report.frames) >= 27
+    assert min(frame.psnr for frame in report.frames) >= 30
 
 
 def test_quality_gives_the_step():
