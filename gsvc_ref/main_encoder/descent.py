@@ -13,8 +13,8 @@ MEMORY: Final = 8
 FIRST_SCALE: Final = 0.25
 LEAST_SCALE: Final = 0.02
 
-RESTART_SHRINK: Final = 0.25
-"""The first step of a restart to that of the one before, where that found no smaller error."""
+RESTART_OCTAVES: Final = 2
+"""How many times the first step of a restart is halved, after one that found no smaller error."""
 
 MOST_MOVE: Final = 0.7
 """Longest step of a position, in standard deviations of its splat."""
@@ -71,7 +71,7 @@ class LBFGS:
     def restart(self) -> None:
         """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
         self._pairs, self._scale, self._step, self._error = 0, 0.1, None, math.inf
-        self._shrink = RESTART_SHRINK**self._restarts
+        self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
         self._restarts += 1
 
     def _learn(self, z: F8, gradient: F8) -> None:

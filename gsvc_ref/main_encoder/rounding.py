@@ -88,7 +88,7 @@ def rounded(z: F8, quantizer: int, width: int, height: int) -> Rounded:
 @kernel(inline=True)
 def _power_of_2(v: int) -> float:
     """2^(v / 1024) by the table, exact in binary32 and binary64."""
-    return math.ldexp(np.float64(EXP2[v & 1023]), (v >> 10) - 15)
+    return math.ldexp(np.float64(EXP2[v & 1023]), int(v >> 10) - 15)
 
 
 @kernel(inline=True)
@@ -124,11 +124,11 @@ def round_kernel(
         ex, ey = min(max((a >> 10) + 1 - j, -4), 2), min(max((b >> 10) + 1 - j, -4), 2)
         l11, l22 = _power_of_2(a), _power_of_2(b)
         cx = min(max(math.floor(z[i, 0] / 4), 0), columns - 1)
-        px = min(max(math.floor((z[i, 0] - 4 * cx) * math.ldexp(1.0, -ex)), 0), (1 << (2 - ex)) - 1)
+        px = min(max(math.floor((z[i, 0] - 4 * cx) * math.ldexp(1.0, -int(ex))), 0), (1 << (2 - ex)) - 1)
         x = cx * 1024 + (px << (ex + 8)) + (1 << (ex + 7))
         wanted = z[i, 1] + s * l22 / (1024 * l11) * (x * (1 / 256) - z[i, 0])
         cy = min(max(math.floor(wanted / 4), 0), rows - 1)
-        py = min(max(math.floor((wanted - 4 * cy) * math.ldexp(1.0, -ey)), 0), (1 << (2 - ey)) - 1)
+        py = min(max(math.floor((wanted - 4 * cy) * math.ldexp(1.0, -int(ey))), 0), (1 << (2 - ey)) - 1)
         y = cy * 1024 + (py << (ey + 8)) + (1 << (ey + 7))
         cell[i, 0], cell[i, 1], place[i, 0], place[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 4] = x, y, a, b, s

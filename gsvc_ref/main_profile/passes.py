@@ -178,7 +178,7 @@ def encode_run(starts: ArrayLike, frequencies: ArrayLike, lanes: ArrayLike, lane
         `lane_states` and `words`.
     """
     c, f, j = (np.ascontiguousarray(values, np.int64) for values in (starts, frequencies, lanes))
-    states = np.full(lane_count, LOWEST_STATE, np.int64)
+    states = np.full((lane_count,), LOWEST_STATE, np.int64)
     words = np.empty(len(c), np.uint16)
     used = _encode(c, f, j, states, words)
     return EncodedRun(states.astype(np.uint32), words[len(words) - used :].copy())

@@ -89,9 +89,9 @@ def _to_parameters(state: I8, exp2: F4, parameters: F4) -> None:
     for i in range(len(state)):
         A, B = state[i, 2], state[i, 3]
         v = -(A + B) >> 1
-        l11 = exp2[A & 1023] * np.float32(math.ldexp(1.0, (A >> 10) - 15))  # exact
-        l22 = exp2[B & 1023] * np.float32(math.ldexp(1.0, (B >> 10) - 15))
-        g = exp2[v & 1023] * np.float32(math.ldexp(1.0, (v >> 10) - 15))
+        l11 = exp2[A & 1023] * np.float32(math.ldexp(1.0, int(A >> 10) - 15))  # exact
+        l22 = exp2[B & 1023] * np.float32(math.ldexp(1.0, int(B >> 10) - 15))
+        g = exp2[v & 1023] * np.float32(math.ldexp(1.0, int(v >> 10) - 15))
         a = np.float32(state[i, 5]) * K1
         b = np.float32(state[i, 6]) * K2
         c = np.float32(state[i, 7]) * K3

@@ -30,7 +30,7 @@ from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 ROOT = Path(__file__).parents[2]
 OVERVIEW = write_stream(OVERVIEW_HEADER, overview_frames())
 
-MAX_FILES = 150
+MAX_FILES = 160
 MAX_BYTES = 150_000
 
 RUNS = {

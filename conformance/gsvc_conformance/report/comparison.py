@@ -16,7 +16,7 @@ SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
 ALIKE: Final = ("vectors", "spec.md", "kit")
 """Entries of the environment that all reports of a comparison should share."""
-NOTHING: Final = "–"
+NOTHING, NOT_CLAIMED = "–", "not claimed"
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,15 @@ def _notes(entries: Sequence[Entry]) -> Iterable[str]:
 
 def _classes(entries: Sequence[Entry]) -> str:
     verdicts = [{group.title: _verdict(group) for group in entry.report.groups()} for entry in entries]
-    titles = [title for name in get_args(Group) for title in (name, *(f"{name}, profile {p}" for p in PROFILES))]
-    names = [title for title in titles if any(title in verdict for verdict in verdicts)]
+    names: list[str] = []
+    for name in get_args(Group):
+        titles = [f"{name}, profile {profile}" for profile in PROFILES]
+        split = [title for title in titles if any(title in verdict for verdict in verdicts)]
+        for verdict in verdicts:
+            if split and verdict.get(name) == NOT_CLAIMED:  # neither in one profile nor in the other
+                del verdict[name]
+                verdict.update(dict.fromkeys(split, NOT_CLAIMED))
+        names += [title for title in (name, *split) if any(title in verdict for verdict in verdicts)]
     rows = [[name, *(verdict.get(name, NOTHING) for verdict in verdicts)] for name in names]
     return table(["class", *(entry.name for entry in entries)], rows)
 
