@@ -174,9 +174,9 @@ class Settings:
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
     quality
-        Profile `main`: the step D of all codes, from 0, the coarsest, to 79, the finest; 8 more halve D. I-frames have
-        `quantizer` 79 - `quality`, P-frames a little more. Without `splats`, as many splats go with it as are worth
-        their bits at this D. None: D follows from the number of splats.
+        Profile `main`: the step D of all codes, from 0, the coarsest, to 79, the finest; 8 more halve D. Frames have
+        `quantizer` 79 - `quality`. Without `splats`, as many splats go with it as are worth their bits at this D.
+        None: D follows from the number of splats.
     key_frames
         ``auto``, every k frames, or the listed frame numbers (0 always is one).
     low_latency

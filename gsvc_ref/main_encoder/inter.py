@@ -88,7 +88,7 @@ class InterSettings:
         Of steps 2 and 4.
     progress
         Step 2 goes on for as long as LOOK iterations take this share off the squared error. Splats that overlap much
-        need more of them: on a street out of focus 110 in place of 50 gave 1.9 dB and took 12 % off the bits.
+        need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 % off the bits.
     length
         The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH.
     momentum

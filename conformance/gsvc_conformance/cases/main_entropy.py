@@ -9,6 +9,7 @@ from gsvc_conformance.cases.building import Array, result
 from gsvc_conformance.cases.main_states import ints, painted, state
 from gsvc_ref import spec
 from gsvc_ref.draws import Draws
+from gsvc_ref.portable import power
 
 TOTAL: Final = spec.TOTAL
 MIN_STATE: Final = spec.LOWEST_STATE
@@ -87,7 +88,7 @@ def runs_of_lanes(value: int, rng: Draws) -> Inputs:
 
 def random_symbols(rng: Draws, count: int) -> Array:
     """Starts and frequencies, (count, 2), from rare symbols to frequent ones."""
-    frequencies = np.maximum(np.exp2(rng.uniform(0, 14, (count,))).astype(np.int64), 1)
+    frequencies = np.maximum(power(2.0, rng.uniform(0, 14, (count,))).astype(np.int64), 1)
     return np.stack([rng.integers(0, TOTAL + 1 - frequencies), frequencies], axis=1)
 
 
@@ -168,7 +169,7 @@ def negative_centres(value: int) -> Inputs:
 @case("core", "density_frequencies", each={str(code): code for code in (0, 1, 2, 3, 4, 5, 17, 31)})
 def scales(value: int) -> Inputs:
     """scale_code {key}: a scale is 2^(scale_code / 4) units, of a mantissa of EXP2 and a shift that is rounded up."""
-    unit = 2.0 ** (value / 4)
+    unit = power(2.0, value / 4)
     edges = np.unique(np.rint(np.arange(-9, 10) * unit * 4).astype(np.int64) * 2 + 1)
     expected = yield density(edges[abs(edges) < 2**16], 3, 0, value, 3)
     assert len(np.unique(np.diff(result(expected, "cumulative")))) > 3

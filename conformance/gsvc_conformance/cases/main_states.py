@@ -8,6 +8,7 @@ from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
 from gsvc_ref import spec
 from gsvc_ref.draws import Draws
+from gsvc_ref.portable import power
 
 Q: Final = 24
 """The quantizer of most cases."""
@@ -46,7 +47,7 @@ def painted(rng: Draws, count: int, *, width: int = 352, height: int = 288, step
     where = rng.uniform(-0.05, 1.05, (count, 2)) * [256 * width, 256 * height]
     logs = rng.normal(1500, 900, (count, 2))
     shears = rng.normal(0, 500, (count, 1))
-    n = rng.normal(0, 1, (count, 3)) * step * np.exp2(rng.uniform(-1, 7, (count, 1)))
+    n = rng.normal(0, 1, (count, 3)) * step * power(2.0, rng.uniform(-1, 7, (count, 1)))
     rows = np.concatenate([where, logs, shears, n], axis=1).astype(np.int64)
     found: Array = spec.clipped(*rows[:, :5].T, rows[:, 5:])
     return found
@@ -81,7 +82,7 @@ def classes_round_their_colors(value: int) -> Inputs:
 def classes_of_quantizer(value: int, rng: Draws) -> Inputs:
     """Splats of all classes with a quantizer of {key}: D grows by an octave for every 8."""
     step = spec.step_of(value)
-    n = rng.normal(0, 1, (40, 3)) * step * np.exp2(np.arange(40) % 12 - 1)[:, None]
+    n = rng.normal(0, 1, (40, 3)) * step * np.ldexp(1.0, np.arange(40) % 12 - 1)[:, None]
     rows = np.concatenate([np.zeros((40, 5), np.int64), n.astype(np.int64)], axis=1)
     expected = yield {"state": rows, "quantizer": value}
     assert len(set(result(expected, "classes").tolist())) > 8
@@ -172,7 +173,9 @@ def intra_codes_of_quantizer(value: int, rng: Draws) -> Inputs:
 def random_codes(rng: Draws, quantizer: int, count: int) -> dict[str, Any]:
     """Codes of an I-frame of 352x288 as an encoder makes them."""
     cells = np.stack([rng.integers(0, 88, (count,)), rng.integers(0, 72, (count,))], axis=1)
-    colors = (rng.normal(0, 1, (count, 3)) * np.exp2(rng.uniform(-1, 7, (count, 1))) * [1, 0.3, 0.3]).astype(np.int64)
+    colors = (rng.normal(0, 1, (count, 3)) * power(2.0, rng.uniform(-1, 7, (count, 1))) * [1, 0.3, 0.3]).astype(
+        np.int64
+    )
     step = spec.step_of(quantizer)
     j = spec.classes(spec.coded_colors(colors, step), step)
     shapes = rng.normal(0, 1, (count, 3)) * [900, 600, 700] / np.array(H)[j][:, None] + [[1, 0, 0]]
