@@ -48,7 +48,7 @@ HOMONYMS = {
     "K2": ["gsvc_ref.main_profile.state"],
     "K3": ["gsvc_ref.main_profile.state"],
     "ONE": ["gsvc_ref.main_profile.passes"],
-    "HALF": ["gsvc_ref.main_encoder.coordinates"],
+    "HALF": ["gsvc_ref.training.coordinates"],
     "REACH": ["gsvc_ref.main_encoder.new_splats"],
     "S_MOST": ["gsvc_ref.main_encoder.new_splats"],
     "ALPHAS": ["gsvc_ref.main_encoder.density_choice"],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8
-from gsvc_ref.main_encoder.coordinates import ENERGY_SCALE, HALF, SIXTH, THIRD, exp_kernel
+from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, SIXTH, THIRD, exp_kernel
 
 I8 = NDArray[np.int64]
 

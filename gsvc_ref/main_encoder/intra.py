@@ -18,16 +18,7 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_encoder.coordinates import (
-    HALF,
-    gradient_by_coordinates,
-    log_kernel,
-    moved,
-    to_coordinates,
-    to_parameters,
-)
 from gsvc_ref.main_encoder.density_choice import choose_densities
-from gsvc_ref.main_encoder.descent import LBFGS
 from gsvc_ref.main_encoder.edges import Edges
 from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounded
 from gsvc_ref.main_profile.cells import cell_order
@@ -36,6 +27,15 @@ from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.portable import log10
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
+from gsvc_ref.training.coordinates import (
+    HALF,
+    gradient_by_coordinates,
+    log_kernel,
+    moved,
+    to_coordinates,
+    to_parameters,
+)
+from gsvc_ref.training.descent import LBFGS
 from gsvc_ref.training.settings import Growth
 
 LEAST_SIZE: Final = 0.27

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8
-from gsvc_ref.main_encoder.coordinates import HALF, LEAST_ENERGY, ROOT, exp_kernel, log_kernel
 from gsvc_ref.main_encoder.differences import LN2, put
 from gsvc_ref.portable import exp
+from gsvc_ref.training.coordinates import HALF, LEAST_ENERGY, ROOT, exp_kernel, log_kernel
 
 I8 = NDArray[np.int64]
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.main_encoder.coordinates import HALF, ROOT, exp_kernel
 from gsvc_ref.main_profile.cells import cell_counts
 from gsvc_ref.main_profile.codes import IntraCodes
 from gsvc_ref.main_profile.densities import LARGEST_MAGNITUDE
 from gsvc_ref.main_profile.state import A_LEAST, A_MOST, K1, K2, K3, S_MOST
 from gsvc_ref.main_profile.tables import EXP2
+from gsvc_ref.training.coordinates import HALF, ROOT, exp_kernel
 
 LUMA_OFFSET: Final = 0.45
 CHROMA_OFFSET: Final = 0.4

@@ -6,6 +6,9 @@ and of `fine_tuning`, which trains them through the quantisers that a decoder wi
 
 The parts of an iteration are `weighting` (the colours w c'), `events` (splats come by `augmentation`, GSA, and go by
 `pruning`, GSP), `adan` (the step), `schedule` (its rates) and `convergence`. All choices are in `settings`.
+
+`coordinates` are what the encoders measure changes of splats in, since those of the same length cost the picture about
+the same; `descent` is L-BFGS in them.
 """
 
 from gsvc_ref.training.adan import Adan, AdanSettings

@@ -8,7 +8,6 @@ import pytest
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import intra
-from gsvc_ref.main_encoder.coordinates import to_coordinates
 from gsvc_ref.main_encoder.density_choice import choose_densities, choose_halving_codes
 from gsvc_ref.main_encoder.rounding import coordinates_of_state, rounded
 from gsvc_ref.main_profile.cells import cell_order, halving_count
@@ -18,6 +17,7 @@ from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.reconstruct import colors_of, place_bits
 from gsvc_ref.main_profile.state import S_MOST, classes, to_splats
 from gsvc_ref.main_profile.tables import step_of
+from gsvc_ref.training.coordinates import to_coordinates
 
 FEW = intra.IntraSettings(grow=20, weigh=12, settle=3)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F8
-from gsvc_ref.main_encoder.coordinates import ENERGY_SCALE, HALF, LEAST_ENERGY, exp_kernel
+from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, LEAST_ENERGY, exp_kernel
 
 MEMORY: Final = 8
 FIRST_SCALE: Final = 0.25
