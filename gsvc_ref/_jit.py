@@ -12,15 +12,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def kernel(
-    *, parallel: bool = False, contract: bool = False, inline: bool = False
-) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile a function with Numba, cached on disk; it stays plain Python under ``NUMBA_DISABLE_JIT=1``.
 
     Parameters
     ----------
-    parallel
-        Allow ``numba.prange``. Every iteration must write memory of its own.
     contract
         Allow a multiply and an add to be fused. Never set for anything that must be exact (spec.md section 3.3).
     inline
@@ -28,7 +24,7 @@ def kernel(
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "parallel": parallel}
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
         if contract:
             options["fastmath"] = {"contract"}
         if inline:

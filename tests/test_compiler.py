@@ -22,22 +22,3 @@ def test_a_number_of_threads_that_is_none_is_wrong_use(tmp_path, command):
     assert run.returncode == 2, run.stderr
     assert "Numba does not start (Number of threads specified must be > 0): correct or unset" in run.stderr
     assert "NUMBA_NUM_THREADS" in run.stderr
-
-
-LAYER = """
-from gsvc_ref.cli.errors import guarded
-from gsvc_ref.rendering.fast.threads import parallel_region
-def work():
-    with parallel_region(1):
-        return 0
-raise SystemExit(guarded("gsvc", work))
-"""
-
-
-@pytest.mark.parametrize(("layer", "words"), [("bogus", "'bogus' is unknown to Numba"), ("workqueue", "")])
-def test_a_threading_layer_that_is_none_is_wrong_use(layer, words):
-    environment = {**os.environ, "NUMBA_THREADING_LAYER": layer}
-    run = subprocess.run([sys.executable, "-c", LAYER], capture_output=True, text=True, env=environment)
-    assert run.returncode == (2 if words else 0), run.stderr
-    assert words in run.stderr
-    assert ("unset NUMBA_THREADING_LAYER" in run.stderr) == bool(words)

@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.fast.projection import PROJECTED, ROW_COUNT, ProjectedSplats, project_task, project_tasks
-from gsvc_ref.rendering.fast.threads import parallel_region, usable
+from gsvc_ref.rendering.fast.projection import PROJECTED, ROW_COUNT, ProjectedSplats, project_task
+from gsvc_ref.rendering.fast.threads import run_tasks
 from gsvc_ref.rendering.fast.tiles import F4, F8, I4, I8, aligned, tile_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
@@ -198,14 +198,14 @@ class Binning:
             work = self.bins.work
             yield self.bins._replace(work=np.clip(work, work[first], work[end]) - work[first])
 
-    def over_splats(self, task: Callable[..., None], tasks: Callable[..., None], *arguments: Any) -> None:
-        """Run a loop over all splats, as one task or, where it is worth it, as parallel tasks."""
-        threads = usable(min(self.threads, len(self) // SPLATS_PER_THREAD))
-        if threads <= 1:
-            task(0, len(self), *arguments)
-        else:
-            with parallel_region(threads):
-                tasks(threads, *arguments)
+    def over_splats(self, task: Callable[..., None], *arguments: Any) -> None:
+        """Run a loop over all splats, as one task or, where it is worth it, as several."""
+        count, tasks = len(self), max(1, min(self.threads, len(self) // SPLATS_PER_THREAD))
+
+        def part(number: int) -> None:
+            task(count * number // tasks, count * (number + 1) // tasks, *arguments)
+
+        run_tasks(part, tasks)
 
     def _resize(self, count: int) -> None:
         """Make room for exactly this number of splats: most calls come with the number of the call before."""
@@ -218,7 +218,7 @@ class Binning:
         self.bins = self.bins._replace(projected=splats.projected, tile_ranges=splats.tile_ranges)
 
     def _bin(self) -> None:
-        self.over_splats(project_task, project_tasks, self.splats, self.width, self.height)
+        self.over_splats(project_task, self.splats, self.width, self.height)
         count_intersections(self.height, self.bins)
         # No tile has more intersections than there are splats, so that every tile fits, and a pass over the splats for
         # each of at most 2 total / most + 1 windows takes no longer than the intersections themselves do.

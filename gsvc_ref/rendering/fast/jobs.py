@@ -2,12 +2,11 @@
 
 A job is shared among tasks, each a run of neighbouring tiles, or of splats, that one thread works through. A tile's
 sums have a fixed order and belong to one task, and the work of a task does not depend on the others, so that all
-results have the same bits for any number of threads. Each parallel kernel is a loop over tasks and nothing else.
+results have the same bits for any number of threads (`threads`).
 """
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from gsvc_ref._jit import kernel
@@ -155,13 +154,6 @@ def run_task(task: int, tasks: int, tile: F4, bins: Bins, regions: Regions, job:
                 grad_tile(tile, t, bins, batch, count, lane_sums, job)
 
 
-@kernel(parallel=True)
-def run_tasks(tiles: F4, bins: Bins, regions: Regions, job: Job) -> None:
-    """Do the job in as many tasks as there are rows in `tiles`."""
-    for task in numba.prange(tiles.shape[0]):
-        run_task(task, tiles.shape[0], tiles[task], bins, regions, job)
-
-
 @kernel()
 def gradients_task(first: int, end: int, bins: Bins, moments: F4, parameters: F4, scale: float, gradients: F4) -> None:
     """The gradients (N, 8) f4 of the splats first to end - 1 from the moments of their intersections, times `scale`."""
@@ -169,15 +161,6 @@ def gradients_task(first: int, end: int, bins: Bins, moments: F4, parameters: F4
     for n in range(first, end):
         own = moments[bins.splat_offsets[n] : bins.splat_offsets[n + 1]]
         grad_splat(own, parameters[n], scale, S, gradients[n])
-
-
-@kernel(parallel=True)
-def gradients_tasks(tasks: int, bins: Bins, moments: F4, parameters: F4, scale: float, gradients: F4) -> None:
-    """`gradients_task` for all splats, in `tasks` runs."""
-    count = parameters.shape[0]
-    for task in numba.prange(tasks):
-        first, end = count * task // tasks, count * (task + 1) // tasks
-        gradients_task(first, end, bins, moments, parameters, scale, gradients)
 
 
 @kernel()
@@ -188,10 +171,3 @@ def covered_task(first: int, end: int, bins: Bins, width: int, height: int, coun
         for t in range(bins.tile_ranges[n, 0], bins.tile_ranges[n, 1]):
             pixels += covered_in_tile(t, width, height, bins.projected[n])
         counts[n] = pixels
-
-
-@kernel(parallel=True)
-def covered_tasks(tasks: int, bins: Bins, width: int, height: int, counts: I8) -> None:
-    """`covered_task` for all splats, in `tasks` runs."""
-    for task in numba.prange(tasks):
-        covered_task(counts.size * task // tasks, counts.size * (task + 1) // tasks, bins, width, height, counts)

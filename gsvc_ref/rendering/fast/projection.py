@@ -9,7 +9,6 @@ radius ELLIPSE, moved up or down by 17 eps SUPPORT_RADIUS (|l21| + l22) at most.
 import math
 from typing import Any, Final, NamedTuple
 
-import numba
 import numpy as np
 
 from gsvc_ref._jit import kernel
@@ -95,14 +94,6 @@ def project_task(first: int, end: int, splats: ProjectedSplats, width: int, heig
         projected[L22] = parameters[4]
         projected[FIRST_ROW] = np.float32(top)
         projected[ROW_COUNT] = np.float32(bottom - top + 1)
-
-
-@kernel(parallel=True)
-def project_tasks(tasks: int, splats: ProjectedSplats, width: int, height: int) -> None:
-    """`project_task` for all splats, in `tasks` runs."""
-    count = splats.parameters.shape[0]
-    for task in numba.prange(tasks):
-        project_task(count * task // tasks, count * (task + 1) // tasks, splats, width, height)
 
 
 @kernel(inline=True)

@@ -1,23 +1,16 @@
 """The rasterizer: the binning and the buffers of one frame size, and the threads that jobs are run on."""
 
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from gsvc_ref.rendering.fast.batches import BATCH_BYTES
-from gsvc_ref.rendering.fast.binning import Binning
-from gsvc_ref.rendering.fast.jobs import (
-    Job,
-    covered_task,
-    covered_tasks,
-    gradients_task,
-    gradients_tasks,
-    run_task,
-    run_tasks,
-)
+from gsvc_ref.rendering.fast.binning import Binning, Bins
+from gsvc_ref.rendering.fast.jobs import Job, covered_task, gradients_task, run_task
 from gsvc_ref.rendering.fast.regions import Regions
 from gsvc_ref.rendering.fast.sums import MOMENTS
-from gsvc_ref.rendering.fast.threads import parallel_region, thread_count, usable
+from gsvc_ref.rendering.fast.threads import run_tasks, thread_count
 from gsvc_ref.rendering.fast.tiles import F4, I8, ROW, SPARE_ROWS, aligned, tile_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
@@ -65,23 +58,21 @@ class Rasterizer:
     def run(self, job: Job, regions: Regions) -> None:
         """Do a job for the tiles that have a dirty region."""
         for bins in self.binning.windows():
-            if usable(self.threads) == 1:
-                run_task(0, 1, self.tiles[0], bins, regions, job)
-            else:
-                with parallel_region(self.threads):
-                    run_tasks(self.tiles, bins, regions, job)
+            run_tasks(partial(self._run_task, bins, regions, job), self.threads)
+
+    def _run_task(self, bins: Bins, regions: Regions, job: Job, task: int) -> None:
+        run_task(task, self.threads, self.tiles[task], bins, regions, job)
 
     def gradients(self, scale: float) -> F4:
         """The gradients (N, 8) f4 from the `moments` that a job has left, times `scale`."""
         binning = self.binning
         gradients = np.empty((len(binning), PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
-        arguments = binning.bins, self.moments, binning.splats.parameters, scale, gradients
-        binning.over_splats(gradients_task, gradients_tasks, *arguments)
+        binning.over_splats(gradients_task, binning.bins, self.moments, binning.splats.parameters, scale, gradients)
         return gradients
 
     def covered_pixels(self) -> I8:
         """The number of pixels that each splat covers, (N,) i8."""
         binning = self.binning
         counts = np.zeros(len(binning), np.int64)  # (N,) i8
-        binning.over_splats(covered_task, covered_tasks, binning.bins, binning.width, binning.height, counts)
+        binning.over_splats(covered_task, binning.bins, binning.width, binning.height, counts)
         return counts

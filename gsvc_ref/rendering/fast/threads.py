@@ -1,22 +1,19 @@
-"""Threads: how many are used, and how kernels get them in a process that may have threads and forks of its own."""
+"""Threads: how many are used, and how the tasks of a job are shared among them.
+
+Kernels let other Python threads run, so a job needs no more than those: one that calls, and those of a pool that all
+jobs of the process share. Several threads may have jobs at the same time, and a forked child makes a pool of its own.
+"""
 
 import os
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from typing import Any
 
-import numba
-
+from gsvc_ref._compiler import numba
 from gsvc_ref.errors import UsageError
 
-# GNU OpenMP's threads spin for milliseconds at the end of every loop. On a machine that has anything else to do, that
-# steals the very time slice they wait for: four times slower, measured. It reads this when Numba loads it.
-os.environ.setdefault("GOMP_SPINCOUNT", "10000")
-
-_numba: Any = numba  # its thread functions carry no types
-_workqueue_lock = threading.Lock()
-_forked = False
+_pool: ThreadPoolExecutor | None = None
 
 
 def thread_count(threads: int | None) -> int:
@@ -34,50 +31,63 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
-def usable(threads: int) -> int:
-    """The number of threads if there is a pool of them, and 1 in a forked child, which has none."""
-    return 1 if _forked else threads
+def run_tasks(task: Callable[[int], None], tasks: int) -> None:
+    """Call task(0), ..., task(tasks - 1), on the calling thread and those of the pool that are free.
 
-
-@contextmanager
-def parallel_region(threads: int) -> Iterator[None]:
-    """Let parallel kernels use this many threads, and keep Python threads apart where they must not run them at once.
-
-    OpenMP and TBB allow concurrent calls; Numba's fallback layer "workqueue" would end the process. Until the first
-    parallel call has chosen the layer, the lock is taken as well.
-
-    Raises
-    ------
-    UsageError
-        The environment names a threading layer that Numba cannot start.
+    It returns, or raises what the tasks or Ctrl-C raised, when no task is at work any more: they write into memory that
+    the caller will use again. Where there can be no more threads, as at the end of a process, the caller does it all.
     """
+    numbers = iter(range(tasks))  # its `next` is atomic, so that each number goes to one thread
+
+    def work() -> None:
+        for number in numbers:
+            task(number)
+
+    others: list[Future[None]] = []
+    with suppress(RuntimeError):  # no thread can be started
+        for _ in range(min(tasks, _most_threads()) - 1):
+            others.append(_workers().submit(work))
     try:
-        safe = _numba.threading_layer() != "workqueue"
-    except ValueError:  # no parallel kernel has run yet
-        safe = False
-    try:
-        before = _numba.get_num_threads()  # which starts the threads
-    except ValueError as error:
-        reason = " ".join(str(error).split()).rstrip(".")
-        raise UsageError(f"Numba cannot start its threads ({reason}): unset NUMBA_THREADING_LAYER") from None
-    _numba.set_num_threads(min(threads, _numba.config.NUMBA_NUM_THREADS))
-    try:
-        with nullcontext() if safe else _workqueue_lock:
-            yield
+        work()
     finally:
-        _numba.set_num_threads(before)
+        _wait_for(others)
+    for other in others:
+        other.result()
 
 
-def _note_fork() -> None:
-    """In a forked child: do without the pool of threads, if the parent had one, for a fork does not copy its threads.
+def _wait_for(others: list[Future[None]]) -> None:
+    """Wait until all have ended; an interrupt meanwhile is raised afterwards."""
+    late: BaseException | None = None
+    while others:
+        try:
+            wait(others)
+            break
+        except BaseException as error:
+            late = error
+    if late is not None:
+        raise late
 
-    GNU OpenMP would end the child at the first parallel kernel. The results have the same bits on one thread.
-    """
-    global _forked, _workqueue_lock
-    _workqueue_lock = threading.Lock()  # another thread of the parent may have held it
-    with suppress(ValueError):  # no parallel kernel has run yet
-        _forked = bool(_numba.threading_layer())
+
+def _most_threads() -> int:
+    """One per CPU, or what NUMBA_NUM_THREADS says."""
+    config: Any = numba.config
+    most: int = config.NUMBA_NUM_THREADS
+    return most
+
+
+def _workers() -> ThreadPoolExecutor:
+    """The pool, which is made when it is first needed."""
+    global _pool
+    if _pool is None:
+        _pool = ThreadPoolExecutor(max(1, _most_threads() - 1), thread_name_prefix="gsvc_ref")
+    return _pool
+
+
+def _forget_pool() -> None:
+    """In a forked child: make a new pool when it is needed, for a fork does not copy threads."""
+    global _pool
+    _pool = None
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_note_fork)
+    os.register_at_fork(after_in_child=_forget_pool)
