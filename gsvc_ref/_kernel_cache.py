@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 PACKAGE: Final = Path(__file__).resolve().parent
 WITHOUT_KERNELS: Final = ("cli", "testing")
@@ -30,10 +31,16 @@ class KernelCache(FunctionCache):
     """
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Load the compiled form for a signature, or None."""
+        """Load the compiled form for a signature, or None.
+
+        Numba would first make the tables of all functions that can be compiled, for which it imports SciPy's linear
+        algebra too: a third of a second. Machine code needs its runtime alone; what is compiled makes the tables.
+        """
         numba_cache: Any = super()
+        load = getattr(numba_cache, "_load_overload", numba_cache.load_overload)
         try:
-            found = numba_cache.load_overload(signature, target)
+            rtsys.initialize(target)
+            found = load(signature, target)
         except Exception:  # a damaged file may raise anything when it is unpickled
             with suppress(OSError):
                 numba_cache.flush()

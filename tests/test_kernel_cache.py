@@ -188,6 +188,26 @@ def test_a_second_start_compiles_nothing_and_a_changed_source_anew(package, vari
     assert list(first[1].parent.iterdir()) == [second[1]]  # the kernels of the old sources are gone
 
 
+LOADED_THEN_COMPILED = """
+import sys
+sys.path.insert(0, '')
+import numba
+import numpy as np
+from package.main import total
+print(total(1), sum(total._cache_hits.values()), "numba.np.linalg" in sys.modules)
+print(total(1.5), total(np.arange(2)), sum(total._cache_hits.values()))  # other forms, of which the second allocates
+print(numba.njit(lambda x: np.linalg.norm(np.ones(x)))(4))  # one of the user
+"""
+
+
+def test_what_is_loaded_needs_none_of_the_compilers_tables_and_what_is_compiled_makes_them(package):
+    variables = {"XDG_CACHE_HOME": str(package / "cache")}
+    run(package, code=PACKAGE_CODE, **variables)
+    found = run(package, code=LOADED_THEN_COMPILED, **variables)
+    assert (found.returncode, found.stderr) == (0, "")
+    assert found.stdout.splitlines() == ["20 1 False", "25.0 [10 20] 1", "2.0"]
+
+
 @pytest.fixture
 def places(monkeypatch, tmp_path) -> Path:
     """A package, a home and a cache in a folder of the test."""
