@@ -15,6 +15,9 @@ R = TypeVar("R")
 def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile a function with Numba, cached on disk; it stays plain Python under ``NUMBA_DISABLE_JIT=1``.
 
+    Kernels copy from one array to another element by element: an assignment of slices would have Numba compile the
+    text of its message on unequal shapes, for three seconds.
+
     Parameters
     ----------
     contract

@@ -129,7 +129,8 @@ def _halves(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: i
             C, low[many] = _half_frequencies(counts[part], size, second, alpha)
             asked[many] = part
             first[many + 1] = first[many] + len(C)
-            cumulative[first[many] : first[many + 1]] = C
+            for i in range(len(C)):
+                cumulative[first[many] + i] = C[i]
             many += 1
     return asked[:many], cumulative[: first[many]], first[: many + 1], low[:many]
 

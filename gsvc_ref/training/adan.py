@@ -261,7 +261,8 @@ def _step(
         part = slice(start * columns, stop * columns)
         x, m_part, v_part, n_part, g_prev = parameters[part], m[part], v[part], n[part], previous[part]
         if steps[start] == 0:
-            g_prev[:] = scaled[: len(g_prev)]
+            for j in range(len(x)):
+                g_prev[j] = scaled[j]
         k = steps[start] + 1
         last = min(k, corrections.shape[0] - 1)  # where they have settled
         over_m, over_v, over_n = corrections[last, 0], corrections[last, 1], corrections[last, 2]

@@ -88,7 +88,8 @@ def count_intersections(height: int, bins: Bins) -> None:
 def list_intersections(bins: Bins) -> None:
     """Fill `intersections` for the tiles of the window: a counting sort by tile."""
     cursors = bins.cursors
-    cursors[:] = bins.tile_offsets[:-1] - bins.tile_offsets[bins.window[0]]
+    for t in range(cursors.size):
+        cursors[t] = bins.tile_offsets[t] - bins.tile_offsets[bins.window[0]]
     for n in range(bins.tile_ranges.shape[0]):
         first = bins.tile_ranges[n, 0]
         for t in range(max(first, bins.window[0]), min(bins.tile_ranges[n, 1], bins.window[1])):

@@ -93,7 +93,9 @@ def sum_region(tile: F4, t: int, top: int, end: int, bins: Bins, batch: Batch, c
     next, and it is the last region of the tile.
     """
     if job.base.shape[0]:
-        tile[top * ROW : end * ROW] = job.base[t, top * ROW : end * ROW]
+        part, base = tile[top * ROW : end * ROW], job.base[t, top * ROW : end * ROW]
+        for i in range(part.size):  # an assignment of slices would make the compiler write its message of unequal ones
+            part[i] = base[i]
     else:
         tile[top * ROW : end * ROW] = np.float32(0)
     tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
