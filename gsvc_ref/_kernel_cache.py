@@ -16,8 +16,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+from numba.core import runtime as numba_runtime
 from numba.core.caching import FunctionCache
-from numba.core.runtime import rtsys
 
 PACKAGE: Final = Path(__file__).resolve().parent
 WITHOUT_KERNELS: Final = ("cli", "testing")
@@ -37,9 +37,10 @@ class KernelCache(FunctionCache):
         algebra too: a third of a second. Machine code needs its runtime alone; what is compiled makes the tables.
         """
         numba_cache: Any = super()
+        runtime: Any = numba_runtime
         load = getattr(numba_cache, "_load_overload", numba_cache.load_overload)
         try:
-            rtsys.initialize(target)
+            runtime.rtsys.initialize(target)
             found = load(signature, target)
         except Exception:  # a damaged file may raise anything when it is unpickled
             with suppress(OSError):

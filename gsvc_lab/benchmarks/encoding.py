@@ -142,7 +142,9 @@ class Case:
                     population.values[:, :2] = moved[:, :2]
             if kind.new_from_residual:
                 everywhere = np.ones((self.height, self.width), np.bool_)
-                add_where_wrong(population, objective, make_room(population, new, self.total), rng, everywhere)
+                add_where_wrong(
+                    population, objective, make_room(population, objective, new, self.total), rng, everywhere
+                )
             else:
                 population.augment(uniform_numbers(new, rng), self.width, self.height)
             return population

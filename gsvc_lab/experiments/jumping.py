@@ -161,7 +161,8 @@ def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: s
     """A P-frame as quick begins and fits it with these effects, before quantisation."""
     settings, rng = Settings.quick(effects=effects, profile="paper"), np.random.default_rng([seed, 1])
     jump.before.objective.loss(reference.to_array())
-    past = Past(jump.before.samples, block_errors(jump.before.objective.residual()))
+    left = block_errors(jump.before.objective.residual())
+    past = Past(jump.before.samples, left, float(left.sum()))
     frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng)
     prediction = predict(frame, FrameLog())
     fit(prediction.population, jump.after.objective, prediction.fit, rng)

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.splats import F4
 
 F8 = NDArray[np.float64]
@@ -22,16 +23,30 @@ MIN_ERROR: Final = 1e-6
 
 def block_errors(residual: F4) -> F8:
     """The sum of squares of a residual (H, W, 3) f4 over each block, (rows, columns) f8."""
-    squares = np.square(residual, dtype=np.float64).sum(axis=2)
-    rows = np.add.reduceat(squares, np.arange(0, squares.shape[0], BLOCK), axis=0)
-    return np.asarray(np.add.reduceat(rows, np.arange(0, squares.shape[1], BLOCK), axis=1))
-
-
-def errors_left(residual: F4) -> F8:
-    """The errors of the blocks that a frame leaves for the next ones to be compared with, (rows, columns) f8."""
     height, width = residual.shape[:2]
+    errors = np.zeros((-(-height // BLOCK), -(-width // BLOCK)))
+    _sum_squares(residual, errors)
+    return errors
+
+
+@kernel()
+def _sum_squares(residual: F4, errors: F8) -> None:
+    """Add the squares of each block to its error; a row of a block at a time, pixel by pixel."""
+    height, width, channels = residual.shape
+    for y in range(height):
+        for column in range(errors.shape[1]):
+            total = 0.0
+            for x in range(column * BLOCK, min((column + 1) * BLOCK, width)):
+                for c in range(channels):
+                    value = np.float64(residual[y, x, c])
+                    total += value * value
+            errors[y // BLOCK, column] += total
+
+
+def errors_left(errors: F8, height: int, width: int) -> F8:
+    """Of the errors of a frame's blocks, what the next frames are compared with: at most MAX_ERROR a pixel."""
     rows, columns = (np.minimum(BLOCK, side - np.arange(0, side, BLOCK)) for side in (height, width))
-    return np.minimum(block_errors(residual), MAX_ERROR * np.outer(rows, columns))
+    return np.minimum(errors, MAX_ERROR * np.outer(rows, columns))
 
 
 def worse_blocks(now: F8, left: F8, ratio: float) -> NDArray[np.bool_]:

@@ -49,6 +49,12 @@ DB_PER_STEP: Final = 0.4
 P_TRIES: Final = 5
 """Constant quality: the most values of D that are tried for a P-frame."""
 
+BEHIND: Final = 1.0
+"""A P-frame with so many dB less than its I-frame is worked on again where the source stays the same..."""
+
+PASS_GAIN: Final = 0.3
+"""...as long as each pass gains so many dB."""
+
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
 
@@ -110,6 +116,11 @@ class MainFrameEncoder:
         Whether the last I-frame had the quality asked for.
     before
         The source of the frame before, (H, W, 3) f4.
+    is_catching_up
+        Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
+        is worth it if the source stays the same.
+    level, last
+        PSNR of the last I-frame and of the last frame, in dB.
     below
         Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
     above
@@ -126,6 +137,7 @@ class MainFrameEncoder:
         self.inter = _inter_encoder(settings)
         self.quantizer, self.reaches = 0, True
         self.before: F4 | None = None
+        self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
 
     def elements(self) -> dict[str, Any]:
@@ -135,10 +147,22 @@ class MainFrameEncoder:
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, number, progress)
+        is_equal = frame_type == "R"
+        if is_equal and self.is_catching_up:
+            frame_type = "P"
         result = {"I": work.intra, "P": work.predicted, "R": work.repeated}[frame_type]()
         assert isinstance(result.state, MainState)
         self.state, self.before = result.state, work.picture
+        self._remember(result, is_equal)
         return result
+
+    def _remember(self, result: EncodedFrame, is_equal: bool) -> None:
+        """Note whether the next frame, if its source is equal, is worth another pass."""
+        if result.codes.type == "I":
+            self.level = result.psnr
+        gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
+        self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
+        self.last = result.psnr
 
 
 class _FrameWork:

@@ -4,11 +4,13 @@ Constant rate keeps N splats a frame. Constant quality removes splats while the 
 where it does not.
 """
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import power
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
@@ -16,6 +18,10 @@ from gsvc_ref.training import KEPT_WEIGHT, FitSettings, OnIteration, Population,
 
 DB_PER_DOUBLING: Final = 3.4
 """PSNR gained by twice the splats, as measured on photographs, by which the sizes of changes are guessed."""
+
+GRADIENT_PART: Final = 0.5
+"""The part of its gradient's term by which a splat is judged before it is removed. On 30 frames of `carphone` and
+`bikes` at N = 700 1/4 and 1/2 gave the same within 0.2 dB and 2 % of the bytes; 1 took 0.4 dB from `carphone`."""
 
 TOLERANCE: Final = 0.25
 """Constant quality: no splats are removed for fewer dB above the goal."""
@@ -46,12 +52,39 @@ def most_visible(parameters: F4, count: int) -> NDArray[np.int64]:
     return np.sort(np.argsort(-visibility(parameters), kind="stable")[: max(0, count)])
 
 
-def make_room(population: Population, new: int, total: int) -> int:
-    """Remove the least visible splats that are not frozen until `new` fit into `total`; the number that then does."""
+def removal_errors(parameters: F4, gradient: F4, pixels: int) -> F8:
+    """What the squared error is expected to rise by without each splat once the others are fitted, (N,) f8.
+
+    Removing c' g from the picture changes the error by |c' g|^2 - c' . dE/dc'. The second term is large for a splat
+    that stands where the picture no longer has what it showed. A fit makes up for a part of it, and splats that
+    overlap share it, so that GRADIENT_PART of it counts.
+
+    Parameters
+    ----------
+    parameters, gradient
+        (N, 8) f4, the splats and the gradient of the loss by them.
+    pixels
+        The number of pixels, by which the loss is divided.
+    """
+    product = parameters[:, 5:8].astype(np.float64) * gradient[:, 5:8]
+    return np.asarray(
+        math.pi * visibility(parameters).astype(np.float64)
+        - GRADIENT_PART * pixels * ((product[:, 0] + product[:, 1]) + product[:, 2])
+    )
+
+
+def make_room(population: Population, objective: Objective, new: int, total: int) -> int:
+    """Remove splats that are not frozen until `new` fit into `total`; the number that then does.
+
+    Those go without which the picture's error rises least, by `removal_errors`; of equal ones the later.
+    """
     excess = new - (total - len(population))
     if excess > 0:
+        parameters = population.parameters()
+        _, gradient = objective.evaluate(parameters)
+        added = removal_errors(parameters, gradient, objective.width * objective.height)
         moving = np.flatnonzero(~population.frozen)
-        kept = moving[most_visible(population.parameters()[moving], len(moving) - excess)]
+        kept = moving[np.argsort(-added[moving], kind="stable")[: max(0, len(moving) - excess)]]
         population.take(np.sort(np.concatenate([np.flatnonzero(population.frozen), kept])))
         if population.frozen.any():
             new = min(new, max(0, total - len(population)))

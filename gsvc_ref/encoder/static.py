@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref._jit import kernel
 from gsvc_ref.constants import SUPPORT_RADIUS
 from gsvc_ref.splats import F4
 from gsvc_ref.training import MIN_FACTOR
@@ -10,7 +11,9 @@ from gsvc_ref.training import MIN_FACTOR
 
 def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
     """Whether two pictures (H, W, 3) f4 differ at each pixel, (H, W) bool."""
-    return np.asarray((before != now).any(axis=2))
+    changed = np.empty(now.shape[:2], np.bool_)
+    _compare(before, now, changed)
+    return changed
 
 
 def static_splats(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -27,14 +30,37 @@ def static_splats(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool
         (H, W) bool.
     """
     height, width = changed.shape
-    table = np.zeros((height + 1, width + 1), np.int64)  # table[y, x]: changed pixels above y and left of x
-    table[1:, 1:] = changed.cumsum(axis=0).cumsum(axis=1)
+    table = np.zeros((height + 1, width + 1), np.int32)
+    _count(changed, table)
     x, y, l11, l21, l22 = parameters[:, :5].astype(np.float64).T
     left, right = _pixels(x, SUPPORT_RADIUS * l11, width)
     top, bottom = _pixels(y, SUPPORT_RADIUS * np.sqrt(l21 * l21 + l22 * l22), height)
     inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     in_frame = (left < right) & (top < bottom)
     return np.asarray(in_frame & (inside == 0) & (l11 >= MIN_FACTOR) & (l22 >= MIN_FACTOR))
+
+
+@kernel()
+def _compare(before: F4, now: F4, changed: NDArray[np.bool_]) -> None:
+    """Whether two pictures differ at each pixel, (H, W) bool."""
+    height, width, channels = now.shape
+    for y in range(height):
+        for x in range(width):
+            differs = False
+            for c in range(channels):
+                differs |= before[y, x, c] != now[y, x, c]
+            changed[y, x] = differs
+
+
+@kernel()
+def _count(changed: NDArray[np.bool_], table: NDArray[np.int32]) -> None:
+    """table[y, x]: the changed pixels above y and left of x; its row 0 and its column 0 are 0 already."""
+    height, width = changed.shape
+    for y in range(height):
+        row = 0
+        for x in range(width):
+            row += int(changed[y, x])
+            table[y + 1, x + 1] = table[y, x + 1] + row
 
 
 def _pixels(

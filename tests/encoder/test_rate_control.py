@@ -11,9 +11,17 @@ from hypothesis import strategies as st
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder import frame as frame_module
-from gsvc_ref.encoder.rate import add_where_wrong, hold_quality, make_room, most_visible, visibility
+from gsvc_ref.encoder.rate import (
+    GRADIENT_PART,
+    add_where_wrong,
+    hold_quality,
+    make_room,
+    most_visible,
+    removal_errors,
+    visibility,
+)
 from gsvc_ref.metrics import psnr
-from gsvc_ref.rendering import Objective, render_sum
+from gsvc_ref.rendering import Objective, render, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
 from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, loss_of_psnr, psnr_of_loss
@@ -82,7 +90,7 @@ def test_of_equally_visible_splats_the_first_stay():
 def test_an_exchange_never_exceeds_the_total(new, total):
     made, objective = population(12, iterations=1)
     made.origins = np.arange(12)
-    add_where_wrong(made, objective, make_room(made, new, total), np.random.default_rng(0), EVERYWHERE)
+    add_where_wrong(made, objective, make_room(made, objective, new, total), np.random.default_rng(0), EVERYWHERE)
     old = made.origins[made.origins != NEW]
     assert len(made) - len(old) == new
     assert len(made) <= max(total, new)
@@ -92,17 +100,51 @@ def test_an_exchange_never_exceeds_the_total(new, total):
     assert len(made.optimizer.steps) == len(made)
 
 
-def test_an_exchange_keeps_the_most_visible_and_adds_where_the_error_is():
+def test_an_exchange_keeps_what_the_error_rises_without_and_adds_where_the_error_is():
     picture = PICTURE.copy()
     made, _ = population(20)
     made.origins = np.arange(20)
     picture[2:7, 20:26] = 1 - picture[2:7, 20:26]
-    expected = most_visible(made.parameters(), 15)
-    add_where_wrong(made, Objective(picture, 1), make_room(made, 5, 20), np.random.default_rng(0), EVERYWHERE)
-    assert np.array_equal(made.origins, [*expected, *[NEW] * 5])
+    objective = Objective(picture, 1)
+    _, gradient = objective.evaluate(made.parameters())
+    added = removal_errors(made.parameters(), gradient, WIDTH * HEIGHT)
+    add_where_wrong(made, objective, make_room(made, objective, 5, 20), np.random.default_rng(0), EVERYWHERE)
+    assert np.array_equal(made.origins, [*np.sort(np.argsort(added)[5:]), *[NEW] * 5])
     new = made.values[15:, :2]
     inside = (new[:, 0] >= 20) & (new[:, 0] < 26) & (new[:, 1] >= 2) & (new[:, 1] < 7)
     assert inside.sum() >= 3
+
+
+def test_the_terms_of_removal_errors_are_those_of_the_error_without_a_splat():
+    """A splat alone, nowhere beyond 0 or 1, against the sums of the exact renderer."""
+    parameters = np.array([[40, 30, 4, 1, 3, 0.5, 0.2, 0.3]], np.float32)
+    picture = np.random.default_rng(0).random((60, 80, 3), np.float32)
+    shown = render_sum(Splats.from_array(parameters), 80, 60, precision="exact")
+    _, gradient = Objective(picture, 1).evaluate(parameters)
+    square, product = np.square(shown).sum(), 2 * (shown * (shown - picture)).sum()
+    expected = square - GRADIENT_PART * product
+    assert removal_errors(parameters, gradient, 80 * 60)[0] == pytest.approx(expected, rel=1e-2)
+
+
+def test_a_splat_left_behind_is_the_first_to_go():
+    """The brighter of two equal splats stands where the new picture is black."""
+    stays, left_behind = [10, 12, 3, 0, 3, 0.5, 0.5, 0.5], [24, 12, 3, 0, 3, 0.8, 0.8, 0.8]
+    parameters = np.array([stays, left_behind], np.float32)
+    picture = render(Splats.from_array(parameters[:1]), WIDTH, HEIGHT)
+    made = Population(Splats.from_array(parameters), KEPT_WEIGHT, np.arange(2), TUNE)
+    assert make_room(made, Objective(picture, 1), 1, 2) == 1
+    assert list(made.origins) == [0]
+
+
+def test_a_picture_that_jumps_comes_back_to_the_quality_of_its_i_frame():
+    """The source is the same from frame 1 on; a pass over one frame is too short to draw it anew."""
+    before, after = waves(frames=1)[0], np.ascontiguousarray(waves(frames=1)[0][::-1, ::-1])
+    report, _ = encoded([before, *[after] * 8], paper_quick(iterations=60, splats=80, key_frames=100, threads=1))
+    first, jump, *later = report.frames
+    assert jump.psnr < first.psnr - 1  # otherwise there is nothing to catch up with
+    assert later[0].type == "P"
+    assert later[-1].type == "R"
+    assert later[-1].psnr > jump.psnr + 1
 
 
 def held(count, goal, most, iterations=30) -> tuple[Population, float, int]:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_ref import Settings, encode, open
+from gsvc_ref.encoder.blocks import BLOCK, block_errors
 from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import covered_pixels, render
 from gsvc_ref.splats import Splats
@@ -19,6 +20,18 @@ splat = st.tuples(
     st.floats(-20, 60, **f4), st.floats(-20, 44, **f4), st.floats(0.25, 9, **f4), st.floats(-9, 9, **f4),
     st.floats(0.25, 9, **f4),
 )  # fmt: skip
+
+
+@pytest.mark.parametrize(("width", "height"), [(40, 24), (32, 16), (1, 50), (17, 1)])
+def test_errors_and_changes_are_those_of_their_definitions(width, height):
+    rng = np.random.default_rng(width)
+    before, now = rng.integers(0, 2, (2, height, width, 3)).astype(np.float32)
+    assert np.array_equal(changed_pixels(before, now), (before != now).any(axis=2))
+    residual = (now - before) * rng.random((height, width, 3), np.float32)
+    squares = np.square(residual, dtype=np.float64)
+    for (row, column), error in np.ndenumerate(block_errors(residual)):
+        block = squares[row * BLOCK : (row + 1) * BLOCK, column * BLOCK : (column + 1) * BLOCK]
+        assert error == pytest.approx(block.sum(), rel=1e-12)
 
 
 @given(splat, st.integers(0, WIDTH - 1), st.integers(0, HEIGHT - 1))

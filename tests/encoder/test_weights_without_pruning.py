@@ -27,7 +27,8 @@ def test_new_splats_are_faint_but_not_held_back_where_nothing_is_pruned():
     rng = np.random.default_rng(0)
     reference = random_splats(uniform_numbers(50, rng), 32, 24)
     objective.loss(reference.to_array())
-    past = Past(picture, block_errors(objective.residual()))
+    left = block_errors(objective.residual())
+    past = Past(picture, left, float(left.sum()))
     population = predict(PFrame(settings, picture, objective, reference, past, 60, 70, rng), FrameLog()).population
     assert len(population) == 56
     assert (population.weights == 1).all()
