@@ -66,6 +66,7 @@ class LayeredFrameEncoder:
         for part, above in zip(self.parts, self._above(), strict=True):
             part.below, part.above = below, above
             encoded.append(part.encode(frame, frame_type, number, progress))
+            part.is_catching_up = False  # where the base repeats, so do the layers
             if encoded[0].codes.type == "I":  # then no layer is there to be predicted from (R-15.13-2)
                 frame_type = "I"
             below = below.append(part.state.splats)
