@@ -20,6 +20,7 @@ from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.static import changed_pixels
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.splats import F4
 from gsvc_ref.training.reduction import reduced
@@ -71,7 +72,7 @@ def typed_frames(
     """Give each frame its type, in order, holding back no more frames than the window of DKS needs."""
     before: Frame | None = None
     for number, frame, is_key, reason, dks in _with_key_frames(frames, settings, peak, on_pretraining):
-        changed = 1.0 if before is None else float((frame != before).any(axis=2).mean())
+        changed = 1.0 if before is None else float(changed_pixels(before, frame).mean())
         repeated = settings.effects.frames == "auto" and changed == 0
         if number == 0:
             kind: FrameType = "I"

@@ -1,5 +1,7 @@
 """Static splats: those of a P-frame that can stay as they are, since the source shows the same under them as before."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,8 +11,8 @@ from gsvc_ref.splats import F4
 from gsvc_ref.training import MIN_FACTOR
 
 
-def changed_pixels(before: F4, now: F4) -> NDArray[np.bool_]:
-    """Whether two pictures (H, W, 3) f4 differ at each pixel, (H, W) bool."""
+def changed_pixels(before: NDArray[Any], now: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether two pictures or frames (H, W, 3) differ at each pixel, (H, W) bool."""
     changed = np.empty(now.shape[:2], np.bool_)
     _compare(before, now, changed)
     return changed
@@ -41,7 +43,7 @@ def static_splats(parameters: F4, changed: NDArray[np.bool_]) -> NDArray[np.bool
 
 
 @kernel()
-def _compare(before: F4, now: F4, changed: NDArray[np.bool_]) -> None:
+def _compare(before: NDArray[Any], now: NDArray[Any], changed: NDArray[np.bool_]) -> None:
     """Whether two pictures differ at each pixel, (H, W) bool."""
     height, width, channels = now.shape
     for y in range(height):

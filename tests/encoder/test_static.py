@@ -26,7 +26,9 @@ splat = st.tuples(
 def test_errors_and_changes_are_those_of_their_definitions(width, height):
     rng = np.random.default_rng(width)
     before, now = rng.integers(0, 2, (2, height, width, 3)).astype(np.float32)
-    assert np.array_equal(changed_pixels(before, now), (before != now).any(axis=2))
+    for kind in (np.float32, np.uint8, np.uint16):
+        changed = changed_pixels(before.astype(kind), now.astype(kind))
+        assert np.array_equal(changed, (before != now).any(axis=2))
     residual = (now - before) * rng.random((height, width, 3), np.float32)
     squares = np.square(residual, dtype=np.float64)
     for (row, column), error in np.ndenumerate(block_errors(residual)):
