@@ -156,12 +156,14 @@ class FrameEncoder:
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
-        if self.past is not None and self.past.is_catching_up:
-            if frame_type == "R":
-                frame_type = "P"
-            else:
-                self.past = replace(self.past, is_catching_up=False)
+        is_again = self.past is not None and self.past.is_catching_up and frame_type == "R"
+        if is_again:
+            frame_type = "P"
+        elif self.past is not None:
+            self.past = replace(self.past, is_catching_up=False)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
+        if is_again:
+            result = worked_on_again(result)
         self.past = work.remembered(result)
         assert isinstance(result.state, State)
         self.state, self.is_first = result.state, False
@@ -308,6 +310,14 @@ class _FrameWork:
         begin = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+
+def worked_on_again(result: EncodedFrame) -> EncodedFrame:
+    """An equal frame that was to become better, not repeated, with the reason for it."""
+    if result.codes.type == "R":
+        return result
+    why = "equal to the frame before, which is not yet as good as its I-frame"
+    return replace(result, reason=why, decisions=(*result.decisions, Decision("frames", True, why)))
 
 
 def _steps(settings: FrameSettings) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.encoder.frame import EncodedFrame, OnStage
+from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
@@ -148,9 +148,12 @@ class MainFrameEncoder:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, number, progress)
         is_equal = frame_type == "R"
-        if is_equal and self.is_catching_up:
+        is_again = is_equal and self.is_catching_up
+        if is_again:
             frame_type = "P"
         result = {"I": work.intra, "P": work.predicted, "R": work.repeated}[frame_type]()
+        if is_again:
+            result = worked_on_again(result)
         assert isinstance(result.state, MainState)
         self.state, self.before = result.state, work.picture
         self._remember(result, is_equal)

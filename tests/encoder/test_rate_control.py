@@ -136,14 +136,17 @@ def test_a_splat_left_behind_is_the_first_to_go():
     assert list(made.origins) == [0]
 
 
-def test_a_picture_that_jumps_comes_back_to_the_quality_of_its_i_frame():
+@pytest.mark.parametrize("profile", ["paper", "main"])
+def test_a_picture_that_jumps_comes_back_to_the_quality_of_its_i_frame(profile):
     """The source is the same from frame 1 on; a pass over one frame is too short to draw it anew."""
     before, after = waves(frames=1)[0], np.ascontiguousarray(waves(frames=1)[0][::-1, ::-1])
-    report, _ = encoded([before, *[after] * 8], paper_quick(iterations=60, splats=80, key_frames=100, threads=1))
+    report, _ = encoded([before, *[after] * 8], Settings.quick(profile=profile, splats=80, key_frames=100, threads=1))
     first, jump, *later = report.frames
     assert jump.psnr < first.psnr - 1  # otherwise there is nothing to catch up with
-    assert later[0].type == "P"
-    assert later[-1].type == "R"
+    why = "equal to the frame before, which is not yet as good as its I-frame"
+    assert (later[0].type, later[0].reason) == ("P", why)
+    assert next(one for one in later[0].decisions if one.effect == "frames").reason == why
+    assert (later[-1].type, later[-1].reason) == ("R", "equal to the frame before")
     assert later[-1].psnr > jump.psnr + 1
 
 
