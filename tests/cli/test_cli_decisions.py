@@ -39,7 +39,8 @@ def test_the_effects_are_told_and_what_they_left_out(still, tmp_path, capsys):
     assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "auto,motion=off", *PAPER) == 0
     out = capsys.readouterr().out
     assert "effects auto,motion=off, seed 0" in out
-    assert "  effects: 1 frame repeated, DKS pre-trained 0 of 3 frames, GSA in 0 of 1 P-frame, static splats in" in out
+    told = "  effects: 1 frame repeated, DKS pre-trained 0 of 3 frames, GSA in [01] of 1 P-frame, static splats in "
+    assert re.search(told, out)
     assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "all", "--json", *PAPER) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["settings"]["effects"]["frames"] == "all"
