@@ -54,7 +54,30 @@ def black_and_white(zero, peak, rng):
     return [zero + (peak if t % 2 else 0) for t in range(FRAMES)]
 
 
-KINDS = (black, white, grey, one_hot_pixel, one_dark_pixel, a_hot_pixel_that_moves, noise, black_and_white)
+def saturated(zero, peak, rng):
+    """Stripes of full colours, beyond which splats may overshoot free of charge."""
+    colors = np.array([[peak, 0, 0], [0, peak, 0], [0, 0, peak], [peak, peak, 0]])
+    return [(zero + colors[(np.arange(zero.shape[1]) + t) % 4]) for t in range(FRAMES)]
+
+
+def text(zero, peak, rng):
+    """Strokes of one pixel, as of small letters, that scroll."""
+    page = np.where(rng.random((zero.shape[0] + FRAMES, zero.shape[1], 1)) < 0.3, 0, peak)
+    return [zero + page[t : t + zero.shape[0]] for t in range(FRAMES)]
+
+
+KINDS = (
+    black,
+    white,
+    grey,
+    one_hot_pixel,
+    one_dark_pixel,
+    a_hot_pixel_that_moves,
+    noise,
+    black_and_white,
+    saturated,
+    text,
+)
 PRESETS = {
     "main": lambda: fast(effects="auto,frames=all"),
     "main, detected": lambda: Settings.quick(threads=1),
@@ -84,7 +107,7 @@ def test_it_makes_the_round_trip(kind, preset):
 @pytest.mark.parametrize("settings", [fast(key_frames="auto"), paper_quick(iterations=3, threads=1)])
 def test_one_frame_alone_makes_the_round_trip(kind, settings):
     zero = np.zeros((5, 7, 3), np.uint8)
-    clip = kind(zero, 255, np.random.default_rng(4))[:1]
+    clip = [kind(zero, 255, np.random.default_rng(4))[0].astype(np.uint8)]
     report, data = encoded(clip, settings)
     assert [frame.type for frame in report.frames] == ["I"]
     assert len(list(decode(data, threads=1))) == 1
