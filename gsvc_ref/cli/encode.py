@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.arguments import finite, frame_range, key_frames, numbers_of, whole
 from gsvc_ref.cli.decisions import effects_line
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, describe_format, duration, plural, print_json, show, to_json
@@ -133,6 +133,12 @@ def add_command(commands: Any) -> None:
         "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
     )
     other.add_argument(
+        "--jobs", type=whole, default=1, metavar="J",
+        help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
+        "depend on it. Default 1: a process takes a second to start, and a clip without cuts has one group (but "
+        "--key-frames K makes more)",
+    )  # fmt: skip
+    other.add_argument(
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
@@ -169,16 +175,20 @@ def _encode(arguments: Namespace) -> int:
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
                 progress = progress_callback(display)
-                report = encode(reader, arguments.output, settings, live=arguments.live, progress=progress)
+                report = encode(
+                    reader, arguments.output, settings, live=arguments.live, jobs=arguments.jobs, progress=progress
+                )
         except IncompleteEncodeError as error:
             fault, report = error, error.report
-        except OSError:
-            if arguments.live and Path(arguments.output).is_file():
+        except OSError as error:
+            if arguments.live and not what_was_saved(error) and Path(arguments.output).is_file():
                 say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
             for note in report.notes[shown:]:
                 show(f"  note: {note}", file=out)
+            if arguments.jobs > 1 and not report.interrupted and is_one_group(report):
+                show("  note: one group of pictures, so one process was at work; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
@@ -245,9 +255,18 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     if not display.active:
         return None
     done = 0.0
+    side_by_side = False
 
     def show(progress: "Progress") -> None:
-        nonlocal done
+        nonlocal done, side_by_side
+        if progress.stage == "groups":
+            side_by_side, done = True, progress.frame + 1
+            of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+            groups = f"{plural(progress.iteration, 'group')} of pictures in work"
+            display.update(f"{progress.frame + 1}{of_all} frames  {groups}", done, progress.frame_count)
+            return
+        if side_by_side:  # it reads ahead
+            return
         share = progress.iteration / progress.iterations if progress.iterations else 0.0
         if progress.stage == "encode":
             done = max(done, progress.frame + share)
@@ -271,7 +290,8 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
     types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
     splats = max(frame.splats for frame in frames)
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
-    shares = ", ".join(f"{stage} {seconds / report.seconds:.0%}" for stage, seconds in stages[:4] if report.seconds)
+    total = max(report.seconds, sum(report.seconds_by_stage.values()))  # several processes spend more than passes
+    shares = ", ".join(f"{stage} {seconds / total:.0%}" for stage, seconds in stages[:4] if total)
     layers = layer_lines(report)
     return [
         f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}, "
@@ -284,6 +304,11 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
         + (" with the compilation of kernels" if compiled else "")
         + (f" ({shares})" if shares else ""),
     ]
+
+
+def is_one_group(report: "EncodeReport") -> bool:
+    """Whether several frames form one group of pictures."""
+    return len(report.frames) > 1 and all(frame.type != "I" for frame in report.frames[1:])
 
 
 def layer_lines(report: "EncodeReport") -> list[str]:

@@ -90,11 +90,12 @@ def _explain(command: str, error: BaseException) -> int:
         say(command, str(error))
         return EXIT_DATA
     if isinstance(error, OSError):
-        say(command, describe_os_error(error))
+        say(command, describe_os_error(error) + what_was_saved(error))
         _drop_stdout()
         return EXIT_USAGE if isinstance(error, WRONG_PATH) else EXIT_DATA
     if isinstance(error, MemoryError):
-        say(command, "there is not enough memory; use smaller frames or fewer splats, or a machine with more")
+        advice = "use smaller frames or fewer splats, or a machine with more"
+        say(command, f"there is not enough memory; {advice}{what_was_saved(error)}")
         return EXIT_DATA
     if (package := missing_package(error)) is not None:
         say(command, f"{package} is not installed: pip install .")
@@ -103,9 +104,15 @@ def _explain(command: str, error: BaseException) -> int:
     say(
         command,
         f"stopped by a fault of gsvc_ref ({summary}). Please report this line with the command that you "
-        f"gave; {DEBUG_VARIABLE}=1 shows where it happened",
+        f"gave; {DEBUG_VARIABLE}=1 shows where it happened{what_was_saved(error)}",
     )
     return EXIT_INTERNAL
+
+
+def what_was_saved(error: BaseException) -> str:
+    """What an encode that this error ended has noted about the frames that it saved, as the end of a sentence."""
+    notes: list[str] = getattr(error, "__notes__", [])
+    return "".join(f"; {note[note.index('saved: ') :]}" for note in notes if "saved: " in note)
 
 
 def missing_package(error: BaseException) -> str | None:

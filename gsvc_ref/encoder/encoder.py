@@ -1,26 +1,32 @@
 """Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import islice
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
-from gsvc_ref.encoder.encoding import Encoding, FrameCoder, completed
+from gsvc_ref.encoder.encoding import Encoding, completed
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
+from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.side_by_side import SideBySide
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
+
+MOST_JOBS: Final = 1024
+"""Maximum number of groups of pictures that are encoded at the same time."""
 
 
 def encode(
@@ -30,6 +36,8 @@ def encode(
     *,
     frame_rate: FrameRate | None = None,
     live: bool = False,
+    jobs: int = 1,
+    executor: Executor | None = None,
     progress: OnProgress | None = None,
 ) -> EncodeReport:
     """Encode a video.
@@ -55,6 +63,15 @@ def encode(
     live
         Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
         can be decoded up to its last complete frame. Its header does not tell the number of frames.
+    jobs
+        The number of groups of pictures that are encoded at the same time, 1 to MOST_JOBS; above 1 each in a process
+        of its own, with one thread unless `settings.threads` says more. The bytes do not depend on it. Each process
+        takes about a second to start, and imports the main module: a script encodes under
+        ``if __name__ == "__main__"``. Frames are read ahead, at most 256 MiB of them for each job, and at most two
+        groups for each and one more.
+    executor
+        Encodes the groups in place of these processes, `jobs` at the same time: any Executor whose workers can import
+        gsvc_ref, such as that of a cluster. It stays open.
     progress
         Called now and then with the place where the encode is.
 
@@ -68,28 +85,36 @@ def encode(
         The source cannot be read, or has no frames.
     UsageError
         The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
+        Or `jobs` is out of its range.
     IncompleteEncodeError
         One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError
         The target cannot be written; what stood under its name still does, unless `live`.
+    DeadWorkerError
+        A process that encodes was killed, and so was the next one that got its frames; an OSError with a note if frames
+        were saved.
     Exception
         Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """
     chosen = Settings.quick() if settings is None else settings
     if not isinstance(chosen, Settings):
         raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...), slow or paper")
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
     with opened_source(source, frame_rate) as reader:
         return completed(
             target,
-            lambda file, interrupts: _Encode(reader, file, chosen, progress, interrupts, live=live),
+            lambda file, interrupts: _Encode(reader, file, chosen, progress, interrupts, jobs, executor, live=live),
             live=live,
         )
 
 
 class _Encode(Encoding[Frame]):
     """One encode of a video."""
+
+    encoder: GroupCoder
 
     def __init__(
         self,
@@ -98,10 +123,16 @@ class _Encode(Encoding[Frame]):
         settings: Settings,
         progress: OnProgress | None,
         interrupts: Interrupts,
+        jobs: int,
+        executor: Executor | None,
         *,
         live: bool,
     ) -> None:
-        self.reader, self.settings = reader, settings
+        self.reader, self.asked = reader, settings
+        self.jobs, self.executor = jobs, executor
+        if self.is_side_by_side and settings.threads is None:
+            settings = settings.with_(threads=1)
+        self.settings = settings
         video = reader.format
         most = settings.most_splats(video.width, video.height)
         room = settings.counted_splats(video.width, video.height)
@@ -109,7 +140,7 @@ class _Encode(Encoding[Frame]):
         unforeseen = settings.profile == "main" and not settings.paced  # the rendering work of its splats
         if unforeseen:
             level = min(level + 1, max(LEVELS))
-        make: Callable[..., FrameCoder[Frame]] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+        make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
         if settings.layer_count > 1:
             make = LayeredFrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
@@ -121,6 +152,45 @@ class _Encode(Encoding[Frame]):
             usual = room if settings.profile == "main" else most
             holds_quality = settings.psnr is not None or settings.quality is not None
             self.level = self._paced_level(0 if holds_quality else usual)  # with a quality to hold, nobody knows
+
+    @property
+    def is_side_by_side(self) -> bool:
+        """Whether groups of pictures are encoded elsewhere than here."""
+        return self.jobs > 1 or self.executor is not None
+
+    def _encode_all(self) -> None:
+        """Encode all frames, each group of pictures with a coder of its own."""
+        if self.is_side_by_side:
+            self._encode_side_by_side()
+            return
+        first: GroupCoder | None = None
+        for item in self._timed_frames():
+            if item.type == "I" and first is not None:
+                self.encoder = first.for_group()
+            self._encode(item)
+            first = first or self.encoder.for_group()
+
+    def _encode_side_by_side(self) -> None:
+        """Encode groups of pictures in tasks for an executor."""
+
+        def decided(coder: GroupCoder) -> None:
+            self.encoder = coder
+
+        def encoded(frames: int, groups: int, psnr: float) -> None:
+            self._show_progress("groups", frames - 1, groups, self.jobs, psnr)
+
+        side = SideBySide(self.encoder, self.jobs, self.executor, decided, self._put, encoded)
+        with side:
+            try:
+                for item in self._timed_frames():
+                    side.put(item)
+                side.finish()
+            except BaseException:
+                self.interrupts.held = True  # processes are being ended
+                raise
+
+    def _settings_used(self) -> Settings:
+        return self.encoder.settings.with_(threads=self.asked.threads)
 
     def _paced_level(self, splats: int) -> int:
         """The least level, not below that of a frame, that allows a second of frames of so many splats."""

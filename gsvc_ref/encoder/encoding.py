@@ -205,8 +205,7 @@ class Encoding(ABC, Generic[FrameT]):
         """Encode all frames, or those until it is ended early; only then is the stream finished."""
         interrupted = False
         try:
-            for item in self._timed_frames():
-                self._encode(item)
+            self._encode_all()
         except BaseException as error:
             self.interrupts.held = True  # from here on nothing may get lost
             if not self.reports or self.target_failed:
@@ -223,7 +222,7 @@ class Encoding(ABC, Generic[FrameT]):
         file_bytes = sum(self.writer.finish(log).values()) // 8
         return EncodeReport(
             header=self.writer.header,
-            settings=settings,
+            settings=self._settings_used(),
             frames=self.reports,
             file_bytes=file_bytes,
             seconds=time.perf_counter() - self.begin,
@@ -232,6 +231,15 @@ class Encoding(ABC, Generic[FrameT]):
             notes=self._notes(),
             fault=None if self.fault is None else str(self.fault) or type(self.fault).__name__,
         )
+
+    def _encode_all(self) -> None:
+        """Encode all frames."""
+        for item in self._timed_frames():
+            self._encode(item)
+
+    def _settings_used(self) -> Settings:
+        """The settings for the report."""
+        return self.encoder.settings
 
     def _timed_frames(self) -> Iterator[TypedFrame[FrameT]]:
         """The frames with their types; the time between them is that of reading and detecting."""
@@ -258,18 +266,22 @@ class Encoding(ABC, Generic[FrameT]):
 
     def _encode(self, item: TypedFrame[FrameT]) -> None:
         begin = time.perf_counter()
-        before = len(self.encoder.state.splats)
         encoded = self.encoder.encode(
             item.frame, item.type, item.number,
             lambda stage, done, iterations, psnr: self._show_progress(stage, item.number, done, iterations, psnr),
         )  # fmt: skip
         self.interrupts.held = True
+        self._put(item, encoded, time.perf_counter() - begin)
+        self.interrupts.release()
+
+    def _put(self, item: TypedFrame[FrameT], encoded: EncodedFrame, seconds: float) -> None:
+        """Write a frame that took so many seconds, and note what was done."""
+        begin = time.perf_counter()
         with self._timed("write"):
             bits, layers = self._write(encoded)
-        for stage, seconds in encoded.seconds.items():
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
-        self.reports.append(self._report(item, encoded, before, bits, layers, time.perf_counter() - begin))
-        self.interrupts.release()
+        for stage, spent in encoded.seconds.items():
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + spent
+        self.reports.append(self._report(item, encoded, bits, layers, seconds + time.perf_counter() - begin))
 
     def _write(self, encoded: EncodedFrame) -> tuple[dict[str, int], tuple[LayerReport, ...]]:
         """Write a frame with its layers, the first with the header before it; the bits that it took, and its layers."""
@@ -304,13 +316,12 @@ class Encoding(ABC, Generic[FrameT]):
         self,
         item: TypedFrame[FrameT],
         encoded: EncodedFrame,
-        before: int,
         bits: dict[str, int],
         layers: tuple[LayerReport, ...],
         seconds: float,
     ) -> FrameReport:
         codes = encoded.codes
-        pruned = before - codes.survivor_count if codes.type == "P" else 0
+        pruned = self.reports[-1].splats - codes.survivor_count if codes.type == "P" else 0
         reason = item.reason if codes.type == item.type else "nothing to see of what changed"
         return FrameReport(
             item.number, codes.type, encoded.reason or reason, len(encoded.state.splats), codes.intra_count,

@@ -153,6 +153,17 @@ class FrameEncoder:
         """The elements of the sequence header that belong to the profile."""
         return quantizer_fields(self.settings)
 
+    @property
+    def decides_first(self) -> bool:
+        """Whether the first frame chooses quantisers for the stream."""
+        return bool(self.settings.intra.candidates)
+
+    def for_group(self) -> "FrameEncoder":
+        """An encoder for another group of pictures, with the quantisers that were chosen."""
+        other = FrameEncoder(self.settings, self.state.width, self.state.height, self.bit_depth)
+        other.is_first = self.is_first
+        return other
+
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)

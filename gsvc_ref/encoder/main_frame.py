@@ -144,6 +144,18 @@ class MainFrameEncoder:
         """The elements of the sequence header that the profile has."""
         return {"profile": MAIN, "lane_count": self.settings.lane_count}
 
+    @property
+    def decides_first(self) -> bool:
+        """Whether the first frame decides on the number of splats from which each I-frame begins its search."""
+        settings = self.settings
+        return settings.psnr is not None or (settings.quality is not None and settings.splats is None)
+
+    def for_group(self) -> "MainFrameEncoder":
+        """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
+        other = MainFrameEncoder(self.settings, self.state.width, self.state.height, self.bit_depth)
+        other.total, other.most, other.room = self.total, self.most, self.room
+        return other
+
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
         work = _FrameWork(self, frame, number, progress)

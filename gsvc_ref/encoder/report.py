@@ -26,11 +26,14 @@ class Progress:
     stage
         ``detect`` (looking for key frames); in profile `main` ``encode``, with a quality to hold once for each try; in
         profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with
-        a short fit after each change).
+        a short fit after each change). With several jobs ``groups`` in place of all but ``detect``: `frame` + 1 frames
+        are encoded, of all groups of pictures.
     iteration, iterations
-        The iteration of the stage, and their number; in profile `main` about.
+        The iteration of the stage, and their number; in profile `main` about. In ``groups`` the number of groups in
+        work, and the most.
     psnr
-        PSNR of the picture before it is rounded to bits, in dB; None if there is none yet.
+        PSNR of the picture before it is rounded to bits, in dB; None if there is none yet. In ``groups`` that of the
+        frame decoded last.
     elapsed_s
         Seconds since the encode began.
     """

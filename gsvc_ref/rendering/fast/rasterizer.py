@@ -1,7 +1,7 @@
 """The rasterizer: the binning and the buffers of one frame size, and the threads that jobs are run on."""
 
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,6 +46,10 @@ class Rasterizer:
         self.tiles = aligned((self.threads, floats))
         self.binning = Binning(width, height, self.threads)
         self._moments = aligned((0, MOMENTS))
+
+    def __reduce__(self) -> Any:
+        """One that is pickled leaves its buffers behind: another is made, with no splats yet."""
+        return Rasterizer, (self.binning.width, self.binning.height, self.threads)
 
     @property
     def moments(self) -> F4:

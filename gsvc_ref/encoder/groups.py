@@ -1,0 +1,169 @@
+"""Groups of pictures, which are encoded each for itself, run by run.
+
+A *group* is a frame whose type was I from the start, with all frames up to the next such one. Nothing in it is
+predicted from another group, and its coder is `GroupCoder.for_group` of that of the stream's first frame. So it does
+not matter where and in which order groups are encoded: the bytes are those of one group after the other.
+
+A *run* is some successive frames of a group, and the coder that the run before them left, pickled: all that another
+process needs, or another machine. What comes back are the encoded frames, and the coder for the next run. A run is
+short, so frames are written soon after they are done, little is lost with a process that dies, and a group may be as
+long as it likes.
+"""
+
+import pickle
+import time
+import traceback
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import Final, NamedTuple, Protocol, Self
+
+import numpy as np
+
+from gsvc_ref.arrays import Frame
+from gsvc_ref.encoder.encoding import FrameCoder
+from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.reconstruction import FrameType
+
+RUN_S: Final = 0.5
+"""Seconds that a run is meant to take, by the pace of the run before it in its group; the first run has one frame.
+RUNCOST"""
+
+MOST_FRAMES: Final = 16
+"""Maximum number of frames of a run."""
+
+
+class GroupCoder(FrameCoder[Frame], Protocol):
+    """What encodes the frames of one group of pictures after the other."""
+
+    @property
+    def decides_first(self) -> bool:
+        """Whether the first frame of a stream decides something for all of its groups."""
+
+    def for_group(self) -> Self:
+        """A coder for a group of pictures, with what the first frame of the stream has decided, and nothing else."""
+
+
+class EncodedRun(NamedTuple):
+    """What became of a run.
+
+    Attributes
+    ----------
+    frames
+        The encoded frames, each with the seconds that it took.
+    coder
+        The pickled coder for the next run; empty after a fault.
+    fault
+        What ended it early, and where that was raised.
+    """
+
+    frames: list[tuple[EncodedFrame, float]]
+    coder: bytes
+    fault: Exception | None = None
+    place: str = ""
+
+
+class RemotePlaceError(Exception):
+    """The cause of an exception from another process: it says where that was raised."""
+
+
+def encode_run(coder: bytes, frames: Sequence[tuple[Frame, FrameType, int]]) -> EncodedRun:
+    """Encode successive frames of a group, given with their types and numbers; this is what a worker is asked to do."""
+    work: GroupCoder = pickle.loads(coder)
+    encoded: list[tuple[EncodedFrame, float]] = []
+    for frame, kind, number in frames:
+        begin = time.perf_counter()
+        try:
+            made = work.encode(frame, kind, number, _say_nothing)
+        except Exception as error:
+            return EncodedRun(encoded, b"", _portable(error), traceback.format_exc())
+        encoded.append((made, time.perf_counter() - begin))
+    return EncodedRun(encoded, pickle.dumps(work, pickle.HIGHEST_PROTOCOL))
+
+
+def _say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
+    """Where nobody watches the iterations of a frame."""
+
+
+def _portable(error: Exception) -> Exception:
+    """The exception, or another that says the same if it cannot be sent to another process."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+class Done(NamedTuple):
+    """A frame that is encoded and not yet written: without its picture, which had `size` bytes."""
+
+    item: TypedFrame[Frame]
+    encoded: EncodedFrame
+    seconds: float
+    size: int
+
+
+NO_FRAME: Final[Frame] = np.empty((0, 0, 3), np.uint8)
+
+
+class Group:
+    """A group of pictures in work.
+
+    Attributes
+    ----------
+    coder
+        The pickled coder for its next run; None while the first frame of the stream has not decided what is in it.
+    waiting, given, done
+        Its frames: those for later runs, those of the run in work, and those that are encoded and not yet written.
+    task
+        The run in work.
+    tries
+        How often this run was given out.
+    pace
+        Seconds that a frame of the last run took.
+    is_whole
+        Whether all of its frames are known.
+    fault
+        What stands in place of its next frame.
+    """
+
+    def __init__(self, coder: bytes | None) -> None:
+        self.coder = coder
+        self.waiting: deque[TypedFrame[Frame]] = deque()
+        self.given: list[TypedFrame[Frame]] = []
+        self.done: deque[Done] = deque()
+        self.task: Future[EncodedRun] | None = None
+        self.tries = 0
+        self.pace = RUN_S
+        self.is_whole = False
+        self.fault: Exception | None = None
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether its next run can be given out."""
+        return self.task is None and self.fault is None and self.coder is not None and bool(self.given or self.waiting)
+
+    @property
+    def is_written(self) -> bool:
+        """Whether nothing of it is left to be done."""
+        return self.is_whole and not (self.waiting or self.given or self.done)
+
+    def take_run(self) -> list[tuple[Frame, FrameType, int]]:
+        """The frames of the next run, or again of one that was lost."""
+        if not self.given:
+            count = min(max(1, int(RUN_S / self.pace)), MOST_FRAMES, len(self.waiting))
+            self.given = [self.waiting.popleft() for _ in range(count)]
+        return [(item.frame, item.type, item.number) for item in self.given]
+
+    def keep(self, run: EncodedRun) -> None:
+        """Keep what became of the frames given."""
+        self.tries = 0
+        for item, (encoded, seconds) in zip(self.given, run.frames, strict=False):
+            self.done.append(Done(replace(item, frame=NO_FRAME), encoded, seconds, item.frame.nbytes))
+            self.pace = max(seconds, 1e-6)
+        if run.fault is not None:
+            self.fault = run.fault
+            self.fault.__cause__ = RemotePlaceError(run.place)
+        self.given, self.coder = [], run.coder

@@ -1,0 +1,170 @@
+"""Processes of one machine as a `concurrent.futures.Executor` that outlives the death of any of them.
+
+A process is spawned, not forked: the caller has threads, whose locks a fork would copy as they stand, and files that no
+other process should hold open. It takes one call after the other from a pipe of its own, which a thread of the caller
+waits for. So a process that is killed takes one call with it, and the next call gets another process.
+
+They leave Ctrl-C and the end of a terminal, which are sent to all of its processes, to the caller; and they end when it
+does, however that ends.
+"""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import Any, Final, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
+"""Signals that the processes do not take; not every system has SIGHUP."""
+
+
+class DeadProcessError(BrokenExecutor):
+    """The process ended before its call did: it was killed, or found no memory."""
+
+
+class Processes(Executor):
+    """An executor with up to `count` processes, each of them started when a call first needs it.
+
+    Parameters
+    ----------
+    count
+        The number of calls at the same time.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
+        self._workers = [_Worker() for _ in range(count)]
+        self._free: SimpleQueue[_Worker] = SimpleQueue()
+        for worker in self._workers:
+            self._free.put(worker)
+
+    def submit(self, function: Callable[P, R], /, *arguments: P.args, **options: P.kwargs) -> Future[R]:
+        """Call a function of a module in a process; its arguments and what it returns or raises are pickled.
+
+        The future raises a DeadProcessError if the process ends before.
+        """
+        return self._threads.submit(self._call, function, arguments, options)
+
+    def _call(self, *call: Any) -> Any:
+        worker = self._free.get()
+        try:
+            return worker.call(call)
+        finally:
+            self._free.put(worker)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more calls; with `wait` the processes have ended when this returns, otherwise they do when we end."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        if wait:
+            for worker in self._workers:
+                worker.end()
+
+    def kill(self) -> None:
+        """End the processes now; calls that are not done fail."""
+        for worker in self._workers:
+            worker.kill()
+        self.shutdown(cancel_futures=True)
+
+
+class _Worker:
+    """A process, and the pipe to it, while there is one."""
+
+    def __init__(self) -> None:
+        self._changing = threading.Lock()  # held while a process is started or killed
+        self._process: Any = None
+        self._connection: Connection[Any, Any] | None = None
+        self._killed = False
+
+    def call(self, call: tuple[Any, ...]) -> Any:
+        """Let the process make a call; what it returns."""
+        connection = self._connected()
+        try:
+            connection.send(call)
+            is_done, result = connection.recv()
+        except (EOFError, ConnectionError):
+            self.end()
+            raise DeadProcessError("a process ended before its call did") from None
+        if not is_done:
+            raise result
+        return result
+
+    def _connected(self) -> "Connection[Any, Any]":
+        """The pipe to the process, which is started if there is none."""
+        with self._changing:
+            if self._killed:
+                raise DeadProcessError("the processes were ended")
+            if self._connection is None:
+                context = multiprocessing.get_context("spawn")
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_serve, args=(theirs,), name="gsvc_ref", daemon=True)
+                with _signals_blocked():
+                    process.start()
+                theirs.close()  # the end of the process is then that of the pipe
+                self._process, self._connection = process, ours
+            return self._connection
+
+    def end(self) -> None:
+        """Close the pipe, which the process takes for its end, and wait for it."""
+        with self._changing:
+            if self._connection is not None:
+                self._connection.close()
+                self._process.join()
+                self._process.close()
+                self._connection = None
+
+    def kill(self) -> None:
+        """End the process at once, and start no other."""
+        with self._changing:
+            self._killed = True
+            if self._connection is not None:
+                self._process.kill()
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Let a process that is started here have blocked signals from its first moment on, before it can ignore them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start would let the signals through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, LEFT_TO_CALLER)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(connection: "Connection[Any, Any]") -> None:
+    """Make the calls that come through a pipe, until it is closed."""
+    for number in LEFT_TO_CALLER:
+        signal.signal(number, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    while True:
+        try:
+            function, arguments, options = connection.recv()
+        except EOFError:
+            return
+        try:
+            answer = pickle.dumps((True, function(*arguments, **options)), pickle.HIGHEST_PROTOCOL)
+        except BaseException as error:
+            answer = pickle.dumps((False, error), pickle.HIGHEST_PROTOCOL)
+        connection.send_bytes(answer)
+
+
+def _end_with_parent() -> None:
+    """End this process, whatever it does, when the one that started it has ended."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

@@ -1,0 +1,295 @@
+"""Groups of pictures side by side, in tasks for any `concurrent.futures.Executor`.
+
+The thread of the caller reads frames and hands them over (`SideBySide.put`). A thread of ours gives out runs, and
+writes what comes back in order, so that frames are written while the caller waits for a slow source. The two send each
+other messages, and neither touches what the other has.
+"""
+
+import pickle
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future
+from enum import Enum
+from functools import partial
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Final, NamedTuple, Self
+
+from gsvc_ref.arrays import Frame
+from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
+from gsvc_ref.encoder.processes import Processes
+
+GROUPS_AHEAD: Final = 2
+"""For each job so many groups, and one more, may have been read and not yet written."""
+
+BYTES_AHEAD: Final = 1 << 28
+"""For each job so many bytes of frames may have been read and not yet written, 43 frames of 1920x1080. Long groups of
+large frames are therefore read, and begun, only as those before them are done."""
+
+TRIES: Final = 2
+"""A run is given out so many times where the process that has it ends before it does."""
+
+
+class DeadWorkerError(ChildProcessError):
+    """The processes that a run was given to ended before it was done."""
+
+
+class _Written(NamedTuple):
+    """The message that frames of so many bytes in the source are written, and so many groups done."""
+
+    size: int
+    groups: int
+
+
+class _Encoded(NamedTuple):
+    """The message that a run is done: its number of frames, the groups in work, and the PSNR of its last frame."""
+
+    frames: int
+    groups: int
+    psnr: float
+
+
+class _Word(Enum):
+    """Messages that say no more than that: no frame follows; write what is done; no message follows."""
+
+    END = "end"
+    STOP = "stop"
+    OVER = "over"
+
+
+class SideBySide:
+    """Encodes groups of pictures side by side; a context manager, to be left when all frames are put or none follows.
+
+    Parameters
+    ----------
+    coder
+        Encodes the first frame.
+    jobs
+        The number of tasks that are given out at the same time.
+    executor
+        Takes the tasks; None: as many processes of this machine.
+    on_first
+        Called with the coder when it has encoded the first frame.
+    on_frame
+        Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours.
+    on_progress
+        Called with the number of frames encoded, in whatever order, the number of groups in work, and the PSNR of the
+        last one, in the thread that puts frames.
+    """
+
+    def __init__(
+        self,
+        coder: GroupCoder,
+        jobs: int,
+        executor: Executor | None,
+        on_first: Callable[[GroupCoder], None],
+        on_frame: Callable[[TypedFrame[Frame], EncodedFrame, float], None],
+        on_progress: Callable[[int, int, float], None],
+    ) -> None:
+        self._executor = Processes(jobs) if executor is None else executor
+        self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
+        self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
+        self._on_progress = on_progress
+        self._leader = _Leader(coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox)
+        self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
+        self._groups = self._bytes = self._encoded = 0
+        self._is_over = False
+
+    def put(self, item: TypedFrame[Frame]) -> None:
+        """Hand over the next frame; this waits while too many are read and not yet written.
+
+        Raises
+        ------
+        Exception
+            A frame before could not be encoded or written, and those before that one are written.
+        """
+        begins = item.type == "I"
+        while not self._outbox.empty():
+            self._hear()
+        while self._bytes and (
+            self._bytes + item.frame.nbytes > self._most_bytes or (begins and self._groups == self._most_groups)
+        ):
+            self._hear()
+        self._bytes += item.frame.nbytes
+        self._groups += begins
+        self._inbox.put(item)
+
+    def finish(self) -> None:
+        """Wait until all frames are written; raises what `put` does."""
+        self._inbox.put(_Word.END)
+        while not self._is_over:
+            self._hear()
+
+    def _hear(self) -> None:
+        """Take a message of the leader; this waits for one."""
+        message = self._outbox.get()
+        if isinstance(message, BaseException):
+            raise message
+        if isinstance(message, _Written):
+            self._bytes -= message.size
+            self._groups -= message.groups
+        elif isinstance(message, _Encoded):
+            self._encoded += message.frames
+            self._on_progress(self._encoded, message.groups, message.psnr)
+        else:
+            self._is_over = True
+
+    def __enter__(self) -> Self:
+        threading.Thread(target=self._leader.lead, name="gsvc_ref groups", daemon=True).start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Write what is done, in order, as far as there is no gap; end our processes."""
+        self._leader.is_stopped = True
+        try:
+            self._inbox.put(_Word.STOP)
+            while not self._is_over:
+                message = self._outbox.get()
+                if isinstance(message, BaseException) and message is not error:
+                    raise message
+                self._is_over = message is _Word.OVER
+        finally:
+            if isinstance(self._executor, Processes):
+                self._executor.shutdown() if kind is None else self._executor.kill()
+
+
+class _Leader:
+    """What the thread does that hands out runs and writes frames.
+
+    Attributes
+    ----------
+    is_stopped
+        Set by the other thread: no more runs are to be given out.
+    """
+
+    def __init__(
+        self,
+        coder: GroupCoder,
+        jobs: int,
+        executor: Executor,
+        on_first: Callable[[GroupCoder], None],
+        on_frame: Callable[[TypedFrame[Frame], EncodedFrame, float], None],
+        inbox: "SimpleQueue[TypedFrame[Frame] | Group | _Word]",
+        outbox: "SimpleQueue[_Written | _Encoded | BaseException | _Word]",
+    ) -> None:
+        self._jobs, self._executor = jobs, executor
+        self._on_first, self._on_frame = on_first, on_frame
+        self._inbox, self._outbox = inbox, outbox
+        self._coder: bytes | None = pickle.dumps(coder, pickle.HIGHEST_PROTOCOL)  # of the next group
+        self._later: bytes | None = None if coder.decides_first else _pickled_for_group(coder)  # of all others
+        self._groups: deque[Group] = deque()  # in order, those of which something is left to be done
+        self._has_first = self._is_whole = self.is_stopped = False
+
+    def lead(self) -> None:
+        """Hand out runs and write frames until all is done, or something could not be done, or it is stopped."""
+        try:
+            while not self.is_stopped and not (self._is_whole and not self._groups):
+                self._take(self._inbox.get())
+                self._hand_out()
+                self._write()
+            for group in self._groups:
+                if group.task is not None and not group.task.cancel() and group.task.done():
+                    self._collect(group)
+            self._write()
+        except BaseException as error:
+            self._outbox.put(error)
+        finally:
+            self._outbox.put(_Word.OVER)
+
+    def _take(self, message: "TypedFrame[Frame] | Group | _Word") -> None:
+        """Take a frame, the end of all frames, or a group whose run has ended."""
+        if isinstance(message, Group):
+            self._collect(message)
+        elif isinstance(message, TypedFrame):
+            if message.type == "I":
+                self._end_group()
+                self._groups.append(Group(self._coder))
+                self._coder = self._later
+            self._groups[-1].waiting.append(message)
+        elif message is _Word.END:
+            self._end_group()
+            self._is_whole = True
+
+    def _end_group(self) -> None:
+        """No frame follows in the last group."""
+        if self._groups:
+            self._groups[-1].is_whole = True
+
+    def _hand_out(self) -> None:
+        """Give out runs, those of earlier groups first."""
+        for group in self._groups:
+            if self._at_work() == self._jobs or self.is_stopped:
+                return
+            if group.may_go_on:
+                group.tries += 1
+                try:
+                    group.task = self._executor.submit(encode_run, group.coder or b"", group.take_run())
+                except Exception as error:  # it is broken, or was shut down
+                    group.fault = _dead_worker() if isinstance(error, BrokenExecutor) else error
+                else:
+                    group.task.add_done_callback(partial(self._tell, group))
+
+    def _tell(self, group: Group, task: "Future[EncodedRun]") -> None:
+        """Send ourselves the message that the run of a group has ended; any thread may call this."""
+        self._inbox.put(group)
+
+    def _at_work(self) -> int:
+        """The number of groups that have a run in work."""
+        return sum(group.task is not None for group in self._groups)
+
+    def _collect(self, group: Group) -> None:
+        """Take what a run became."""
+        task, group.task = group.task, None
+        assert task is not None
+        try:
+            run = task.result()
+        except BrokenExecutor:
+            if group.tries == TRIES:
+                group.fault = _dead_worker()
+            return
+        except Exception as error:
+            group.fault = error
+            return
+        group.keep(run)
+        if run.frames:
+            self._outbox.put(_Encoded(len(run.frames), self._at_work(), run.frames[-1][0].psnr))
+            if not self._has_first:
+                self._has_first = True
+                self._decide(pickle.loads(run.coder))
+
+    def _decide(self, coder: GroupCoder) -> None:
+        """Let all groups have what the first frame has decided."""
+        self._on_first(coder)
+        if self._later is None:
+            self._coder = self._later = _pickled_for_group(coder)
+            for group in self._groups:
+                group.coder = group.coder or self._later
+
+    def _write(self) -> None:
+        """Write the frames that are done, in order."""
+        while self._groups:
+            group = self._groups[0]
+            while group.done:
+                done = group.done.popleft()
+                self._on_frame(done.item, done.encoded, done.seconds)
+                self._outbox.put(_Written(done.size, 0))
+            if group.fault is not None and not self.is_stopped:
+                raise group.fault
+            if not group.is_written:
+                return
+            self._groups.popleft()
+            self._outbox.put(_Written(0, 1))
+
+
+def _pickled_for_group(coder: GroupCoder) -> bytes:
+    return pickle.dumps(coder.for_group(), pickle.HIGHEST_PROTOCOL)
+
+
+def _dead_worker() -> DeadWorkerError:
+    return DeadWorkerError(
+        "a process was ended before its frames were encoded, and so was the next one that got them: something killed "
+        "them, or there is too little memory for so many; give a lower number of jobs"
+    )
