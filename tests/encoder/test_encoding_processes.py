@@ -1,0 +1,74 @@
+"""The executor of processes: calls, deaths, ends."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from gsvc_ref.encoder.processes import DeadProcessError, Processes
+
+WAIT_S = 120
+
+
+def pid() -> int:
+    return os.getpid()
+
+
+def add(a: int, *, b: int) -> int:
+    return a + b
+
+
+def fail(error: Exception) -> None:
+    raise error
+
+
+def wait(seconds: float) -> None:
+    time.sleep(seconds)
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_calls_and_what_they_raise():
+    with Processes(1) as processes:
+        assert processes.submit(add, 1, b=2).result(WAIT_S) == 3
+        assert processes.submit(pid).result(WAIT_S) == processes.submit(pid).result(WAIT_S) != os.getpid()
+        with pytest.raises(ZeroDivisionError, match="mine"):
+            processes.submit(fail, ZeroDivisionError("mine")).result(WAIT_S)
+        with pytest.raises((TypeError, AttributeError)):  # it cannot be pickled
+            processes.submit(threading.Lock).result(WAIT_S)
+        assert processes.submit(add, 1, b=3).result(WAIT_S) == 4
+        assert processes.submit(signal.getsignal, signal.SIGINT).result(WAIT_S) is signal.SIG_IGN
+    assert multiprocessing.active_children() == []
+    with pytest.raises(RuntimeError, match="shutdown"):
+        processes.submit(pid)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_process_that_dies_takes_one_call_with_it():
+    with Processes(1) as processes:
+        first = processes.submit(pid).result(WAIT_S)
+        with pytest.raises(DeadProcessError):
+            processes.submit(die).result(WAIT_S)
+        assert processes.submit(pid).result(WAIT_S) != first
+
+
+def test_no_process_is_started_before_a_call():
+    with Processes(3):
+        assert multiprocessing.active_children() == []
+
+
+def test_killed_at_work():
+    processes = Processes(2)
+    calls = [processes.submit(wait, 1000) for _ in range(3)]
+    begin = time.monotonic()
+    while len(multiprocessing.active_children()) < 2:
+        assert time.monotonic() - begin < WAIT_S
+        time.sleep(0.02)
+    processes.kill()
+    assert multiprocessing.active_children() == []
+    assert all(call.cancelled() or isinstance(call.exception(), DeadProcessError) for call in calls)
