@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from queue import SimpleQueue
+from queue import LifoQueue
 from typing import Any, Final, ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -43,7 +43,7 @@ class Processes(Executor):
     def __init__(self, count: int) -> None:
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
         self._workers = [_Worker() for _ in range(count)]
-        self._free: SimpleQueue[_Worker] = SimpleQueue()
+        self._free: LifoQueue[_Worker] = LifoQueue()  # a call that is made again gets the process that was started anew
         for worker in self._workers:
             self._free.put(worker)
 
@@ -98,7 +98,9 @@ class _Worker:
         return result
 
     def _connected(self) -> "Connection[Any, Any]":
-        """The pipe to the process, which is started if there is none."""
+        """The pipe to the process, which is started if there is none, or one that was killed while it had no call."""
+        if self._connection is not None and not self._process.is_alive():
+            self.end()
         with self._changing:
             if self._killed:
                 raise DeadProcessError("the processes were ended")
