@@ -90,9 +90,9 @@ def encode(
         One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError
         The target cannot be written; what stood under its name still does, unless `live`.
-    DeadWorkerError
-        A process that encodes was killed, and so was the next one that got its frames; an OSError with a note if frames
-        were saved.
+    ChildProcessError
+        A process that encodes was killed, and so was the next one that got its frames; it has a note if frames were
+        saved.
     Exception
         Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """

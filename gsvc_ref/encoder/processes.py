@@ -10,7 +10,6 @@ does, however that ends.
 
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -157,11 +156,17 @@ def _serve(connection: "Connection[Any, Any]") -> None:
             function, arguments, options = connection.recv()
         except EOFError:
             return
+        answer: tuple[bool, Any]
         try:
-            answer = pickle.dumps((True, function(*arguments, **options)), pickle.HIGHEST_PROTOCOL)
+            answer = True, function(*arguments, **options)
         except BaseException as error:
-            answer = pickle.dumps((False, error), pickle.HIGHEST_PROTOCOL)
-        connection.send_bytes(answer)
+            answer = False, error
+        try:
+            connection.send(answer)
+        except ConnectionError:  # nobody waits for it any more
+            return
+        except Exception as error:  # it cannot be pickled
+            connection.send((False, RuntimeError(f"{type(error).__name__}: {error}")))
 
 
 def _end_with_parent() -> None:

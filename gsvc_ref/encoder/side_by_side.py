@@ -5,7 +5,6 @@ writes what comes back in order, so that frames are written while the caller wai
 other messages, and neither touches what the other has.
 """
 
-import pickle
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -72,7 +71,7 @@ class SideBySide:
     executor
         Takes the tasks; None: as many processes of this machine.
     on_first
-        Called with the coder when it has encoded the first frame.
+        Called when the first frame is encoded, with a coder that knows what was decided.
     on_frame
         Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours.
     on_progress
@@ -178,10 +177,10 @@ class _Leader:
         self._jobs, self._executor = jobs, executor
         self._on_first, self._on_frame = on_first, on_frame
         self._inbox, self._outbox = inbox, outbox
-        self._coder: bytes | None = pickle.dumps(coder, pickle.HIGHEST_PROTOCOL)  # of the next group
-        self._later: bytes | None = None if coder.decides_first else _pickled_for_group(coder)  # of all others
+        self._first = coder
+        self._later = None if coder.decides_first else coder.for_group()  # never used itself: each group has its own
         self._groups: deque[Group] = deque()  # in order, those of which something is left to be done
-        self._has_first = self._is_whole = self.is_stopped = False
+        self._is_begun = self._has_first = self._is_whole = self.is_stopped = False
 
     def lead(self) -> None:
         """Hand out runs and write frames until all is done, or something could not be done, or it is stopped."""
@@ -206,8 +205,9 @@ class _Leader:
         elif isinstance(message, TypedFrame):
             if message.type == "I":
                 self._end_group()
-                self._groups.append(Group(self._coder))
-                self._coder = self._later
+                later = None if self._later is None else self._later.for_group()
+                self._groups.append(Group(later if self._is_begun else self._first))
+                self._is_begun = True
             self._groups[-1].waiting.append(message)
         elif message is _Word.END:
             self._end_group()
@@ -223,10 +223,10 @@ class _Leader:
         for group in self._groups:
             if self._at_work() == self._jobs or self.is_stopped:
                 return
-            if group.may_go_on:
+            if group.coder is not None and group.may_go_on:
                 group.tries += 1
                 try:
-                    group.task = self._executor.submit(encode_run, group.coder or b"", group.take_run())
+                    group.task = self._executor.submit(encode_run, group.coder, group.take_run())
                 except Exception as error:  # it is broken, or was shut down
                     group.fault = _dead_worker() if isinstance(error, BrokenExecutor) else error
                 else:
@@ -258,15 +258,15 @@ class _Leader:
             self._outbox.put(_Encoded(len(run.frames), self._at_work(), run.frames[-1][0].psnr))
             if not self._has_first:
                 self._has_first = True
-                self._decide(pickle.loads(run.coder))
+                self._decide(run.coder.for_group())
 
     def _decide(self, coder: GroupCoder) -> None:
         """Let all groups have what the first frame has decided."""
         self._on_first(coder)
         if self._later is None:
-            self._coder = self._later = _pickled_for_group(coder)
+            self._later = coder
             for group in self._groups:
-                group.coder = group.coder or self._later
+                group.coder = group.coder or coder.for_group()
 
     def _write(self) -> None:
         """Write the frames that are done, in order."""
@@ -282,10 +282,6 @@ class _Leader:
                 return
             self._groups.popleft()
             self._outbox.put(_Written(0, 1))
-
-
-def _pickled_for_group(coder: GroupCoder) -> bytes:
-    return pickle.dumps(coder.for_group(), pickle.HIGHEST_PROTOCOL)
 
 
 def _dead_worker() -> DeadWorkerError:
