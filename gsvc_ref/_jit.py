@@ -2,7 +2,6 @@
 
 import types
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
 from gsvc_ref._compiler import numba
@@ -41,18 +40,10 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
 
 
 def _keep(compiled: Any, function: Callable[..., Any]) -> None:
-    """Let Numba keep what it compiles in our folder; its own setting, which belongs to the whole process, stays."""
+    """Let Numba keep what it compiles in our folder."""
     folder = kernel_folder(function.__module__.partition(".")[0])
-    if folder is None:
-        return
-    config: Any = numba.config
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
-    try:
-        with suppress(OSError, RuntimeError):  # the folder went away, or the function stands in no file
-            cache: Any = KernelCache
-            compiled._cache = cache(function)
-    finally:
-        config.CACHE_DIR = before
+    if folder is not None:
+        compiled._cache = KernelCache(function, folder)
 
 
 def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P, R]:

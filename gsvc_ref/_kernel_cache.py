@@ -5,30 +5,55 @@ file it would go on running the old one.
 """
 
 import os
+import pickle
 import shutil
 import stat
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+from numba.core import config
 from numba.core import runtime as numba_runtime
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.environment import Environment, _rebuild_env
 
 PACKAGE: Final = Path(__file__).resolve().parent
 WITHOUT_KERNELS: Final = ("cli", "testing")
 """Folders of the package that no kernel comes from, so that a change there costs no compilation."""
 
 
-class KernelCache(FunctionCache):
-    """Numba's cache of one function, whose faults are not those of the program that runs.
+class KernelCache:
+    """What Numba asks for the compiled forms of one function; its faults are not those of the program that runs.
 
-    What cannot be read is compiled anew, and what cannot be written, as on a full disk, is not kept.
+    What cannot be read is compiled anew, and what cannot be written, as on a full disk, is not kept. Numba's own cache
+    stands behind it. It is made when a form is first asked for, since it looks at files and tries to write: most
+    kernels are part of others, or are never called.
     """
+
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        self._function, self._folder = function, folder
+
+    @cached_property
+    def _numbas(self) -> Any:
+        """Numba's cache in our folder; its own setting, which belongs to the whole process, stays."""
+        settings: Any = config
+        before, settings.CACHE_DIR = settings.CACHE_DIR, str(self._folder)
+        try:
+            return _FunctionCache(self._function)
+        except (OSError, RuntimeError):  # the folder went away, or the function stands in no file
+            return None
+        finally:
+            settings.CACHE_DIR = before
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder in which Numba keeps the forms of this function; None if it cannot."""
+        return None if self._numbas is None else str(self._numbas.cache_path)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Load the compiled form for a signature, or None.
@@ -36,24 +61,80 @@ class KernelCache(FunctionCache):
         Numba would first make the tables of all functions that can be compiled, for which it imports SciPy's linear
         algebra too: a third of a second. Machine code needs its runtime alone; what is compiled makes the tables.
         """
-        numba_cache: Any = super()
+        if self._numbas is None:
+            return None
         runtime: Any = numba_runtime
-        load = getattr(numba_cache, "_load_overload", numba_cache.load_overload)
+        load = getattr(self._numbas, "_load_overload", self._numbas.load_overload)
         try:
             runtime.rtsys.initialize(target)
             found = load(signature, target)
         except Exception:  # a damaged file may raise anything when it is unpickled
-            with suppress(OSError):
-                numba_cache.flush()
+            self.flush()
             return None
         # Numba's index and data are two files, which processes that write at the same time may mix.
         return found if found is not None and tuple(found.signature.args) == tuple(signature) else None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a compiled form, if that can be done."""
+        if self._numbas is not None:
+            with suppress(OSError):
+                self._numbas.save_overload(signature, compiled)
+
+    def flush(self) -> None:
+        """Forget all forms."""
+        if self._numbas is not None:
+            with suppress(OSError):
+                self._numbas.flush()
+
+
+class _FunctionCache(FunctionCache):
+    """Numba's cache of one function, with files that are read by `_Loader`."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
         numba_cache: Any = super()
-        with suppress(OSError):
-            numba_cache.save_overload(signature, compiled)
+        numba_cache.__init__(function)
+        file: Any = _KernelFile
+        self._cache_file: Any = file(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
+
+
+class _KernelFile(IndexDataCacheFile):
+    def _load_data(self, name: str) -> Any:
+        numbas: Any = self
+        with open(numbas._data_path(name), "rb") as file:
+            return _Loader(file).load()
+
+
+class _Loader(pickle.Unpickler):
+    """Reads a compiled form without importing the modules of Numba whose functions are part of it.
+
+    Of such a module the machine code needs nothing: an *environment* holds constants, and the module's globals for
+    code that is interpreted, which kernels are not. Numba would import its arrays for every ``np.empty``, and with them
+    its strings: 0.1 seconds.
+    """
+
+    def find_class(self, module: str, name: str) -> Any:
+        """The class or function of a name in the file."""
+        found = super().find_class(module, name)
+        return _rebuilt_environment if found is _rebuild_env else found
+
+
+def _rebuilt_environment(module: str, constants: list[Any], name: str) -> Any:
+    """Numba's environment of this name, or a new one that holds constants."""
+    rebuild: Any = _rebuild_env
+    if not module.startswith("numba.") or module in sys.modules:
+        return rebuild(module, constants, name)
+    environment: Any = Environment
+    if (made := environment._memo.get(name)) is not None:
+        return made
+    made = environment({"__name__": module})
+    made.consts[:] = constants
+    made.env_name = name
+    environment._memo[name] = made
+    return made
 
 
 @cache

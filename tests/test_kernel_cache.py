@@ -121,6 +121,13 @@ def test_a_full_disk_costs_only_the_next_start(folder):
     assert start("i") == (1, 0)
 
 
+def test_a_kernel_that_is_not_called_looks_at_no_file(folder):
+    start("")
+    assert not (folder / "cache").exists()
+    module = sys.modules[MODULE]
+    assert module.double.stats.cache_path.startswith(str(folder / "cache"))
+
+
 def test_without_a_folder_kernels_are_compiled_each_time(folder, monkeypatch):
     monkeypatch.setattr(_jit, "kernel_folder", lambda package: None)
     for _ in range(2):
@@ -186,6 +193,27 @@ def test_a_second_start_compiles_nothing_and_a_changed_source_anew(package, vari
     assert second == (f"30 0 {numbas_own}", second[1])
     assert second[1].parent == first[1].parent
     assert list(first[1].parent.iterdir()) == [second[1]]  # the kernels of the old sources are gone
+
+
+ALLOCATES = """
+import sys
+sys.path.insert(0, '')
+import numpy as np
+from package.main import total, zeros
+print(zeros(3).sum(), sum(zeros._cache_hits.values()), "numba.np.arrayobj" in sys.modules)
+print(zeros(np.int32(2)).sum(), sum(zeros._cache_misses.values()))  # another form, made of functions that were loaded
+"""
+
+
+def test_what_is_loaded_imports_none_of_numbas_modules_whose_functions_it_holds(package):
+    """Numba would import its arrays and strings for every np.zeros: a tenth of a second."""
+    with (package / "package" / "main.py").open("a") as file:
+        file.write("import numpy as np\n@kernel()\ndef zeros(n):\n    return np.zeros(n)\n")
+    variables = {"XDG_CACHE_HOME": str(package / "cache")}
+    first, second = (run(package, code=ALLOCATES, **variables) for _ in range(2))
+    assert (first.returncode, first.stderr, second.returncode, second.stderr) == (0, "", 0, "")
+    assert first.stdout.splitlines() == ["0.0 0 True", "0.0 2"]
+    assert second.stdout.splitlines() == ["0.0 1 False", "0.0 0"]
 
 
 LOADED_THEN_COMPILED = """
