@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, cached_property
+from glob import glob
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -201,10 +202,11 @@ def _sources(package: str) -> Iterator[str]:
     """Path and digest of each source that kernels, or constants in them, may come from."""
     main = getattr(sys.modules.get(package), "__file__", None)
     for root in sorted({PACKAGE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
-        for path in sorted(root.parent.rglob("*.py")) if root.name == "__init__.py" else [root]:
-            name = path.relative_to(root.parent)
-            if root.parent != PACKAGE or name.parts[0] not in WITHOUT_KERNELS:
-                yield f"{name} {sha256(path.read_bytes()).hexdigest()}"
+        folder, whole = str(root.parent), root.name == "__init__.py"
+        for name in sorted(glob("**/*.py", root_dir=folder, recursive=True)) if whole else [root.name]:
+            if root.parent != PACKAGE or name.split(os.sep)[0] not in WITHOUT_KERNELS:
+                with open(os.path.join(folder, name), "rb") as file:
+                    yield f"{name} {sha256(file.read()).hexdigest()}"
 
 
 def _digest(*parts: str) -> str:

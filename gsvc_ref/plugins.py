@@ -6,7 +6,6 @@ or when a video is opened by its name, and calls `add_source` and `add_command`;
 
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -60,5 +59,7 @@ def commands() -> tuple[Callable[[Any], None], ...]:
 
 @cache
 def _load() -> None:
+    from importlib.metadata import entry_points  # with the mail and sockets of Python's library: 15 ms
+
     for entry in entry_points(group=GROUP):
         entry.load()

@@ -9,35 +9,42 @@ import gc
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Final
 
 from gsvc_ref import __version__, plugins
-from gsvc_ref.cli.compare import add_command as add_compare
-from gsvc_ref.cli.concat import add_command as add_concat
-from gsvc_ref.cli.cut import add_command as add_cut
-from gsvc_ref.cli.decode import add_command as add_decode
-from gsvc_ref.cli.dump import add_command as add_dump
-from gsvc_ref.cli.encode import add_command as add_encode
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
-from gsvc_ref.cli.info import add_command as add_info
 from gsvc_ref.cli.parser import Parser
-from gsvc_ref.cli.splats_in import add_command as add_import
-from gsvc_ref.cli.splats_out import add_command as add_export
 from gsvc_ref.interrupts import termination_as_ctrl_c
+
+MODULES: Final = {
+    "encode": "encode",
+    "decode": "decode",
+    "info": "info",
+    "dump": "dump",
+    "compare": "compare",
+    "concat": "concat",
+    "cut": "cut",
+    "import": "splats_in",
+    "export": "splats_out",
+}
+"""The module of each command, in the order of ``gsvc --help``."""
 
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""
 
 
-def build_parser() -> Parser:
-    """The parser of all commands; parsing sets `command` and `run`, the function that takes the parsed arguments."""
+def build_parser(named: str | None = None) -> Parser:
+    """The parser of all commands, or of the one that is named, so that its start does not wait for the others.
+
+    Parsing sets `command` and `run`, the function that takes the parsed arguments.
+    """
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for add_command in (
-        add_encode, add_decode, add_info, add_dump, add_compare, add_concat, add_cut, add_import, add_export,
-        *plugins.commands(),
-    ):  # fmt: skip
+    for command in [named] if named in MODULES else MODULES:
+        import_module(f"gsvc_ref.cli.{MODULES[command]}").add_command(commands)
+    for add_command in () if named in MODULES else plugins.commands():
         add_command(commands)
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser
@@ -68,9 +75,10 @@ def rare_collections() -> Iterator[None]:
 
 
 def _run(argv: Sequence[str] | None) -> int:
-    parser = build_parser()
+    given = sys.argv[1:] if argv is None else argv
+    parser = build_parser(given[0] if given else None)
     try:
-        arguments, unknown = parser.parse_known_args(argv)
+        arguments, unknown = parser.parse_known_args(given)
     except SystemExit as end:  # argparse has said why
         return int(end.code or 0)
     command = f"gsvc {arguments.command}" if arguments.command else "gsvc"

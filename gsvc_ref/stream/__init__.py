@@ -7,21 +7,26 @@ In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` de
 `concatenation` makes one stream of several, or drops layers.
 """
 
-from gsvc_ref.stream.concatenation import ConcatReport, concat, cut
-from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
-from gsvc_ref.stream.decoder import Stream, decode, scaled_size
-from gsvc_ref.stream.formats import video_format
-from gsvc_ref.stream.reader import StreamReader
-from gsvc_ref.stream.whole_streams import (
-    decode_stream,
-    decode_stream_deterministic,
-    read_main_stream,
-    read_stream,
-    reconstruct_layers,
-    reconstruct_stream,
-    seek,
-)
-from gsvc_ref.stream.writer import StreamWriter
+from typing import TYPE_CHECKING, Final
+
+from gsvc_ref._lazy import lazily
+
+if TYPE_CHECKING:
+    from gsvc_ref.stream.concatenation import ConcatReport, concat, cut
+    from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
+    from gsvc_ref.stream.decoder import Stream, decode, scaled_size
+    from gsvc_ref.stream.formats import video_format
+    from gsvc_ref.stream.reader import StreamReader
+    from gsvc_ref.stream.whole_streams import (
+        decode_stream,
+        decode_stream_deterministic,
+        read_main_stream,
+        read_stream,
+        reconstruct_layers,
+        reconstruct_stream,
+        seek,
+    )
+    from gsvc_ref.stream.writer import StreamWriter
 
 __all__ = [
     "ConcatReport",
@@ -45,3 +50,29 @@ __all__ = [
     "seek",
     "video_format",
 ]
+
+_HOMES: Final = {
+    "ConcatReport": "concatenation",
+    "DecodedFrame": "decoded",
+    "FrameSummary": "decoded",
+    "Gap": "decoded",
+    "Stream": "decoder",
+    "StreamReader": "reader",
+    "StreamSummary": "decoded",
+    "StreamWriter": "writer",
+    "concat": "concatenation",
+    "cut": "concatenation",
+    "decode": "decoder",
+    "decode_stream": "whole_streams",
+    "decode_stream_deterministic": "whole_streams",
+    "read_main_stream": "whole_streams",
+    "read_stream": "whole_streams",
+    "reconstruct_layers": "whole_streams",
+    "reconstruct_stream": "whole_streams",
+    "scaled_size": "decoder",
+    "seek": "whole_streams",
+    "video_format": "formats",
+}
+"""The module of each name."""
+
+__getattr__, __dir__ = lazily(__name__, _HOMES)

@@ -5,8 +5,7 @@ from fractions import Fraction
 from typing import Final
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.video import ChromaFormat, ColorDescription, VideoFormat
-from gsvc_ref.video.format import MAX_RATIO_TERM
+from gsvc_ref.video.format import MAX_RATIO_TERM, ChromaFormat, ColorDescription, VideoFormat
 
 CHROMA_FORMATS: Final[tuple[ChromaFormat, ...]] = ("rgb", "420", "422", "444")
 """`chroma_format` 0 to 3 (spec.md section 6.3); greater values have no planes, like 0 (R-6.3-3)."""

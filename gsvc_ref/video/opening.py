@@ -1,0 +1,136 @@
+"""Opening what is read as a video, and what one is written to; each format's module is loaded when it is needed."""
+
+import sys
+from pathlib import Path
+from typing import BinaryIO, Final, Protocol
+
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.plugins import source_by_prefix, source_by_suffix
+from gsvc_ref.video import y4m
+from gsvc_ref.video.format import VideoFormat
+from gsvc_ref.video.stream import VideoReader, VideoWriter
+from gsvc_ref.video.y4m_header import SIGNATURE
+
+STREAM_SUFFIX: Final = ".gsvc"
+
+
+class VideoSource(Protocol):
+    """An object that can be opened as a video though it is no file, such as a scene of gsvc_lab."""
+
+    def open_video(self) -> VideoReader:
+        """A new reader of its frames."""
+
+
+def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
+    """Open a source of frames; what it holds decides how it is read, and its name only where a plugin knows it.
+
+    Parameters
+    ----------
+    source
+        ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME`` for a
+        built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that cannot
+        seek must hold y4m), which stays open.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    UsageError
+        It is a GSVC stream or a scene that cannot be, or needs PyAV and that is not installed.
+    GsvcError
+        It cannot be read as video.
+    """
+    if source == "-":
+        return y4m.Y4mReader(sys.stdin.buffer, "standard input")
+    if isinstance(source, str) and (named := source_by_prefix(source)) is not None:
+        return named.open(source)
+    if isinstance(source, str | Path):
+        return _open_path(Path(source))
+    if hasattr(source, "open_video"):
+        return source.open_video()
+    return _open_file(source)
+
+
+def _open_path(path: Path) -> VideoReader:
+    name = str(path)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {path}; check the name of the input")
+    if path.is_dir():
+        from gsvc_ref.video.images import open_folder
+
+        return open_folder(path)
+    if path.suffix.lower() == STREAM_SUFFIX:
+        raise UsageError(f"{path} is a GSVC stream, not a source video: decode it first (gsvc decode {path} OUT.y4m)")
+    if not path.is_file():  # a pipe or device: reading its first bytes would take them away
+        return y4m.Y4mReader(path, name)
+    with path.open("rb") as file:
+        magic = file.read(len(SIGNATURE))
+    if not magic:
+        raise GsvcError("malformed", f"{path} is empty; give a video file")
+    suffix = path.suffix.lower()
+    if (named := source_by_suffix(name)) is not None:
+        return named.open(name)
+    if magic == SIGNATURE or suffix == ".y4m":
+        return y4m.Y4mReader(path, name)
+    from gsvc_ref.video import images, libav
+
+    if magic.startswith(images.PNG_SIGNATURE) or suffix in images.SUFFIXES:
+        return images.ImageReader([path], name)
+    return libav.LibavReader(path, name)
+
+
+def _open_file(file: BinaryIO) -> VideoReader:
+    name = str(getattr(file, "name", "the input"))
+    if not file.seekable():
+        return y4m.Y4mReader(file, name)
+    start = file.tell()
+    magic = file.read(len(SIGNATURE))
+    file.seek(start)
+    if not magic:
+        raise GsvcError("malformed", f"{name} is empty; give a video file")
+    if magic == SIGNATURE:
+        return y4m.Y4mReader(file, name)
+    from gsvc_ref.video import images, libav
+
+    if magic.startswith((images.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
+        return images.ImageReader([file.read()], name)
+    return libav.LibavReader(file, name)
+
+
+def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWriter:
+    """Open a target for frames; it is complete, and stands under its name, only after `close`.
+
+    Parameters
+    ----------
+    target
+        ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a single
+        frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); an existing folder,
+        or a name without a suffix, for numbered PNG files. A pipe or device takes y4m.
+    format
+        The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder that is to hold the target does not exist.
+    UsageError
+        The suffix is unknown, the folder holds pictures already, or the format cannot be written.
+    """
+    if target == "-":
+        return y4m.Y4mWriter(sys.stdout.buffer, format)
+    if not isinstance(target, str | Path):
+        return y4m.Y4mWriter(target, format)
+    path = Path(target)
+    suffix = path.suffix.lower()
+    if not path.is_dir() and (suffix == ".y4m" or (path.exists() and not path.is_file())):
+        return y4m.Y4mWriter(path, format)
+    from gsvc_ref.video import images, libav_writer
+
+    if path.is_dir() or (suffix == "" and not path.exists()):
+        return images.ImageFolderWriter(path, format)
+    if suffix == ".png":
+        return images.ImageFileWriter(path, format)
+    if suffix in libav_writer.CONTAINERS:
+        return libav_writer.LibavWriter(path, format)
+    known = ", ".join([".y4m", ".png", *libav_writer.CONTAINERS])
+    raise UsageError(f"cannot tell what to write as {path}; give a name that ends in {known}, a folder, or - for y4m")
