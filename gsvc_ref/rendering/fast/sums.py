@@ -37,77 +37,84 @@ QU1, QU1U1, QU1U2 = Q, Q + EIGHT, QU2 + EIGHT
 
 
 @kernel(contract=True, inline=True)
-def add_rows(tile: F4, column: np.float32, row: np.float32, splat: Any) -> None:
-    """Add one splat to ROWS rows of a tile: C <- C + g c' (9-6) where m <= 2 ln 255.
+def add_splat(tile: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
+    """Add one splat to the rows `first` to `end` - 1 of a tile, ROWS at a time: C <- C + g c' (9-6) if m <= 2 ln 255.
+
+    What does not depend on the row is read in front of the loop: LLVM, which cannot know that a tile holds no splat,
+    would otherwise find u1 and the shear anew for every ROWS rows.
 
     Parameters
     ----------
     tile
-        (ROWS * ROW,) f4, these rows.
-    column, row
-        The centre of their first pixel.
+        (rows * ROW,) f4; up to SPARE_ROWS rows below `end` are added to as well.
+    column
+        The centre of the tile's first column.
     splat
         (PROJECTED,) f4, see `projection.X`.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-    for k in range(TILE_WIDTH):
-        u1 = ((column + LANES[k]) - x) * r1
-        shear = (l * u1) * f
-        for j in range(ROWS):
-            u2 = ((row + np.float32(j)) - y) * r2 - shear
-            m = u1 * u1 + u2 * u2  # (9-4)
-            g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
-            tile[j * ROW + k] += g * red  # (9-6)
-            tile[j * ROW + TILE_WIDTH + k] += g * green
-            tile[j * ROW + 2 * TILE_WIDTH + k] += g * blue
+    for top in range(first, end, ROWS):
+        rows, row = tile[top * ROW : (top + ROWS) * ROW], np.float32(top) + HALF
+        for k in range(TILE_WIDTH):
+            u1 = ((column + LANES[k]) - x) * r1
+            shear = (l * u1) * f
+            for j in range(ROWS):
+                u2 = ((row + np.float32(j)) - y) * r2 - shear
+                m = u1 * u1 + u2 * u2  # (9-4)
+                g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
+                rows[j * ROW + k] += g * red  # (9-6)
+                rows[j * ROW + TILE_WIDTH + k] += g * green
+                rows[j * ROW + 2 * TILE_WIDTH + k] += g * blue
 
 
-add_rows_strict = without_contraction(add_rows, exp_minus_half=exp_minus_half_strict)
+add_splat_strict = without_contraction(add_splat, exp_minus_half=exp_minus_half_strict)
 
 
 @kernel(contract=True, inline=True)
-def grad_add_rows(lane_sums: F4, tile: F4, column: np.float32, row: np.float32, splat: Any) -> None:
-    """The transpose of `add_rows`: add, per lane, what ROWS rows of dL/dC contribute to one splat's lane sums.
+def grad_add_splat(lane_sums: F4, tile: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
+    """The transpose of `add_splat`: add, per lane, what rows of dL/dC contribute to one splat's lane sums.
 
     Parameters
     ----------
     lane_sums
         (LANE_SUMS,) f4, see `Q`.
     tile
-        (ROWS * ROW,) f4, e = dL/dC of these rows.
-    column, row, splat
-        As for `add_rows`.
+        (rows * ROW,) f4, e = dL/dC.
+    column, first, end, splat
+        As for `add_splat`.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-    for k in range(TILE_WIDTH):
-        u1 = ((column + LANES[k]) - x) * r1
-        shear = (l * u1) * f
-        of_q, of_qu2, of_qu2u2 = lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k]
-        of_red, of_green, of_blue = lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k]
-        for j in range(ROWS):
-            u2 = ((row + np.float32(j)) - y) * r2 - shear
-            m = u1 * u1 + u2 * u2  # (9-4)
-            g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
-            u2 = u2 if m <= SUPPORT_SQUARED else ZERO  # it may be infinite there, and 0 * infinity is no sum
-            e_red = tile[j * ROW + k]
-            e_green = tile[j * ROW + TILE_WIDTH + k]
-            e_blue = tile[j * ROW + 2 * TILE_WIDTH + k]
-            q = g * (e_red * red + e_green * green + e_blue * blue)  # (10-6)
-            q = q if m <= SUPPORT_SQUARED else ZERO  # for the same reason
-            qu2 = q * u2
-            of_q += q
-            of_qu2 += qu2
-            of_qu2u2 += qu2 * u2
-            of_red += g * e_red  # (10-9)
-            of_green += g * e_green
-            of_blue += g * e_blue
-        lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k] = of_q, of_qu2, of_qu2u2
-        lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k] = of_red, of_green, of_blue
+    for top in range(first, end, ROWS):
+        rows, row = tile[top * ROW : (top + ROWS) * ROW], np.float32(top) + HALF
+        for k in range(TILE_WIDTH):
+            u1 = ((column + LANES[k]) - x) * r1
+            shear = (l * u1) * f
+            of_q, of_qu2, of_qu2u2 = lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k]
+            of_red, of_green, of_blue = lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k]
+            for j in range(ROWS):
+                u2 = ((row + np.float32(j)) - y) * r2 - shear
+                m = u1 * u1 + u2 * u2  # (9-4)
+                g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
+                u2 = u2 if m <= SUPPORT_SQUARED else ZERO  # it may be infinite there, and 0 * infinity is no sum
+                e_red = rows[j * ROW + k]
+                e_green = rows[j * ROW + TILE_WIDTH + k]
+                e_blue = rows[j * ROW + 2 * TILE_WIDTH + k]
+                q = g * (e_red * red + e_green * green + e_blue * blue)  # (10-6)
+                q = q if m <= SUPPORT_SQUARED else ZERO  # for the same reason
+                qu2 = q * u2
+                of_q += q
+                of_qu2 += qu2
+                of_qu2u2 += qu2 * u2
+                of_red += g * e_red  # (10-9)
+                of_green += g * e_green
+                of_blue += g * e_blue
+            lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k] = of_q, of_qu2, of_qu2u2
+            lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k] = of_red, of_green, of_blue
 
 
-grad_add_rows_strict = without_contraction(grad_add_rows, exp_minus_half=exp_minus_half_strict)
+grad_add_splat_strict = without_contraction(grad_add_splat, exp_minus_half=exp_minus_half_strict)
 
 
 @kernel(inline=True)
@@ -120,7 +127,7 @@ def tree(a: F4) -> Any:
 def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
     """Fold the lane sums of one intersection in a fixed tree to its moments S (MOMENTS,) f4.
 
-    `column` is that of `add_rows`, and `lane_sums` is overwritten. The loop handles all sums at once, since LLVM would
+    `column` is that of `add_splat`, and `lane_sums` is overwritten. The loop handles all sums at once, since LLVM would
     unroll short bodies into scalar code.
     """
     x, r1 = splat[X], splat[R1]
@@ -161,13 +168,11 @@ def add_batch(tile: F4, t: int, top: int, end: int, batch: Batch, count: int, st
     """
     column = np.float32(t * TILE_WIDTH) + HALF
     for i in range(count):
-        splat = batch.splats[i]
-        for j in range(max(batch.rows[i, 0], top), min(batch.rows[i, 1], end), ROWS):
-            rows = tile[j * ROW : (j + ROWS) * ROW]
-            if strict:
-                add_rows_strict(rows, column, np.float32(j) + HALF, splat)
-            else:
-                add_rows(rows, column, np.float32(j) + HALF, splat)
+        splat, first, last = batch.splats[i], max(batch.rows[i, 0], top), min(batch.rows[i, 1], end)
+        if strict:
+            add_splat_strict(tile, column, first, last, splat)
+        else:
+            add_splat(tile, column, first, last, splat)
 
 
 @kernel()
@@ -182,15 +187,11 @@ def grad_add_batch(tile: F4, t: int, batch: Batch, count: int, moments: F4, lane
         splat = batch.splats[i]
         S = moments[batch.rows[i, 2]]
         lane_sums[:] = ZERO
-        for j in range(batch.rows[i, 0], batch.rows[i, 1], ROWS):
-            rows = tile[j * ROW : (j + ROWS) * ROW]
-            if strict:
-                grad_add_rows_strict(lane_sums, rows, column, np.float32(j) + HALF, splat)
-            else:
-                grad_add_rows(lane_sums, rows, column, np.float32(j) + HALF, splat)
         if strict:
+            grad_add_splat_strict(lane_sums, tile, column, batch.rows[i, 0], batch.rows[i, 1], splat)
             fold_lanes_strict(lane_sums, column, splat, S)
         else:
+            grad_add_splat(lane_sums, tile, column, batch.rows[i, 0], batch.rows[i, 1], splat)
             fold_lanes(lane_sums, column, splat, S)
 
 
@@ -224,7 +225,7 @@ def grad_splat(moments: F4, parameters: F4, scale: float, S: F8, gradient: F4) -
 
 @kernel()
 def covered_in_tile(t: int, width: int, height: int, splat: Any) -> int:
-    """The number of pixels of tile t that one splat covers, by the decision of `add_rows_strict`."""
+    """The number of pixels of tile t that one splat covers, by the decision of `add_splat_strict`."""
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     column = np.float32(t * TILE_WIDTH) + HALF
     first, end = row_range(splat, t, height)
