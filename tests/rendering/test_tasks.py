@@ -27,6 +27,17 @@ def test_one_task_is_run_by_the_caller():
     assert seen == [threading.current_thread()]
 
 
+def test_no_more_threads_than_allowed_have_a_part():
+    seen = []
+
+    def task(_: int) -> None:
+        time.sleep(0.001)
+        seen.append(threading.current_thread())
+
+    run_tasks(task, 20, 2)
+    assert (len(seen), len(set(seen)) <= 2) == (20, True)
+
+
 @SEVERAL
 def test_two_tasks_are_run_at_the_same_time():
     barrier = threading.Barrier(2)

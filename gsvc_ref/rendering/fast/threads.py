@@ -31,8 +31,10 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
-def run_tasks(task: Callable[[int], None], tasks: int) -> None:
+def run_tasks(task: Callable[[int], None], tasks: int, threads: int | None = None) -> None:
     """Call task(0), ..., task(tasks - 1), on the calling thread and those of the pool that are free.
+
+    Each thread takes the next task when it is done with one. No more than `threads` have a part in it; None: any number.
 
     It returns, or raises what the tasks or Ctrl-C raised, when no task is at work any more: they write into memory that
     the caller will use again. Where there can be no more threads, as at the end of a process, the caller does it all.
@@ -45,7 +47,7 @@ def run_tasks(task: Callable[[int], None], tasks: int) -> None:
 
     others: list[Future[None]] = []
     with suppress(RuntimeError):  # no thread can be started
-        for _ in range(min(tasks, _most_threads()) - 1):
+        for _ in range(min(tasks, threads or tasks, _most_threads()) - 1):
             others.append(_workers().submit(work))
     try:
         work()
