@@ -16,7 +16,7 @@ from gsvc_lab.benchmarks.results import Goal, Section, Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_ref import decode
 
-GOALS: Final = {10_000: (150, 250), 50_000: (70, 120)}
+GOALS: Final = {10_000: (110, 150), 50_000: (60, 80)}
 """Must and aim in frames per second by N."""
 
 MAIN_GOALS: Final = (1.3, 1.0)
@@ -70,6 +70,8 @@ def timed_stages(spent: dict[str, float]) -> Iterator[None]:
         for stage, names in STAGES.items():
             for name in names:
                 stack.enter_context(patch(name, timed(stage, resolve_name(name))))
+        # One after the other: what is read ahead would count to the frame before.
+        stack.enter_context(patch("gsvc_ref.stream.decoder.read_ahead", lambda frames, worth_it: frames))
         yield
 
 
@@ -138,9 +140,9 @@ def decoding(threads: int) -> Section:
             memory.append([profile, f"{count:,}", *(f"{peak:.0f}" for peak in peaks)])
             section.numbers.append({"profile": profile, "splats": count, "MiB": peaks})
     text = (
-        "Milliseconds a frame by stage, medians of "
-        f"{ROUNDS} decodes with a clock in every stage; the sum and frames per second without those clocks, median "
-        "(quartiles). The streams are what `gsvc encode` writes with the preset `quick`: an I-frame and three P-frames "
+        f"Milliseconds a frame by stage, medians of {ROUNDS} decodes with a clock in every stage, one after the other; "
+        "the sum and frames per second without those clocks, median (quartiles), the next frame being read while one "
+        "is rendered. The streams are what `gsvc encode` writes with the preset `quick`: an I-frame and three P-frames "
         "of a picture that moves; the first frame also sets the decoder up, in its `other`. `work` is the check of "
         "R-5-4; `render` goes to 8 bits. A kernel of profile `main` that reads also reconstructs: `reconstruct` is 0."
     )

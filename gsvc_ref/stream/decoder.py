@@ -1,8 +1,8 @@
 """Decoding: a `.gsvc` stream in, frames or splats out, one after the other."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,9 @@ from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
+from gsvc_ref.rendering.fast.threads import thread_count
 from gsvc_ref.splats import Splats, scale_parameters
+from gsvc_ref.stream.ahead import read_ahead
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
@@ -25,6 +27,9 @@ from gsvc_ref.video import VideoFormat
 Frame = NDArray[np.unsignedinteger[Any]]
 HIGHEST: Final = LEVELS[max(LEVELS)]
 """The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
+
+SPLATS_AHEAD: Final = 1 << 16
+"""Splats of a frame, at most, while which is rendered the next one is read: behind larger ones it would take memory."""
 
 Source = str | Path | bytes | bytearray | memoryview | BinaryIO
 
@@ -161,7 +166,9 @@ def decode(
 
     Yields
     ------
-    Frames (H, W, 3), R'G'B' at full range: u1 for 8 bits, else u2.
+    Frames (H, W, 3), R'G'B' at full range: u1 for 8 bits, else u2. With more than one thread the next frame is read
+    while one is rendered, if all bytes are there: in a file that ends with an end chunk, not in a pipe or a file that
+    may still grow.
 
     Raises
     ------
@@ -174,8 +181,14 @@ def decode(
     """
     opened = nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level, layer=layer)
     with opened as stream:
-        frames = stream.frames(start, stop) if on_gap is None else _frames_of(stream.salvage(start, stop), on_gap)
-        yield from _rendered(frames, stream.header, scale, precision, threads)
+        if on_gap is not None:
+            frames = _frames_of(stream.salvage(start, stop), on_gap)
+        elif thread_count(threads) > 1 and stream.has_end:
+            frames = read_ahead(stream.frames(start, stop), lambda frame: len(frame.splats) <= SPLATS_AHEAD)
+        else:
+            frames = stream.frames(start, stop)
+        with closing(_rendered(frames, stream.header, scale, precision, threads)) as rendered:
+            yield from rendered
 
 
 def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
@@ -192,7 +205,7 @@ def _rendered(
     scale: float,
     precision: Precision,
     threads: int | None,
-) -> Iterator[Frame]:
+) -> Generator[Frame, None, None]:
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None

@@ -34,7 +34,7 @@ def thread_count(threads: int | None) -> int:
 def run_tasks(task: Callable[[int], None], tasks: int, threads: int | None = None) -> None:
     """Call task(0), ..., task(tasks - 1), on the calling thread and those of the pool that are free.
 
-    Each thread takes the next task when it is done with one. No more than `threads` have a part in it; None: any number.
+    Each thread takes the next task when it is done with one. At most `threads` have a part in it; None: any number.
 
     It returns, or raises what the tasks or Ctrl-C raised, when no task is at work any more: they write into memory that
     the caller will use again. Where there can be no more threads, as at the end of a process, the caller does it all.
