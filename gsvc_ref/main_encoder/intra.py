@@ -19,7 +19,6 @@ from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.checks import check_types
 from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder.density_choice import choose_densities
-from gsvc_ref.main_encoder.edges import Edges
 from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounded
 from gsvc_ref.main_profile.cells import cell_order
 from gsvc_ref.main_profile.codes import MainCodes
@@ -36,6 +35,7 @@ from gsvc_ref.training.coordinates import (
     to_parameters,
 )
 from gsvc_ref.training.descent import LBFGS
+from gsvc_ref.training.edges import Edges
 from gsvc_ref.training.settings import Growth
 
 LEAST_SIZE: Final = 0.27
