@@ -16,14 +16,24 @@ from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start,
 from gsvc_ref.training.convergence import Convergence, ConvergenceTest
 from gsvc_ref.training.events import new_splats
 from gsvc_ref.training.fine_tuning import fine_tune
-from gsvc_ref.training.fitting import fit
+from gsvc_ref.training.fitting import fit, quantised
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import MIN_FACTOR, OnIteration
 from gsvc_ref.training.population import NEW, Population
 from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.training.psnr import loss_of_psnr, psnr_of_loss
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Constant, Cosine, Schedule, StepDecay
-from gsvc_ref.training.settings import MAX_ITERATIONS, BlockSettings, FitSettings, Growth, Rates
+from gsvc_ref.training.settings import (
+    MAX_ITERATIONS,
+    AnyFit,
+    BlockSettings,
+    DescentSettings,
+    FitSettings,
+    Growth,
+    Rates,
+    RoundingSettings,
+)
+from gsvc_ref.training.staged_rounding import round_in_stages
 
 __all__ = [
     "KEPT_WEIGHT",
@@ -34,11 +44,13 @@ __all__ = [
     "PAPER_SCHEDULE",
     "Adan",
     "AdanSettings",
+    "AnyFit",
     "BlockSettings",
     "Constant",
     "Convergence",
     "ConvergenceTest",
     "Cosine",
+    "DescentSettings",
     "FitSettings",
     "FrameQuantizer",
     "Growth",
@@ -46,6 +58,7 @@ __all__ = [
     "Population",
     "PruningSchedule",
     "Rates",
+    "RoundingSettings",
     "Schedule",
     "StepDecay",
     "fine_tune",
@@ -54,6 +67,8 @@ __all__ = [
     "loss_of_psnr",
     "new_splats",
     "psnr_of_loss",
+    "quantised",
     "random_splats",
+    "round_in_stages",
     "uniform_numbers",
 ]

@@ -82,11 +82,16 @@ class Level:
         """Hold no splat fixed."""
         self._objective.thaw()
 
-    def new_splats(self, count: int, total: int, rng: Generator) -> F4:
-        """Splats (count, 8) f4 along edges where the splats evaluated last leave the most, of `total` in all."""
+    def new_splats(self, count: int, total: int, rng: Generator, where: NDArray[np.bool_] | None = None) -> F4:
+        """Splats (count, 8) f4 along edges where the splats evaluated last leave the most, of `total` in all.
+
+        `where` is (h, w) bool, the pixels to look at; None: all.
+        """
         if self._edges is None:
             self._edges = Edges(self._picture)
-        return resized(self._edges.new_splats(-self._objective.residual(), count, total, rng), self.step)
+        missing = -self._objective.residual()
+        missing = missing if where is None else missing * where[..., None]
+        return resized(self._edges.new_splats(missing, count, total, rng), self.step)
 
 
 class Sizes:

@@ -17,6 +17,22 @@ units of 8 bits and summed over pixels and channels, to second order by the squa
 
 so that a step D of n, sqrt 2 D / E of u, v, m, r and 2 D / E of s are each worth D^2: they are the `units` of D.
 
+Where this comes from: the Gaussian g = exp(-(w1^2 + w2^2) / 2) with w = L^-1 (x - mu) changes by w1 g du + w2 g dv for
+a motion in its own axes, and by (w1^2 p + w2^2 q + w1 w2 t) g for relative changes p = dl11 / l11, q = dl22 / l22 and
+t = (dl21 - l21 p) / l22 of its factor. Under g^2, whose integral is A = pi l11 l22, w1 and w2 are independent and
+normal with the variance 1/2, so that their moments are ::
+
+    E w^2 = 1/2,    E w^4 = 3/4,    E w1^2 w2^2 = 1/4,    and those of odd powers are 0.
+
+A change of the colour c, k along it and dc' across, thus gives the Gauss-Newton matrix of one splat, its block of J^TJ::
+
+    A |c|^2 ((du^2 + dv^2) / 2 + t^2 / 4 + 3/4 (p^2 + q^2) + p q / 2 + k (p + q) + k^2) + A |dc'|^2
+
+Shape and colour are coupled: a larger splat and a brighter one are partly the same. With n, the colour times the root
+of the area, the relative change along the colour is h = k + (p + q) / 2, and the last terms in p, q, k become
+h^2 + (p^2 + q^2) / 2, where p^2 + q^2 = dm^2 + dr^2. The block is diagonal in (u, v, m, r, s, n), and its inverse is
+one division for each coordinate: what `descent` begins every inverse Hessian with.
+
 Every result is made of stated operations in binary64 and is the same on every machine. The functions whose names end
 in `_plain` are the definitions in NumPy; the others are compiled and give the same bits.
 """

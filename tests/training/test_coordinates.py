@@ -76,3 +76,30 @@ def test_objective_descends_along_the_gradient() -> None:
     scale = 1e-2 / float(np.abs(by_z * u).max())
     after = objective.loss(coordinates.to_parameters(coordinates.moved(z, -scale * u * u * by_z)))
     assert after < loss
+
+
+def test_the_metric_is_the_gauss_newton_matrix_of_a_splat() -> None:
+    """J^T J by central differences of a Gaussian in binary64, all 64 entries of it, without cut-off and frame."""
+    p = some_splats(1)
+    p[:, :2], p[:, 2:5], p[:, 5:] = 30.3, (2.5, 1.3, 3.5), (0.5, 0.4, -0.3)
+    z = coordinates.to_coordinates(p)
+    y, x = np.mgrid[:64, :64] + 0.5
+
+    def picture(at: np.ndarray) -> np.ndarray:
+        q = coordinates.to_parameters(at)[0].astype(float)
+        u = (x - q[0]) / q[2]
+        v = (y - q[1] - q[3] * u) / q[4]
+        return 255 * np.exp(-(u * u + v * v) / 2)[..., None] * q[5:]
+
+    energy = float((z[:, 5:] ** 2).sum())
+    widths = np.array([0.01] * 5 + [0.01 * np.sqrt(energy)] * 3)
+    columns = []
+    for column in range(8):
+        step = np.zeros_like(z)
+        step[:, column] = widths[column]
+        rise = picture(coordinates.moved(z, step)) - picture(coordinates.moved(z, -step))
+        columns.append((rise / (2 * widths[column])).ravel())
+    found = np.array(columns) @ np.array(columns).T
+    metric = np.diag([energy / 2] * 4 + [energy / 4] + [1.0] * 3)
+    scale = np.sqrt(np.outer(np.diag(metric), np.diag(metric)))
+    assert np.abs((found - metric) / scale).max() < 2e-3
