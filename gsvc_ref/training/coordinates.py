@@ -24,7 +24,7 @@ normal with the variance 1/2, so that their moments are ::
 
     E w^2 = 1/2,    E w^4 = 3/4,    E w1^2 w2^2 = 1/4,    and those of odd powers are 0.
 
-A change of the colour c, k along it and dc' across, thus gives the Gauss-Newton matrix of one splat, its block of J^TJ::
+A change of the colour c, k along it and dc' across, thus gives the Gauss-Newton matrix of a splat, its block of J'J::
 
     A |c|^2 ((du^2 + dv^2) / 2 + t^2 / 4 + 3/4 (p^2 + q^2) + p q / 2 + k (p + q) + k^2) + A |dc'|^2
 
