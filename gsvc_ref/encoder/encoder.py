@@ -180,14 +180,17 @@ class _Encode(Encoding[Frame]):
             self._show_progress("groups", frames - 1, groups, self.jobs, psnr)
 
         side = SideBySide(self.encoder, self.jobs, self.executor, decided, self._put, encoded)
-        with side:
-            try:
-                for item in self._timed_frames():
-                    side.put(item)
-                side.finish()
-            except BaseException:
-                self.interrupts.held = True  # processes are being ended
-                raise
+        try:
+            with side:
+                try:
+                    for item in self._timed_frames():
+                        side.put(item)
+                    side.finish()
+                except BaseException:
+                    self.interrupts.held = True  # processes are being ended
+                    raise
+        finally:
+            self.target_failed |= not side.is_over
 
     def _settings_used(self) -> Settings:
         return self.encoder.settings.with_(threads=self.asked.threads)

@@ -77,6 +77,11 @@ class SideBySide:
     on_progress
         Called with the number of frames encoded, in whatever order, the number of groups in work, and the PSNR of the
         last one, in the thread that puts frames.
+
+    Attributes
+    ----------
+    is_over
+        Whether the thread of ours has ended, which an interrupt does not wait for if a write never ends.
     """
 
     def __init__(
@@ -95,7 +100,7 @@ class SideBySide:
         self._leader = _Leader(coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox)
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
         self._groups = self._bytes = self._encoded = 0
-        self._is_over = False
+        self.is_over = False
 
     def put(self, item: TypedFrame[Frame]) -> None:
         """Hand over the next frame; this waits while too many are read and not yet written.
@@ -119,7 +124,7 @@ class SideBySide:
     def finish(self) -> None:
         """Wait until all frames are written; raises what `put` does."""
         self._inbox.put(_Word.END)
-        while not self._is_over:
+        while not self.is_over:
             self._hear()
 
     def _hear(self) -> None:
@@ -134,7 +139,7 @@ class SideBySide:
             self._encoded += message.frames
             self._on_progress(self._encoded, message.groups, message.psnr)
         else:
-            self._is_over = True
+            self.is_over = True
 
     def __enter__(self) -> Self:
         threading.Thread(target=self._leader.lead, name="gsvc_ref groups", daemon=True).start()
@@ -145,11 +150,11 @@ class SideBySide:
         self._leader.is_stopped = True
         try:
             self._inbox.put(_Word.STOP)
-            while not self._is_over:
+            while not self.is_over:
                 message = self._outbox.get()
                 if isinstance(message, BaseException) and message is not error:
                     raise message
-                self._is_over = message is _Word.OVER
+                self.is_over = message is _Word.OVER
         finally:
             if isinstance(self._executor, Processes):
                 self._executor.shutdown() if kind is None else self._executor.kill()

@@ -4,6 +4,7 @@ import io
 import multiprocessing
 import pickle
 import random
+import signal
 import threading
 import time
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
@@ -18,6 +19,7 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.processes import DeadProcessError
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.interrupts import INSISTING_S
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import open_writer
 
@@ -367,3 +369,44 @@ def test_jobs_that_are_none_are_refused_before_any_work(jobs):
     with pytest.raises(UsageError, match=r"jobs is .* 1\.\.1024"):
         encode((source, SMALL), io.BytesIO(), fast(), jobs=jobs)
     assert source.taken == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals of POSIX")
+def test_a_write_that_never_ends_can_be_left():
+    """A pipe that nobody reads: the first Ctrl-C ends the encode, and one more than a second after the next its end."""
+    main = threading.main_thread().ident
+    blocked, go_on = threading.Event(), threading.Event()
+
+    class Pipe(io.BytesIO):
+        def write(self, data) -> int:
+            if self.tell() > 300:
+                blocked.set()
+                go_on.wait(WAIT_S)
+            return super().write(data)
+
+    def insist():
+        blocked.wait(WAIT_S)
+        for pause in (0.3, INSISTING_S + 0.3, 0):
+            signal.pthread_kill(main, signal.SIGINT)
+            time.sleep(pause)
+
+    def slow():
+        yield from CLIP
+        blocked.wait(WAIT_S)
+        time.sleep(WAIT_S)
+
+    file = Pipe()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    thread = threading.Thread(target=insist)
+    thread.start()
+    try:
+        with ThreadPoolExecutor(2) as threads, pytest.raises(KeyboardInterrupt):
+            encode((slow(), SMALL), file, fast(key_frames=2), jobs=2, executor=threads)
+        length = len(file.getvalue())
+    finally:
+        signal.signal(signal.SIGINT, before)
+        go_on.set()
+        thread.join()
+    assert 300 < length < 400
+    while any(thread.name.startswith("gsvc_ref groups") for thread in threading.enumerate()):
+        time.sleep(0.01)
