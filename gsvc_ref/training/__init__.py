@@ -7,8 +7,10 @@ and of `fine_tuning`, which trains them through the quantisers that a decoder wi
 The parts of an iteration are `weighting` (the colours w c'), `events` (splats come by `augmentation`, GSA, and go by
 `pruning`, GSP), `adan` (the step), `schedule` (its rates) and `convergence`. All choices are in `settings`.
 
-`coordinates` are what the encoders measure changes of splats in, since those of the same length cost the picture about
-the same; `descent` is L-BFGS in them.
+Preset `quick` has another way. `coordinates` are what the encoders measure changes of splats in, since those of the
+same length cost the picture about the same; `descent` is L-BFGS in them, `walk` its way over a picture's splats, and
+`descending` the fit of a frame, at the sizes of `coarse`, with new splats along `edges`. `staged_rounding` makes codes,
+with the colours and the feedback of the Gram matrix in `gram`.
 """
 
 from gsvc_ref.training.adan import Adan, AdanSettings
