@@ -38,6 +38,7 @@ QUICK_FIT: Final = FitSettings(
     optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), learn_pixels=True, relative_steps=True,
     convergence=None, pruning=None,
 )  # fmt: skip
+"""Adan with few and well-sized steps: what preset quick was before it took L-BFGS, whose parts the groups compare."""
 
 ASSESSED_WITH: Final[Precision] = "deterministic"
 """Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""

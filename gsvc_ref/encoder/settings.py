@@ -333,7 +333,7 @@ class Settings:
                 colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
                 weigh_by_area=True,
                 quantizer_rate=0.0,
-                static_threshold=0.7,
+                static_threshold=0.55,
             ),
             new_fraction=0.03,
             new_from_residual=True,
