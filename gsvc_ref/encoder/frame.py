@@ -160,7 +160,7 @@ class FrameEncoder:
 
     def for_group(self) -> "FrameEncoder":
         """An encoder for another group of pictures, with the quantisers that were chosen."""
-        other = FrameEncoder(self.settings, self.state.width, self.state.height, self.bit_depth)
+        other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.is_first = self.is_first
         return other
 

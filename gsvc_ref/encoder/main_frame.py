@@ -25,13 +25,15 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
+from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
 from gsvc_ref.main_encoder.intra import Target, encode_intra
 from gsvc_ref.main_encoder.splat_number import splats_for
 from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
-from gsvc_ref.main_profile.tables import QUANTIZERS
+from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
@@ -152,7 +154,7 @@ class MainFrameEncoder:
 
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
-        other = MainFrameEncoder(self.settings, self.state.width, self.state.height, self.bit_depth)
+        other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.total, other.most, other.room = self.total, self.most, self.room
         return other
 
@@ -254,8 +256,8 @@ class _FrameWork:
     def _held_intra(self, goal: float) -> _Coded:
         """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
 
-        The number follows from the last two by a line over its logarithm. If the result is still too good, as with few
-        splats it may be, D becomes coarser.
+        The number follows from the last two by a line over its logarithm. If the result is still too good, its
+        weakest splats go; if that does not do, as with few splats, D becomes coarser.
         """
         encoder = self.encoder
         tried: dict[int, _Coded] = {}
@@ -279,10 +281,30 @@ class _FrameWork:
         if not reaching:
             return max(tried.values(), key=lambda found: found.psnr)
         number = min(reaching)
-        best = tried[number]
-        steps = max(1, round((best.psnr - goal) / DB_PER_STEP))
-        first = min(best.codes.quantizer + steps, QUANTIZERS - 1)
-        return self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, {best.codes.quantizer: best})
+        whole = tried[number]
+        best = self._thinned(whole, goal)
+        if best.psnr - goal <= ENOUGH:
+            return best
+        steps = max(1, round((whole.psnr - goal) / DB_PER_STEP))
+        first = min(whole.codes.quantizer + steps, QUANTIZERS - 1)
+        tries = {whole.codes.quantizer: whole}
+        return self._thinned(self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, tries), goal)
+
+    def _thinned(self, coded: _Coded, goal: float) -> _Coded:
+        """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
+        new, state = coded.codes.new, coded.state
+        weakest = np.argsort(visibility(state.splats.to_array()), kind="stable")
+        best, spared, needed = coded, 0, len(weakest)
+        while needed - spared > 1:
+            count = (spared + needed) // 2
+            kept = new.take(np.sort(weakest[count:]))
+            densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
+            thinned = self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
+            if thinned.psnr >= goal:
+                best, spared = thinned, count
+            else:
+                needed = count
+        return best
 
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
