@@ -9,10 +9,12 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -28,6 +30,14 @@ PROFILES: Final = ("main", "paper")
 
 LEVEL_FRAMES: Final = 30
 """Frames of a GOP whose last third is held against its first."""
+
+TABLES: Final = "frames,clips,levels,jobs"
+
+JOBS: Final = (1, 2)
+"""Numbers of jobs; one job has all threads."""
+
+JOBS_SCENE, JOBS_FRAMES, JOBS_GROUP = "water", 50, 10
+"""The scene, its frames, and the frames of a GOP."""
 
 BEGIN, END = "<!-- measured: encoders -->", "<!-- end -->"
 
@@ -223,13 +233,43 @@ def level_table(workers: Sequence[Worker], threads: int) -> Table:
     return Table(text, ["profile", "clip", "last third - first, dB", "mean PSNR, dB", "bytes"], rows)
 
 
+def job_table(rounds: int) -> Table:
+    """Wall seconds a frame of a whole `gsvc encode`, by the number of jobs."""
+    rows = []
+    with TemporaryDirectory() as folder:
+        clip, stream = Path(folder) / "clip.y4m", Path(folder) / "clip.gsvc"
+        scene = [sys.executable, "-m", "gsvc_ref", "scene", JOBS_SCENE, str(clip), "--frames", str(JOBS_FRAMES)]
+        subprocess.run([*scene, "--size", "352x288", "--quiet"], check=True)
+        for profile in PROFILES:
+            print(f"{profile}: {JOBS_SCENE}, jobs", file=sys.stderr, flush=True)
+            spent: dict[int, list[float]] = {jobs: [] for jobs in JOBS}
+            streams = set()
+            for _ in range(rounds + 1):
+                for jobs, own in spent.items():
+                    command = [sys.executable, "-m", "gsvc_ref", "encode", str(clip), str(stream), "--quiet"]
+                    command += ["--profile", profile, "--splats", "2000", "--key-frames", str(JOBS_GROUP)]
+                    begin = time.perf_counter()
+                    subprocess.run([*command, "--jobs", str(jobs)], check=True)
+                    own.append((time.perf_counter() - begin) / JOBS_FRAMES)
+                    streams.add(stream.read_bytes())
+            if len(streams) != 1:
+                raise RuntimeError(f"{profile}: the bytes depend on the number of jobs")
+            medians = [float(np.median(own[1:])) for own in spent.values()]
+            rows.append([profile, *(f"{one:.3f}" for one in medians), f"{medians[0] / medians[-1]:.2f}"])
+    text = (
+        f"Wall seconds a frame of `gsvc encode`: {JOBS_FRAMES} frames of the scene {JOBS_SCENE}, 352x288, N = 2,000, "
+        f"an I-frame each {JOBS_GROUP}; medians of {rounds} in turns."
+    )
+    return Table(text, ["profile", *(f"--jobs {jobs}" for jobs in JOBS), "times faster"], rows)
+
+
 def main() -> None:
     """Measure, print the tables, and put them into a document."""
     parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.encoders", description=__doc__)
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="an older checkout, measured in turns")
     parser.add_argument("--threads", type=int, default=min(2, processors()), help="of each encode (default 2, if any)")
     parser.add_argument("--rounds", type=int, default=3, help="encodes of each side that are timed (default 3)")
-    parser.add_argument("--tables", default="frames,clips,levels", help="which (default: frames,clips,levels)")
+    parser.add_argument("--tables", default=TABLES, help=f"which (default: {TABLES})")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the tables between this file's markers")
     arguments = parser.parse_args()
     checkouts = [*([arguments.against.resolve()] if arguments.against else []), CHECKOUT]
@@ -237,7 +277,9 @@ def main() -> None:
     with ExitStack() as stack:
         workers = [stack.enter_context(Worker(checkout)) for checkout in checkouts]
         for name in arguments.tables.split(","):
-            if name == "levels":
+            if name == "jobs":
+                table = job_table(arguments.rounds)
+            elif name == "levels":
                 table = level_table(workers, arguments.threads)
             else:
                 make = {"frames": frame_table, "clips": clip_table}[name]
