@@ -288,10 +288,21 @@ def test_an_executor_that_takes_no_more():
 
 
 @pytest.mark.parametrize("stage", ["detect", "groups"])
-def test_an_interrupt_keeps_the_frames_done(stage):
+def test_an_interrupt_keeps_the_frames_done(monkeypatch, stage):
+    is_written = threading.Event()
+    original = StreamWriter.write_frame
+
+    def write(self, codes, state=None):
+        written = original(self, codes, state)
+        is_written.set()
+        return written
+
     def interrupt(progress):
         if progress.stage == stage and progress.frame == 4:
+            assert is_written.wait(WAIT_S)  # without a frame there would be nothing to keep
             raise KeyboardInterrupt
+
+    monkeypatch.setattr(StreamWriter, "write_frame", write)
 
     file = io.BytesIO()
     settings = fast(key_frames="auto", low_latency=True)
