@@ -17,7 +17,6 @@ from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
-from gsvc_ref.training.coarse import Sizes
 
 SCENE: Final = "jumping-circle"
 
@@ -164,10 +163,9 @@ def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: s
     jump.before.objective.loss(reference.to_array())
     left = block_errors(jump.before.objective.residual())
     past = Past(jump.before.samples, left, float(left.sum()))
-    sizes = Sizes(jump.after.samples, full=jump.after.objective)
-    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng, sizes)
+    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng)
     prediction = predict(frame, FrameLog())
-    fit(prediction.population, jump.after.objective, prediction.fit, rng, sizes=sizes)
+    fit(prediction.population, jump.after.objective, prediction.fit, rng)
     return prediction.population.splats()
 
 

@@ -24,15 +24,12 @@ from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training import (
     MAX_ITERATIONS,
     AdanSettings,
-    AnyFit,
     BlockSettings,
     Cosine,
-    DescentSettings,
     FitSettings,
     Growth,
     PruningSchedule,
     Rates,
-    RoundingSettings,
 )
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
@@ -49,9 +46,6 @@ MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
 
 LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
-
-SHORT_FIT: Final = 12
-"""Constant quality: evaluations by L-BFGS after each change of the number of splats, at most."""
 
 MAX_FRAMES: Final = 2**32 - 1
 """Maximum number of frames of a stream."""
@@ -83,7 +77,7 @@ class FrameSettings:
     fit
         The fit in binary32, before quantisation.
     tune
-        How splats are quantised after it: by quantisation-aware fine-tuning, or by rounding in stages.
+        Quantisation-aware fine-tuning after it.
     quantizer
         The quantisers.
     candidates
@@ -94,12 +88,12 @@ class FrameSettings:
     new_fraction
         P-frames: the fraction of N that GSA adds.
     new_from_residual
-        P-frames: add where the prediction is wrong, along edges, and prune as many of the least visible splats before,
-        so that the count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
+        P-frames: add where the prediction is wrong, and prune as many of the least visible splats before, so that the
+        count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
     """
 
-    fit: AnyFit
-    tune: FitSettings | RoundingSettings
+    fit: FitSettings
+    tune: FitSettings
     quantizer: BlockSettings
     candidates: tuple[tuple[int, int, int], ...] = ()
     start: Literal["random", "image"] = "random"
@@ -112,13 +106,6 @@ class FrameSettings:
         for candidate in self.candidates:
             for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
                 _check_range(f"{name} of candidates", value, *limits)
-
-    @property
-    def short_fit(self) -> AnyFit:
-        """The fit after each change of the number of splats by constant quality: fine-tuning's, if there is any."""
-        if isinstance(self.tune, FitSettings):
-            return self.tune
-        return self.fit.with_(iterations=min(self.fit.iterations, SHORT_FIT), growth=None, pruning=None)
 
     def with_(self, **changes: Any) -> Self:
         """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
@@ -147,9 +134,6 @@ class DetectionSettings:
         ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
     guard_ratio
         By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
-    intra_fit, inter_fit
-        How frames are pre-trained, but for the number of iterations; None: as they are fitted. What tells a cut is how
-        far short fits get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
     """
 
     iterations: int = 500
@@ -159,8 +143,6 @@ class DetectionSettings:
     threshold: float = 3.0
     rule: Literal["paper", "robust"] = "paper"
     guard_ratio: float = GUARD_RATIO
-    intra_fit: FitSettings | None = None
-    inter_fit: FitSettings | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -310,9 +292,20 @@ class Settings:
 
         That way is a start drawn from the image, splats added where the residual is, few and well-sized steps.
         """
+        few = FitSettings(
+            schedule=Cosine(steps=150, final=0.02), optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99),
+            learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
+        )  # fmt: skip
+        few_tuned = few.with_(
+            rates=Rates(position=0.1, cholesky=0.05, color=0.01), schedule=Cosine(steps=60, final=0.05)
+        )
         intra = FrameSettings(
-            fit=DescentSettings(iterations=60, pull=0.0, least_gain=0.0, growth=Growth(end=0.4)),
-            tune=RoundingSettings(iterations=3, before=0.0),
+            fit=few.with_(
+                iterations=150,
+                rates=Rates(position=1.0, cholesky=0.5, color=0.05, weight=0.05),
+                growth=Growth(),
+            ),
+            tune=few_tuned.with_(iterations=60),
             quantizer=BlockSettings(
                 position_step=0.05,
                 cholesky_bits=8,
@@ -324,29 +317,25 @@ class Settings:
             start="image",
         )
         inter = FrameSettings(
-            fit=DescentSettings(),
-            tune=RoundingSettings(),
+            fit=few.with_(
+                iterations=60,
+                rates=Rates(position=0.2, cholesky=0.08, color=0.008, weight=0.008),
+                schedule=Cosine(steps=60, final=0.05),
+            ),
+            tune=few_tuned.with_(iterations=30),
             quantizer=BlockSettings(
-                position_step=0.2,
+                position_step=0.1,
                 cholesky_bits=8,
-                cholesky_step=0.14,
+                cholesky_step=0.1,
                 colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
                 weigh_by_area=True,
                 quantizer_rate=0.0,
-                static_threshold=0.55,
+                static_threshold=0.5,
             ),
             new_fraction=0.03,
             new_from_residual=True,
         )
-        few = FitSettings(
-            iterations=30, schedule=Cosine(steps=30, final=0.05), learn_pixels=True, relative_steps=True,
-            optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), convergence=None, pruning=None,
-        )  # fmt: skip
-        detection = DetectionSettings(
-            iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5,
-            intra_fit=few.with_(rates=Rates(1.0, 0.5, 0.05), schedule=Cosine(steps=30, final=0.02)),
-            inter_fit=few.with_(rates=Rates(0.2, 0.08, 0.008)),
-        )  # fmt: skip
+        detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
         return cls("quick", intra, inter, detection).with_(**overrides)
 
     @classmethod
@@ -417,7 +406,7 @@ class Settings:
         below = (0, *self.layer_splats)
         return [replace(alone, splats=total - fewer) for fewer, total in zip(below, self.layer_splats, strict=False)]
 
-    def pruned(self, fit: AnyFit) -> AnyFit:
+    def pruned(self, fit: FitSettings) -> FitSettings:
         """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
         pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
         return fit.with_(pruning=pruning)
@@ -469,11 +458,8 @@ def _of_other_profile(name: str) -> UsageError:
 
 def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:
     """The settings with this share of the iterations, at least 1."""
-
-    def stretched(part: Any) -> Any:
-        return part.with_(iterations=max(1, round(part.iterations * share)))
-
-    return replace(frame, fit=stretched(frame.fit), tune=stretched(frame.tune))
+    fit, tune = (part.with_(iterations=max(1, round(part.iterations * share))) for part in (frame.fit, frame.tune))
+    return replace(frame, fit=fit, tune=tune)
 
 
 def _whole(name: str, value: Any) -> int:
