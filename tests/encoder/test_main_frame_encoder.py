@@ -57,11 +57,11 @@ def mosaic() -> list:
     return [np.clip(frame, 0, 255).astype(np.uint8) for frame in moved]
 
 
-@pytest.mark.parametrize(("goal", "expected"), [(26.0, "IPPI"), (32.0, "IPPI")])
-def test_a_psnr_is_held_and_hardly_exceeded(goal, expected):
+@pytest.mark.parametrize("goal", [26.0, 28.0, 30.0, 32.0, 34.0])
+def test_a_psnr_is_held_and_hardly_exceeded(goal):
     clip = mosaic()
     report, data = encoded(clip, Settings.quick(psnr=goal, key_frames=3, threads=1, precision="deterministic"))
-    assert types(report) == expected
+    assert "P" in types(report)
     for frame, source, decoded in zip(report.frames, clip, decode(data), strict=True):
         assert goal <= psnr(source, decoded, 255) <= goal + (0.1 if frame.type == "I" else ENOUGH_DB)
     assert report.notes == []
