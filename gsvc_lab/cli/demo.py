@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import size, whole
-from gsvc_ref.cli.encode import progress_callback, summary
+from gsvc_ref.cli.encode_text import progress_callback, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.info import bit_lines
 from gsvc_ref.cli.progress import ProgressDisplay

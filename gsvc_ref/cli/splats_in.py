@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gsvc_ref.cli.arguments import finite, frame_rate, key_frames, positive, whole
-from gsvc_ref.cli.encode import progress_callback
+from gsvc_ref.cli.encode_text import progress_callback
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay

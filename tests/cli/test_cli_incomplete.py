@@ -7,7 +7,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_ref.cli import main
-from gsvc_ref.cli.encode import summary
+from gsvc_ref.cli.encode_text import summary
 
 QUICK = ["--splats", "12", "--key-frames", "2"]
 

@@ -1,0 +1,160 @@
+"""What ``gsvc encode`` says: settings, progress, and the result in lines or as JSON."""
+
+from argparse import Namespace
+from collections import Counter
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from gsvc_ref.cli.decisions import effects_line
+from gsvc_ref.cli.files import display_name
+from gsvc_ref.cli.progress import ProgressDisplay
+from gsvc_ref.cli.text import decibel, duration, plural, to_json
+
+if TYPE_CHECKING:
+    from gsvc_ref import Settings
+    from gsvc_ref.encoder import EncodeReport, Progress
+    from gsvc_ref.video import VideoFormat
+
+STAGES: Final = {
+    "detect": "looking for cuts",
+    "encode": "encoding",
+    "fit": "fitting",
+    "rate": "looking for the number of splats",
+    "quantize": "quantising",
+}
+"""The stages of an encode in words."""
+
+FIT_SHARE: Final = 0.6
+"""The share of a frame's time that its first stage takes, roughly, for the estimate of the time left."""
+
+
+def describe_settings(settings: "Settings", width: int, height: int) -> str:
+    """The settings that matter most, in one line."""
+    splats = plural(settings.most_splats(width, height), "splat")
+    about = "about " if settings.profile == "main" else ""
+    if settings.layer_count > 1:
+        goals = [f"{goal:g} dB" for goal in settings.layers] or [
+            plural(goal, "splat") for goal in settings.layer_splats
+        ]
+        rate = f"{settings.layer_count} layers of {', '.join(goals)}"
+    elif settings.psnr is not None:
+        rate = f"at least {settings.psnr:g} dB with at most {about}{splats} a frame"
+    elif settings.quality is not None:
+        most = f"{'at most ' if settings.splats is None else ''}{about}"
+        rate = f"quality {settings.quality} with {most}{splats} a frame"
+    else:
+        rate = f"{about}{splats} a frame"
+    keys = settings.key_frames
+    if keys == "auto":
+        chosen = "found from the past alone" if settings.low_latency else "found automatically"
+    elif isinstance(keys, int):
+        chosen = f"every {plural(keys, 'frame')}"
+    else:
+        chosen = "listed"
+    return (
+        f"profile {settings.profile}, preset {settings.preset}, {rate}, I-frames {chosen}, effects {settings.effects}, "
+        f"seed {settings.seed}"
+    )
+
+
+def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
+    """The function that shows the progress of `gsvc_ref.encode`; None when nothing is to be shown."""
+    if not display.active:
+        return None
+    done = 0.0
+    side_by_side = False
+
+    def show(progress: "Progress") -> None:
+        nonlocal done, side_by_side
+        if progress.stage == "groups":
+            side_by_side, done = True, progress.frame + 1
+            of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+            groups = f"{plural(progress.iteration, 'group')} of pictures in work"
+            display.update(f"{progress.frame + 1}{of_all} frames  {groups}", done, progress.frame_count)
+            return
+        if side_by_side:  # it reads ahead
+            return
+        share = progress.iteration / progress.iterations if progress.iterations else 0.0
+        if progress.stage == "encode":
+            done = max(done, progress.frame + share)
+        elif progress.stage == "fit":
+            done = max(done, progress.frame + share * FIT_SHARE)
+        elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
+            done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
+        of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+        quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
+        steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
+        text = f"frame {progress.frame + 1}{of_all}  {STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
+        display.update(text, done, progress.frame_count)
+
+    return show
+
+
+def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
+    """The result of an encode in lines; `compiled`: kernels were compiled in its time."""
+    frames = report.frames
+    counts = Counter[str](frame.type for frame in frames)
+    types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
+    splats = max(frame.splats for frame in frames)
+    stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
+    total = max(report.seconds, sum(report.seconds_by_stage.values()))  # several processes spend more than passes
+    shares = ", ".join(f"{stage} {seconds / total:.0%}" for stage, seconds in stages[:4] if total)
+    layers = layer_lines(report)
+    return [
+        f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}, "
+        f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
+        f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
+        f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
+        *layers,
+        f"  effects: {effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])}",
+        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
+        + (" with the compilation of kernels" if compiled else "")
+        + (f" ({shares})" if shares else ""),
+    ]
+
+
+def is_one_group(report: "EncodeReport") -> bool:
+    """Whether several frames form one group of pictures."""
+    return len(report.frames) > 1 and all(frame.type != "I" for frame in report.frames[1:])
+
+
+def layer_lines(report: "EncodeReport") -> list[str]:
+    """A line for the base and for each layer: its rate, and the quality with it."""
+    count = report.header.layer_count
+    if count == 1:
+        return []
+    lines = []
+    for layer in range(count):
+        parts = [frame.layers[layer] for frame in report.frames]
+        bits = sum(sum(part.bits.values()) for part in parts)
+        rate = float(bits * report.header.frame_rate / len(parts) / 1000)
+        quality = sum(part.psnr for part in parts) / len(parts)
+        name = f"layer {layer}" if layer else "base"
+        lines.append(f"  {name}: {rate:.1f} kbit/s, mean PSNR {decibel(quality, 'infinite')}")
+    return lines
+
+
+def kilobits_per_second(report: "EncodeReport") -> float:
+    """The rate of the whole file in 1000 bits per second."""
+    return float(8 * report.file_bytes * report.header.frame_rate / len(report.frames) / 1000)
+
+
+def report_object(arguments: Namespace, report: "EncodeReport", video: "VideoFormat") -> dict[str, Any]:
+    """The report for ``--json``."""
+    return {
+        "input": arguments.input,
+        "output": arguments.output,
+        "format": video,
+        "file_bytes": report.file_bytes,
+        "bits_per_pixel": report.bits_per_pixel,
+        "kilobits_per_second": kilobits_per_second(report),
+        "mean_psnr": report.mean_psnr,
+        "seconds": report.seconds,
+        "seconds_by_stage": report.seconds_by_stage,
+        "interrupted": report.interrupted,
+        "fault": report.fault,
+        "header": report.header.arguments,
+        "frames": report.frames,
+        "notes": report.notes,
+        "settings": to_json(report.settings),
+    }
