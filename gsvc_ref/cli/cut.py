@@ -1,10 +1,10 @@
-"""``gsvc cut``: a `.gsvc` file without its upper quality layers, without decoding it."""
+"""``gsvc cut``: some frames of a `.gsvc` file, or its lower quality layers, without decoding it."""
 
 import sys
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import whole
+from gsvc_ref.cli.arguments import frame_range, whole
 from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.text import plural, print_json, show
@@ -20,25 +20,29 @@ def add_command(commands: Any) -> None:
     """Add the command to the subparsers of ``gsvc``."""
     parser = commands.add_parser(
         "cut",
-        help="drop the upper quality layers of a .gsvc file, without encoding anything again",
-        description="Write a .gsvc file with the base and the quality layers up to K of another one. Nothing is "
-        "decoded. The result stands under its name once it is complete.",
+        help="keep some frames of a .gsvc file, or its lower quality layers, without encoding anything again",
+        description="Write a .gsvc file with some of the frames of another one, or with the base and the quality "
+        "layers up to K, or both. Nothing is decoded. The result stands under its name once it is complete.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
-    parser.add_argument("input", metavar="IN.gsvc", help="a .gsvc file with layers, or - for standard input")
+    parser.add_argument("input", metavar="IN.gsvc", help="a .gsvc file, or - for standard input")
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     parser.add_argument(
-        "--layer", type=whole, metavar="K", required=True, help="the highest layer that stays; 0 is the base alone"
-    )
+        "--frames", type=frame_range, metavar="A:B",
+        help="keep frames A to B-1 only; A must be an I-frame (gsvc info --frames-table lists them)",
+    )  # fmt: skip
+    parser.add_argument("--layer", type=whole, metavar="K", help="the highest layer that stays; 0 is the base alone")
     parser.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(arguments: Namespace) -> int:
-    """Drop the layers; 0, or 130 when it was interrupted."""
+    """Cut the file; 0, or 130 when it was interrupted."""
     if arguments.json and arguments.output == STDIO:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
+    if arguments.layer is None and arguments.frames is None:
+        raise UsageError("say what stays: --frames A:B for some of the frames, --layer K for the lower quality layers")
     check_input(arguments.input)
     check_output(arguments.output, arguments.input)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
@@ -48,7 +52,8 @@ def run(arguments: Namespace) -> int:
             import gsvc_ref
 
             source = sys.stdin.buffer if arguments.input == STDIO else arguments.input
-            report = gsvc_ref.cut(source, arguments.output, arguments.layer)
+            start, stop = arguments.frames or (0, None)
+            report = gsvc_ref.cut(source, arguments.output, arguments.layer, start=start, stop=stop)
     except KeyboardInterrupt:
         say(COMMAND, "interrupted; nothing was written")
         return EXIT_INTERRUPTED
@@ -62,8 +67,13 @@ def run(arguments: Namespace) -> int:
 def summary(arguments: Namespace, report: "ConcatReport") -> list[str]:
     """The result in lines."""
     output = display_name(arguments.output, "standard output")
-    layers = "the base alone" if arguments.layer == 0 else f"the base and {plural(arguments.layer, 'layer')}"
-    lines = [f"{output}: {plural(report.file_bytes, 'byte')}, {plural(report.frame_count, 'frame')}, {layers}"]
+    start, _ = arguments.frames or (0, None)
+    parts = [f"{output}: {plural(report.file_bytes, 'byte')}, {plural(report.frame_count, 'frame')}"]
+    if arguments.frames:
+        parts.append(f"those from {start} to {start + report.frame_count - 1}")
+    if arguments.layer is not None:
+        parts.append("the base alone" if arguments.layer == 0 else f"the base and {plural(arguments.layer, 'layer')}")
+    lines = [", ".join(parts)]
     for chunk_type, count in report.left_out.items():
         why = "of layers above" if chunk_type == "n" else "which would not be true of the result"
         lines.append(f"  left out: {plural(count, 'chunk')} {chunk_type}, {why}")
@@ -76,6 +86,7 @@ def report_object(arguments: Namespace, report: "ConcatReport") -> dict[str, Any
         "input": arguments.input,
         "output": arguments.output,
         "file_bytes": report.file_bytes,
+        "first_frame": (arguments.frames or (0, None))[0],
         "frame_count": report.frame_count,
         "left_out": report.left_out,
         "header": report.header.arguments,

@@ -4,7 +4,7 @@ In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` de
 `reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
 `whole_chunks` it finds. The results are in `decoded`. `decoder` renders pictures of them, with the video's format from
 `formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back, and
-`concatenation` makes one stream of several, or drops layers.
+`concatenation` makes one stream of several, `cutting` one of a part of another, and `copying` is what both do.
 """
 
 from typing import TYPE_CHECKING, Final
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Final
 from gsvc_ref._lazy import lazily
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream.concatenation import ConcatReport, concat, cut
+    from gsvc_ref.stream.concatenation import concat
+    from gsvc_ref.stream.copying import ConcatReport
+    from gsvc_ref.stream.cutting import cut
     from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
     from gsvc_ref.stream.decoder import Stream, decode, scaled_size
     from gsvc_ref.stream.formats import video_format
@@ -52,7 +54,7 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "ConcatReport": "concatenation",
+    "ConcatReport": "copying",
     "DecodedFrame": "decoded",
     "FrameSummary": "decoded",
     "Gap": "decoded",
@@ -61,7 +63,7 @@ _HOMES: Final = {
     "StreamSummary": "decoded",
     "StreamWriter": "writer",
     "concat": "concatenation",
-    "cut": "concatenation",
+    "cut": "cutting",
     "decode": "decoder",
     "decode_stream": "whole_streams",
     "decode_stream_deterministic": "whole_streams",

@@ -168,14 +168,14 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
 KILLED = """
 import itertools, os, signal, sys
 import gsvc_ref
-from gsvc_ref.stream import concatenation
-steps, write = itertools.count(), concatenation.write_all
+from gsvc_ref.stream import copying
+steps, write = itertools.count(), copying.write_all
 def killing(target, data):
     if next(steps) == int(sys.argv[1]):
         target.flush()
         os.kill(os.getpid(), signal.SIGKILL)
     write(target, data)
-concatenation.write_all = killing
+copying.write_all = killing
 gsvc_ref.concat(sys.argv[2:4], sys.argv[4])
 """
 

@@ -18,7 +18,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import State, reconstruct
 from gsvc_ref.stream import StreamReader, concat
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.concatenation import Opening, _Index, _Result
+from gsvc_ref.stream.copying import CopiedStream, Opening, _Index
 from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
@@ -416,7 +416,7 @@ def test_an_index_ends_before_a_step_that_is_too_large():
 def test_an_index_without_room_in_the_level_is_left_out():
     for size, written in ((2**20 - 12, "HIPRxE"), (2**20 - 11, "HIPRE")):  # an entry of 2 bytes, then room for one
         out = io.BytesIO()
-        result = _Result(out, Opening(0, StreamReader(OVERVIEW).header, b""))
+        result = CopiedStream(out, Opening(0, StreamReader(OVERVIEW).header, b""))
         result._index.steps = bytearray(size)
         list(result.copy("part 1", ChunkDecoder(Source(OVERVIEW))))
         result.finish()
