@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, level_for
@@ -16,6 +18,7 @@ from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
+from gsvc_ref.encoder.resume import GroupInWork, Keeper, about_encode
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.side_by_side import SideBySide
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
@@ -38,6 +41,7 @@ def encode(
     live: bool = False,
     jobs: int = 1,
     executor: Executor | None = None,
+    resume: str | Path | None = None,
     progress: OnProgress | None = None,
 ) -> EncodeReport:
     """Encode a video.
@@ -71,7 +75,11 @@ def encode(
         groups for each and one more.
     executor
         Encodes the groups in place of these processes, `jobs` at the same time: any Executor whose workers can import
-        gsvc_ref, such as that of a cluster. It stays open.
+        gsvc_ref, such as that of a cluster (`gsvc_ref.encoder.cluster`). It stays open.
+    resume
+        A folder in which each group of pictures is kept as soon as it is done, and from which those are taken that an
+        earlier encode has kept there. The bytes are those of an encode that nothing has ended. The folder is removed
+        when the stream is complete. It is made if need be; for instance ``OUT.gsvc.resume``.
     progress
         Called now and then with the place where the encode is.
 
@@ -85,7 +93,7 @@ def encode(
         The source cannot be read, or has no frames.
     UsageError
         The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
-        Or `jobs` is out of its range.
+        Or `jobs` is out of its range. Or `resume` has groups of another source, other settings, or other code.
     IncompleteEncodeError
         One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError
@@ -103,12 +111,30 @@ def encode(
         raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    with opened_source(source, frame_rate) as reader:
-        return completed(
+    with opened_source(source, frame_rate) as reader, opened_keeper(resume, reader, chosen) as keeper:
+        report = completed(
             target,
-            lambda file, interrupts: _Encode(reader, file, chosen, progress, interrupts, jobs, executor, live=live),
+            lambda file, interrupts: _Encode(
+                reader, file, chosen, progress, interrupts, jobs, executor, keeper, live=live
+            ),
             live=live,
         )
+        if keeper is not None and not report.interrupted:
+            keeper.remove()
+        return report
+
+
+@contextmanager
+def opened_keeper(folder: str | Path | None, reader: VideoReader, settings: Settings) -> Iterator[Keeper | None]:
+    """What keeps groups of pictures in a folder, if there is one, closed at the end."""
+    if folder is None:
+        yield None
+        return
+    keeper = Keeper(Path(folder), about_encode(reader.format, settings))
+    try:
+        yield keeper
+    finally:
+        keeper.close()
 
 
 class _Encode(Encoding[Frame]):
@@ -125,11 +151,15 @@ class _Encode(Encoding[Frame]):
         interrupts: Interrupts,
         jobs: int,
         executor: Executor | None,
+        keeper: Keeper | None,
         *,
         live: bool,
     ) -> None:
         self.reader, self.asked = reader, settings
-        self.jobs, self.executor = jobs, executor
+        self.jobs, self.executor, self.keeper = jobs, executor, keeper
+        self.group: GroupInWork | None = None
+        if keeper is not None:
+            keeper.header, keeper.is_sound = self._header, lambda: self.fault is None
         if self.is_side_by_side and settings.threads is None:
             settings = settings.with_(threads=1)
         self.settings = settings
@@ -165,10 +195,41 @@ class _Encode(Encoding[Frame]):
             return
         first: GroupCoder | None = None
         for item in self._timed_frames():
-            if item.type == "I" and first is not None:
-                self.encoder = first.for_group()
-            self._encode(item)
+            if item.type == "I":
+                if first is not None:
+                    self.encoder = first.for_group()
+                self._begin_group(item.number, is_first=first is None)
+            kept = None if self.group is None else self.group.take(item.frame)
+            if kept is None:
+                self._encode(item)
+            else:
+                self._put_kept(item, *kept)
             first = first or self.encoder.for_group()
+        self._end_group(is_last=True)
+
+    def _begin_group(self, number: int, *, is_first: bool) -> None:
+        """Begin to keep a group of pictures, or to take it from what was kept."""
+        self._end_group(is_last=False)
+        if self.keeper is not None:
+            self.group = self.keeper.group(number)
+            if is_first:
+                self.group.decide(self.encoder)
+
+    def _end_group(self, *, is_last: bool) -> None:
+        if self.group is not None:
+            self.group.end(is_last=is_last)
+
+    def _put_kept(self, item: TypedFrame[Frame], encoded: EncodedFrame, seconds: float) -> None:
+        """Write a frame that was kept."""
+        self._show_progress("encode", item.number)
+        self.interrupts.held = True
+        super()._put(item, encoded, seconds)
+        self.interrupts.release()
+
+    def _put(self, item: TypedFrame[Frame], encoded: EncodedFrame, seconds: float) -> None:
+        super()._put(item, encoded, seconds)
+        if self.group is not None:
+            self.group.add(encoded, seconds, self.encoder.decided())
 
     def _encode_side_by_side(self) -> None:
         """Encode groups of pictures in tasks for an executor."""
@@ -179,7 +240,11 @@ class _Encode(Encoding[Frame]):
         def encoded(frames: int, groups: int, psnr: float) -> None:
             self._show_progress("groups", frames - 1, groups, self.jobs, psnr)
 
-        side = SideBySide(self.encoder, self.jobs, self.executor, decided, self._put, encoded)
+        run_s: float | None = getattr(self.executor, "run_s", None)  # a cluster says how long tasks are best
+        side = SideBySide(
+            self.encoder, self.jobs, self.executor, decided, self._put, encoded, self.keeper,
+            run_s=run_s, longest_first=run_s is not None,
+        )  # fmt: skip
         try:
             with side:
                 try:
@@ -224,7 +289,8 @@ class _Encode(Encoding[Frame]):
         return GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
 
     def _notes(self) -> list[str]:
-        return [*self.reader.notes, *self._missed_quality()]
+        kept = [] if self.keeper is None else self.keeper.notes
+        return [*self.reader.notes, *kept, *self._missed_quality()]
 
     def _missed_quality(self) -> list[str]:
         """A sentence if frames have less than the quality asked for."""

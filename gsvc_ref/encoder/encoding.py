@@ -22,6 +22,7 @@ from gsvc_ref.encoder.report import (
     OnProgress,
     Progress,
 )
+from gsvc_ref.encoder.resume import ChangedSourceError
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.errors import GsvcError, UsageError
@@ -208,7 +209,7 @@ class Encoding(ABC, Generic[FrameT]):
             self._encode_all()
         except BaseException as error:
             self.interrupts.held = True  # from here on nothing may get lost
-            if not self.reports or self.target_failed:
+            if not self.reports or self.target_failed or isinstance(error, ChangedSourceError):
                 raise
             if isinstance(error, KeyboardInterrupt):
                 interrupted = True

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from gsvc_ref.encoder.blocks import block_errors, errors_left
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
-from gsvc_ref.encoder.quantizer_choice import quantizer_fields, with_best_quantizer
+from gsvc_ref.encoder.quantizer_choice import (
+    chosen_quantizer,
+    quantizer_fields,
+    with_best_quantizer,
+    with_quantizer,
+)
 from gsvc_ref.encoder.rate import hold_quality
 from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.main_profile.codes import MainCodes
@@ -157,6 +162,16 @@ class FrameEncoder:
     def decides_first(self) -> bool:
         """Whether the first frame chooses quantisers for the stream."""
         return bool(self.settings.intra.candidates)
+
+    def decided(self) -> tuple[int, ...]:
+        """The quantisers (b, M, B), if the first frame chooses them."""
+        return chosen_quantizer(self.settings) if self.decides_first else ()
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take what the first frame of the stream has decided, as `decided` said it."""
+        if self.decides_first:
+            self.settings = with_quantizer(self.settings, decided)
+        self.is_first = False
 
     def for_group(self) -> "FrameEncoder":
         """An encoder for another group of pictures, with the quantisers that were chosen."""

@@ -25,6 +25,7 @@ from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.encoding import FrameCoder
 from gsvc_ref.encoder.frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.encoder.resume import GroupInWork
 from gsvc_ref.reconstruction import FrameType
 
 RUN_S: Final = 0.5
@@ -32,7 +33,10 @@ RUN_S: Final = 0.5
 A coder of 352x288 pixels and 2,000 splats is 1.7 MB, which take 2 ms to pickle and make again, each time it is sent."""
 
 MOST_FRAMES: Final = 16
-"""Maximum number of frames of a run."""
+"""Maximum number of frames of a run of RUN_S, and in proportion of one that is meant to take longer."""
+
+MOST_BYTES: Final = 1 << 25
+"""Maximum number of bytes of the frames of a run, unless it is a single frame."""
 
 
 class GroupCoder(FrameCoder[Frame], Protocol):
@@ -41,6 +45,12 @@ class GroupCoder(FrameCoder[Frame], Protocol):
     @property
     def decides_first(self) -> bool:
         """Whether the first frame of a stream decides something for all of its groups."""
+
+    def decided(self) -> tuple[int, ...]:
+        """What that is, behind the first frame of a stream."""
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take it from another coder of the stream; raises ValueError if it says no such thing."""
 
     def for_group(self) -> Self:
         """A coder for a group of pictures, with what the first frame of the stream has decided, and nothing else."""
@@ -126,16 +136,23 @@ class Group:
         Whether all of its frames are known.
     fault
         What stands in place of its next frame.
+    resumed
+        What keeps it, or has kept it before; None if groups are not kept.
+    run_s
+        Seconds that a run is meant to take.
     """
 
-    def __init__(self, coder: GroupCoder | None) -> None:
-        self.coder = coder
+    def __init__(
+        self, coder: GroupCoder | None, resumed: GroupInWork | None = None, run_s: float | None = None
+    ) -> None:
+        self.coder, self.resumed = coder, resumed
+        self.run_s = RUN_S if run_s is None else run_s
         self.waiting: deque[TypedFrame[Frame]] = deque()
         self.given: list[TypedFrame[Frame]] = []
         self.done: deque[Done] = deque()
         self.task: Future[EncodedRun] | None = None
         self.tries = 0
-        self.pace = RUN_S
+        self.pace = self.run_s
         self.is_whole = False
         self.fault: Exception | None = None
 
@@ -149,10 +166,26 @@ class Group:
         """Whether nothing of it is left to be done."""
         return self.is_whole and not (self.waiting or self.given or self.done)
 
+    def take(self, item: TypedFrame[Frame]) -> float | None:
+        """Take its next frame from the source; the PSNR of one that was kept, which then is done."""
+        found = None if self.resumed is None else self.resumed.take(item.frame)
+        if found is None:
+            self.waiting.append(item)
+            return None
+        self.done.append(Done(replace(item, frame=NO_FRAME), *found, item.frame.nbytes))
+        return found[0].psnr
+
+    def end(self, *, is_last: bool) -> None:
+        """No frame follows in it, since another group does, or since it is the last one."""
+        self.is_whole = True
+        if self.resumed is not None:
+            self.resumed.end(is_last=is_last)
+
     def take_run(self) -> list[tuple[Frame, FrameType, int]]:
         """The frames of the next run, or again of one that was lost."""
         if not self.given:
-            count = min(max(1, int(RUN_S / self.pace)), MOST_FRAMES, len(self.waiting))
+            most = min(MOST_FRAMES * max(1, round(self.run_s / RUN_S)), MOST_BYTES // self.waiting[0].frame.nbytes)
+            count = min(max(1, min(int(self.run_s / self.pace), most)), len(self.waiting))
             self.given = [self.waiting.popleft() for _ in range(count)]
         return [(item.frame, item.type, item.number) for item in self.given]
 
@@ -162,6 +195,8 @@ class Group:
         for item, (encoded, seconds) in zip(self.given, run.frames, strict=False):
             self.done.append(Done(replace(item, frame=NO_FRAME), encoded, seconds, item.frame.nbytes))
             self.pace = max(seconds, 1e-6)
+            if self.resumed is not None:
+                self.resumed.add(encoded, seconds, run.coder.decided())
         if run.fault is not None:
             self.fault = run.fault
             self.fault.__cause__ = RemotePlaceError(run.place)

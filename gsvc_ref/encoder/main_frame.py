@@ -152,6 +152,15 @@ class MainFrameEncoder:
         settings = self.settings
         return settings.psnr is not None or (settings.quality is not None and settings.splats is None)
 
+    def decided(self) -> tuple[int, ...]:
+        """The number of splats from which each I-frame begins its search."""
+        return (self.total,)
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take what the first frame of the stream has decided, as `decided` said it."""
+        (total,) = decided
+        self.total = min(max(1, total), self.most)
+
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)

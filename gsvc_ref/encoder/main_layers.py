@@ -65,6 +65,15 @@ class LayeredFrameEncoder:
         """Whether the first frame decides something for all groups of pictures."""
         return any(part.decides_first for part in self.parts)
 
+    def decided(self) -> tuple[int, ...]:
+        """The numbers of splats from which I-frames of each layer begin their search."""
+        return tuple(total for part in self.parts for total in part.decided())
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take what the first frame of the stream has decided, as `decided` said it."""
+        for part, total in zip(self.parts, decided, strict=True):
+            part.decide((total,))
+
     def for_group(self) -> "LayeredFrameEncoder":
         """An encoder for another group of pictures."""
         other = copy(self)

@@ -32,9 +32,8 @@ def with_best_quantizer(
     about twice the bits.
     """
     best, highest = settings, -np.inf
-    for bits, stages, codewords in settings.intra.candidates:
-        intra = settings.intra.with_(cholesky_bits=bits, color_stages=stages, color_codewords=codewords)
-        candidate = settings.with_(intra=intra, inter=settings.inter.with_(cholesky_bits=bits))
+    for choice in settings.intra.candidates:
+        candidate = with_quantizer(settings, choice)
         blocks = candidate.intra.quantizer, candidate.inter.quantizer
         quantizer = FrameQuantizer(population, objective, *blocks, before, np.random.default_rng(seed))
         tune = candidate.intra.tune.with_(iterations=TRIAL_ITERATIONS)
@@ -46,6 +45,20 @@ def with_best_quantizer(
         if score > highest:
             best, highest = candidate, score
     return best
+
+
+def with_quantizer(settings: Settings, choice: tuple[int, ...]) -> Settings:
+    """The settings with a candidate (b, M, B)."""
+    bits, stages, codewords = choice
+    intra = settings.intra.with_(cholesky_bits=bits, color_stages=stages, color_codewords=codewords)
+    return settings.with_(intra=intra, inter=settings.inter.with_(cholesky_bits=bits))
+
+
+def chosen_quantizer(settings: Settings) -> tuple[int, ...]:
+    """The (b, M, B) of settings: what `with_quantizer` makes them of."""
+    quantizer = settings.intra.quantizer
+    codewords = quantizer.colors.codewords
+    return quantizer.cholesky_bits, len(codewords), codewords[0]
 
 
 def quantizer_fields(settings: Settings) -> dict[str, Any]:

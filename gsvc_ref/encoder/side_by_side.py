@@ -7,7 +7,7 @@ other messages, and neither touches what the other has.
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from enum import Enum
 from functools import partial
@@ -20,6 +20,7 @@ from gsvc_ref.encoder.frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
 from gsvc_ref.encoder.processes import Processes
+from gsvc_ref.encoder.resume import Keeper
 
 GROUPS_AHEAD: Final = 2
 """For each job so many groups, and one more, may have been read and not yet written."""
@@ -74,6 +75,13 @@ class SideBySide:
         Called when the first frame is encoded, with a coder that knows what was decided.
     on_frame
         Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours.
+    keeper
+        Keeps the groups that are done, and has those of an encode before; None: nothing is kept.
+    run_s
+        Seconds that a task is meant to take; None: RUN_S.
+    longest_first
+        Give out runs of the group with the most frames that are known first, so that no long one is begun last; False:
+        those of earlier groups, which can then be written soonest.
     on_progress
         Called with the number of frames encoded, in whatever order, the number of groups in work, and the PSNR of the
         last one, in the thread that puts frames.
@@ -92,12 +100,18 @@ class SideBySide:
         on_first: Callable[[GroupCoder], None],
         on_frame: Callable[[TypedFrame[Frame], EncodedFrame, float], None],
         on_progress: Callable[[int, int, float], None],
+        keeper: Keeper | None = None,
+        *,
+        run_s: float | None = None,
+        longest_first: bool = False,
     ) -> None:
         self._executor = Processes(jobs) if executor is None else executor
         self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress
-        self._leader = _Leader(coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox)
+        self._leader = _Leader(
+            coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox, keeper, run_s, longest_first
+        )
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
         self._groups = self._bytes = self._encoded = 0
         self.is_over = False
@@ -178,10 +192,14 @@ class _Leader:
         on_frame: Callable[[TypedFrame[Frame], EncodedFrame, float], None],
         inbox: "SimpleQueue[TypedFrame[Frame] | Group | _Word]",
         outbox: "SimpleQueue[_Written | _Encoded | BaseException | _Word]",
+        keeper: Keeper | None,
+        run_s: float | None,
+        longest_first: bool,
     ) -> None:
         self._jobs, self._executor = jobs, executor
         self._on_first, self._on_frame = on_first, on_frame
         self._inbox, self._outbox = inbox, outbox
+        self._keeper, self._run_s, self._longest_first = keeper, run_s, longest_first
         self._first = coder
         self._later = None if coder.decides_first else coder.for_group()  # never used itself: each group has its own
         self._groups: deque[Group] = deque()  # in order, those of which something is left to be done
@@ -209,23 +227,36 @@ class _Leader:
             self._collect(message)
         elif isinstance(message, TypedFrame):
             if message.type == "I":
-                self._end_group()
-                later = None if self._later is None else self._later.for_group()
-                self._groups.append(Group(later if self._is_begun else self._first))
-                self._is_begun = True
-            self._groups[-1].waiting.append(message)
+                self._end_group(is_last=False)
+                self._begin_group(message.number)
+            psnr = self._groups[-1].take(message)
+            if psnr is not None:
+                self._outbox.put(_Encoded(1, self._at_work(), psnr))
         elif message is _Word.END:
-            self._end_group()
+            self._end_group(is_last=True)
             self._is_whole = True
 
-    def _end_group(self) -> None:
-        """No frame follows in the last group."""
+    def _begin_group(self, first: int) -> None:
+        """A group begins with a frame of this number."""
+        resumed = None if self._keeper is None else self._keeper.group(first)
+        if not self._is_begun and resumed is not None and resumed.decide(self._first):
+            self._has_first = True
+            self._decide(self._first.for_group())
+        later = None if self._later is None else self._later.for_group()
+        self._groups.append(Group(later if self._is_begun else self._first, resumed, self._run_s))
+        self._is_begun = True
+
+    def _end_group(self, *, is_last: bool) -> None:
+        """No frame follows in the group at the end."""
         if self._groups:
-            self._groups[-1].is_whole = True
+            self._groups[-1].end(is_last=is_last)
 
     def _hand_out(self) -> None:
-        """Give out runs, those of earlier groups first."""
-        for group in self._groups:
+        """Give out runs, those of earlier groups or of longer ones first."""
+        groups: Iterable[Group] = self._groups
+        if self._longest_first:
+            groups = sorted(self._groups, key=lambda group: -len(group.waiting) - len(group.given))
+        for group in groups:
             if self._at_work() == self._jobs or self.is_stopped:
                 return
             if group.coder is not None and group.may_go_on:
@@ -258,12 +289,12 @@ class _Leader:
         except Exception as error:
             group.fault = error
             return
+        if run.frames and not self._has_first:
+            self._has_first = True
+            self._decide(run.coder.for_group())
         group.keep(run)
         if run.frames:
             self._outbox.put(_Encoded(len(run.frames), self._at_work(), run.frames[-1][0].psnr))
-            if not self._has_first:
-                self._has_first = True
-                self._decide(run.coder.for_group())
 
     def _decide(self, coder: GroupCoder) -> None:
         """Let all groups have what the first frame has decided."""
