@@ -11,6 +11,7 @@ from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
+from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from gsvc_ref.video import VideoReader
 
 COMMAND: Final = "gsvc encode"
+GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
+ONE_GROUP: Final = ("so none was kept before the end", "so one process was at work")
 
 
 def add_command(commands: Any) -> None:
@@ -34,6 +37,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     add_options(parser)
+    add_where_options(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -54,10 +58,14 @@ def _encode(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice
     from gsvc_ref.video import open_video
 
-    settings = make_settings(arguments)
+    settings, resume = make_settings(arguments), resume_folder(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(COMMAND, silent=not talkative) as notice, open_video(arguments.input) as reader:
+    with (
+        compilation_notice(COMMAND, silent=not talkative) as notice,
+        open_video(arguments.input) as reader,
+        opened_executor(arguments) as (jobs, executor),
+    ):
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         shown = len(reader.notes)
@@ -66,8 +74,9 @@ def _encode(arguments: Namespace) -> int:
             with ProgressDisplay(quiet=arguments.quiet) as display:
                 progress = progress_callback(display)
                 report = encode(
-                    reader, arguments.output, settings, live=arguments.live, jobs=arguments.jobs, progress=progress
-                )
+                    reader, arguments.output, settings, live=arguments.live, jobs=jobs, executor=executor,
+                    resume=resume, progress=progress,
+                )  # fmt: skip
         except IncompleteEncodeError as error:
             fault, report = error, error.report
         except OSError as error:
@@ -77,8 +86,8 @@ def _encode(arguments: Namespace) -> int:
         if talkative:
             for note in report.notes[shown:]:
                 show(f"  note: {note}", file=out)
-            if arguments.jobs > 1 and not report.interrupted and is_one_group(report):
-                show("  note: one group of pictures, so one process was at work; --key-frames K makes more", file=out)
+            if (jobs > 1 or resume) and not report.interrupted and is_one_group(report):
+                show(f"  note: one group of pictures, {ONE_GROUP[jobs > 1]}; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
@@ -86,7 +95,7 @@ def _encode(arguments: Namespace) -> int:
         say(COMMAND, str(fault))
         return EXIT_DATA
     if report.interrupted:
-        say(COMMAND, _interrupted(arguments.output, report))
+        say(COMMAND, _interrupted(arguments.output, report) + (GO_ON if resume and resume.exists() else ""))
         return EXIT_INTERRUPTED
     return 0
 

@@ -97,7 +97,7 @@ def add_options(parser: ArgumentParser) -> None:
         "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
     )
     other.add_argument(
-        "--jobs", type=whole, default=1, metavar="J",
+        "--jobs", type=whole, metavar="J",
         help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
         "depend on it. Default 1: a process takes a second to start, and a clip without cuts has one group (but "
         "--key-frames K makes more)",

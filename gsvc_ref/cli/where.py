@@ -1,0 +1,63 @@
+"""Where an encode is done, and what is left of it if it is ended: ``--scheduler`` and ``--resume``."""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+
+from gsvc_ref.cli.files import STDIO
+from gsvc_ref.errors import UsageError
+
+
+def add_where_options(parser: ArgumentParser) -> None:
+    """Add the options."""
+    where = parser.add_argument_group("many machines, long encodes")
+    where.add_argument(
+        "--scheduler", metavar="tcp://HOST:8786",
+        help="encode groups of pictures on the workers of this scheduler of dask (extra cluster; docs/cluster.md); the "
+        "file does not depend on it with --precision deterministic, nor without on one kind of CPU. --jobs is then the "
+        "number of groups at the same time, by default one for each thread of the workers",
+    )  # fmt: skip
+    where.add_argument(
+        "--resume", action="store_true",
+        help="keep each group of pictures that is done in the folder OUT.gsvc.resume, and go on from those that are "
+        "there: whatever ends the encode, the same command with the same source goes on. The folder goes when the file "
+        "is complete",
+    )  # fmt: skip
+
+
+def resume_folder(arguments: Namespace) -> Path | None:
+    """The folder of ``--resume``, or None.
+
+    Raises
+    ------
+    UsageError
+        The output is no file that it could stand beside.
+    """
+    if not arguments.resume:
+        return None
+    path = Path(arguments.output)
+    if arguments.output == STDIO or (path.exists() and not path.is_file()):
+        raise UsageError("--resume keeps what is done beside the output, which must be a file")
+    return path.with_name(f"{path.name}.resume")
+
+
+@contextmanager
+def opened_executor(arguments: Namespace) -> Iterator[tuple[int, Executor | None]]:
+    """The number of groups of pictures at the same time, and what encodes them; None: processes of this machine.
+
+    Raises
+    ------
+    UsageError
+        There is no such scheduler, or a worker of it cannot be used.
+    """
+    jobs = arguments.jobs
+    if arguments.scheduler is None:
+        yield 1 if jobs is None else jobs, None
+        return
+    from gsvc_ref.encoder.cluster import opened_cluster
+    from gsvc_ref.encoder.encoder import MOST_JOBS
+
+    with opened_cluster(arguments.scheduler) as cluster:
+        yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
