@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.experiments.elsewhere import make_elsewhere
 from gsvc_lab.experiments.experiment import Experiment, Run
 from gsvc_lab.experiments.figures import check_figures
 from gsvc_lab.experiments.markdown import write_document
@@ -55,6 +56,13 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--uvg", type=Path, metavar="DIR", help="measure on the UVG sequences (raw .yuv) in this folder")
     made.add_argument("--output", type=Path, default=FOLDER, metavar="DIR", help=f"for results (default: {FOLDER})")
     made.add_argument("--threads", type=int, metavar="T", help="threads to compute with (default: all)")
+    made.add_argument(
+        "--jobs", type=int, default=1, metavar="J", help="experiments at the same time, each in a process (default: 1)"
+    )
+    made.add_argument(
+        "--scheduler", metavar="tcp://HOST:8786", help="make each experiment on a worker of this scheduler of dask, "
+        "which needs this checkout, the extra experiments, and the files of --clip and --uvg under the same path"
+    )  # fmt: skip
     made.add_argument("--json", action="store_true", help="print the records as JSON; progress goes to standard error")
     made.add_argument(
         "--markdown", type=Path, metavar="FILE", help="write the results there as a document, with figures beside it; "
@@ -78,7 +86,10 @@ def main(words: Sequence[str] | None = None) -> int:
             if names:
                 check_figures()
                 arguments.output.mkdir(parents=True, exist_ok=True)
-            failed = [name for name in names if not make(name, arguments)]
+            if names and (arguments.scheduler is not None or arguments.jobs > 1):
+                failed = make_elsewhere(make, names, arguments, arguments.jobs, arguments.scheduler)
+            else:
+                failed = [name for name in names if not make(name, arguments)]
             if len(failed) < len(names) or not names:
                 records = show(arguments)
         if arguments.json and (len(failed) < len(names) or not names):

@@ -1,15 +1,17 @@
 """The frame of the experiments: command, record, page, document."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
 from html_pages import parsed
 
-from gsvc_lab.experiments import command, results
+from gsvc_lab.experiments import command, elsewhere, results
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.markdown import anchor, document, write_document
 from gsvc_lab.experiments.page import page
+from gsvc_ref.encoder import cluster as clusters
 from gsvc_ref.errors import UsageError
 
 RESULT = Result(
@@ -169,6 +171,18 @@ def test_an_experiment_that_cannot_be_made_does_not_stop_the_others(only_splats,
     captured = capsys.readouterr()
     assert "time cannot be made: time needs something" in captured.err
     assert (tmp_path / "splats.json").is_file()
+
+
+def test_experiments_elsewhere_give_what_they_give_here(only_splats, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(elsewhere, "Processes", lambda jobs: ThreadPoolExecutor(1))  # output is redirected for all
+    assert command.main(["time", "splats", "--output", str(tmp_path), "--jobs", "2"]) == 1
+    captured = capsys.readouterr()
+    assert "time cannot be made: time needs something" in captured.out
+    assert f"  {tmp_path / 'splats.json'}, splats-one.svg\n" in captured.out
+    assert captured.err == "not made: time\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"index.html", "splats.json", "splats-one.svg"}
+    monkeypatch.setattr(clusters, "CONNECT_S", 0.1)
+    assert command.main(["splats", "--output", str(tmp_path), "--scheduler", "tcp://127.0.0.1:1"]) == 2
 
 
 def test_ctrl_c_leaves_a_page_of_what_was_made(only_splats, tmp_path, capsys, monkeypatch):
