@@ -73,6 +73,7 @@ class Measuring(Executor):
 def measured(clip: str, settings: Settings) -> list[list[Task]]:
     """The tasks of each group of pictures of a clip."""
     executor = Measuring()
+    encode(clip, BytesIO(), settings.with_(frames=(0, 3)))  # compiles kernels
     encode(clip, BytesIO(), settings, executor=executor)
     return executor.groups
 

@@ -1,11 +1,14 @@
 """A cluster of dask.distributed as an executor (extra ``cluster``): workers may die, the scheduler may come back.
 
 The tasks are those of processes on one machine; dask sends them, and gives them to other workers where one dies. What
-travels is pickled here, so that the scheduler hands bytes on, and needs neither gsvc_ref nor time for arrays.
+travels is pickled here, so that the scheduler hands bytes on, and needs neither gsvc_ref nor time for arrays. This is
+what `Client.get_executor` does but for one thing: there, a call whose result is on its way as the connection breaks
+never ends.
 """
 
 import logging
 import pickle
+import re
 import threading
 import time
 import warnings
@@ -30,11 +33,17 @@ CONNECT_S: Final = 10.0
 RECONNECT_S: Final = 60.0
 """Seconds that a scheduler that is lost has to come back: one that is started again by hand or by a service does."""
 
+ANSWER_S: Final = 5.0
+"""Seconds that a scheduler has to answer a question."""
+
+ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss|ucx|ucxx)://[^\s/]+:[0-9]{1,5}")
+"""Addresses of schedulers, by the protocols that dask has."""
+
 RETRY_S: Final = 0.5
 """Seconds between two looks at a scheduler that is lost."""
 
 RETRIES: Final = 2
-"""How often a task is given to a worker again after an exception: another worker may have room on its disk."""
+"""How often a task is given to a worker again after a fault: another one may have room on its disk."""
 
 RUN_S: Final = 4.0
 """Seconds that a task is meant to take: the coder travels with each, and so much is lost with a worker that dies."""
@@ -64,7 +73,6 @@ class Cluster(Executor):
 
     def __init__(self, address: str, client: Any) -> None:
         self.address, self._client = address, client
-        self._executor = client.get_executor(retries=RETRIES, pure=False)
         self._again: SimpleQueue[_Call | None] = SimpleQueue()
         self._is_closed = False
         threading.Thread(target=self._call_again, name="gsvc_ref cluster", daemon=True).start()
@@ -72,7 +80,7 @@ class Cluster(Executor):
     @property
     def thread_count(self) -> int:
         """The number of tasks that the workers take at the same time, at least 1."""
-        return max(1, sum(int(count) for count in self._client.nthreads().values()))
+        return max(1, sum(_threads_of(self._client).values()))
 
     def submit(self, function: Callable[P, R], /, *arguments: P.args, **options: P.kwargs) -> Future[R]:
         """Call a function of a module on a worker; its arguments and what it returns or raises are pickled.
@@ -83,49 +91,47 @@ class Cluster(Executor):
         self._give(asked)
         return asked.future
 
-    def _give(self, asked: "_Call", **where: Any) -> None:
-        """Give a call to the cluster."""
+    def _give(self, asked: "_Call", workers: list[str] | None = None) -> None:
+        """Give a call to the cluster, or to some of its workers."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # dask would rather have frames on a shared disk
-                task = self._executor.submit(call, code_version(), asked.data, **where)
+                asked.task = self._client.submit(
+                    call, code_version(), asked.data, workers=workers, retries=RETRIES, pure=False
+                )
         except Exception:  # the client is closed
             self._again.put(asked)
             return
-        asked.future.add_done_callback(partial(_cancel, task))
-        task.add_done_callback(partial(self._take, asked))
+        asked.task.add_done_callback(partial(self._take, asked))
 
-    def _take(self, asked: "_Call", task: "Future[bytes]") -> None:
-        """Take what became of a call, in the thread of dask; it is made again if the fault was that of a worker."""
+    def _take(self, asked: "_Call", task: Any) -> None:
+        """Take what became of a call, in a thread of dask; it is made again if the fault is not its own."""
         if asked.future.done():
             return
-        if task.cancelled():  # the scheduler is gone
-            self._again.put(asked)
-        elif (error := task.exception()) is not None:
-            asked.fail(_told(error))
-        else:
+        try:
             worker, asked.result = pickle.loads(task.result())
-            if isinstance(getattr(asked.result, "fault", None), OSError | MemoryError):
-                asked.refused.add(worker)
+        except Exception as error:
+            if task.status == "error":
+                asked.fail(_told(error))
+            else:  # it was lost with the scheduler, perhaps on its way back
                 self._again.put(asked)
-            else:
-                asked.finish()
+            return
+        if isinstance(getattr(asked.result, "fault", None), OSError | MemoryError) and len(asked.refused) < RETRIES:
+            asked.refused.append(worker)
+            self._again.put(asked)
+        else:
+            asked.finish()
 
     def _call_again(self) -> None:
-        """Make calls again: on the scheduler that comes back, or on a worker that has more room."""
+        """Make calls again: on the scheduler that comes back, or on a worker that may have more room."""
         while (asked := self._again.get()) is not None:
             try:
                 workers = self._workers()
             except ClusterError as error:
                 asked.fail(error)
-                continue
-            others = workers - asked.refused
-            if not asked.refused:
-                self._give(asked)
-            elif others and len(asked.refused) <= RETRIES:
-                self._give(asked, workers=sorted(others))
             else:
-                asked.finish()
+                others = workers - set(asked.refused)
+                self._give(asked, sorted(others) if asked.refused and others else None)
 
     def _workers(self) -> set[str]:
         """The addresses of the workers; waits for a scheduler that is lost, with another client if dask gives up."""
@@ -134,8 +140,7 @@ class Cluster(Executor):
             with suppress(Exception):  # the connection may break at any moment
                 if self._client.status in ("closed", "closing"):
                     self._client = _client(self.address, RETRY_S)
-                    self._executor = self._client.get_executor(retries=RETRIES, pure=False)
-                if self._client.status == "running" and (workers := self._client.nthreads()):
+                if self._client.status == "running" and (workers := _threads_of(self._client)):
                     return set(workers)
             time.sleep(RETRY_S)
         raise ClusterError(
@@ -152,13 +157,15 @@ class Cluster(Executor):
 
 
 class _Call:
-    """A call, what is to become of it, what the last worker said, and which workers had no room for it."""
+    """A call: what is to become of it, its task of dask, what the last worker said, and which had no room for it."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data
         self.future: Future[Any] = Future()
+        self.future.add_done_callback(self._drop)
+        self.task: Any = None
         self.result: Any = None
-        self.refused: set[str] = set()
+        self.refused: list[str] = []
 
     def finish(self) -> None:
         """Return the result."""
@@ -170,11 +177,9 @@ class _Call:
         with suppress(InvalidStateError):
             self.future.set_exception(error)
 
-
-def _cancel(task: "Future[bytes]", asked: "Future[Any]") -> None:
-    """Let the cluster drop a task that nobody waits for."""
-    if asked.cancelled():
-        task.cancel()
+    def _drop(self, future: "Future[Any]") -> None:
+        """Let go of the task: dask drops one that nobody holds, done or not."""
+        self.task = None
 
 
 def _told(error: BaseException) -> Exception:
@@ -205,6 +210,8 @@ def opened_cluster(address: str) -> Iterator[Cluster]:
         The extra ``cluster`` is missing, there is no scheduler, it has no workers, or one of them has no gsvc_ref or
         another version.
     """
+    if not ADDRESS.fullmatch(address):
+        raise UsageError(f"{address!r} is no address of a scheduler; give it as tcp://HOST:8786")
     try:
         client = _client(address, CONNECT_S)
     except ImportError as error:
@@ -235,14 +242,24 @@ def _client(address: str, timeout_s: float) -> Any:
         return import_module("distributed").Client(address, timeout=timeout_s, set_as_default=False)
 
 
+def _threads_of(client: Any) -> dict[str, int]:
+    """The number of threads of each worker, by its address; raises TimeoutError if the scheduler does not answer."""
+    threads: dict[str, int] = client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S)
+    return threads
+
+
 def _check_workers(client: Any, address: str) -> None:
     """Refuse a cluster without workers, and one of whose workers has no gsvc_ref, or another version."""
     end = time.monotonic() + CONNECT_S
-    while not client.nthreads():
+    while not _threads_of(client):
         if time.monotonic() > end:
             raise UsageError(f"the scheduler at {address} has no workers; start some with `dask worker {address}`")
         time.sleep(0.1)
-    check_answers(client.run(worker_code, on_error="return"))
+    try:
+        answers = client.run(worker_code, on_error="return")
+    except OSError as error:
+        raise UsageError(f"the workers of {address} do not answer: {error}") from None
+    check_answers(answers)
 
 
 def check_answers(answers: dict[str, Any]) -> None:

@@ -101,6 +101,8 @@ def encode(
     ChildProcessError
         A process that encodes was killed, and so was the next one that got its frames; it has a note if frames were
         saved.
+    ConnectionError
+        The scheduler of a cluster went away, or its workers died of the same frames; with a note as well.
     Exception
         Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
     """

@@ -121,7 +121,7 @@ class Keeper:
             with path.open("rb") as stored:
                 before = json.loads(stored.read(MAX_ABOUT))
             changed = _changes(before, about)
-        except (ValueError, RecursionError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             changed = [f"{path} cannot be read"]
         if changed:
             raise UsageError(
