@@ -39,6 +39,9 @@ ANSWER_S: Final = 5.0
 ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss|ucx|ucxx)://[^\s/]+:[0-9]{1,5}")
 """Addresses of schedulers, by the protocols that dask has."""
 
+MISSING: Final = re.compile(r"No module named '[\w.]*'")
+"""What a worker says that lacks a module; dask hands on the words, but not always the type of the exception."""
+
 RETRY_S: Final = 0.5
 """Seconds between two looks at a scheduler that is lost."""
 
@@ -271,8 +274,10 @@ def check_answers(answers: dict[str, Any]) -> None:
         A worker has no gsvc_ref, or another version.
     """
     for worker, answer in sorted(answers.items()):
-        if isinstance(answer, ImportError):
-            raise UsageError(f"the worker at {worker} cannot import gsvc_ref ({answer}): install it there")
+        if isinstance(answer, BaseException) and (missing := MISSING.search(f"{answer!r}")):
+            raise UsageError(
+                f"the worker at {worker} cannot make a task ({missing[0]}): install gsvc_ref there, as here"
+            )
         if isinstance(answer, BaseException):
             raise UsageError(f"the worker at {worker} could not be asked for its version: {answer}")
         if answer != code_version():

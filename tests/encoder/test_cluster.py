@@ -168,7 +168,8 @@ def test_a_scheduler_without_workers(monkeypatch):
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        (ModuleNotFoundError("No module named 'gsvc_ref'"), "cannot import gsvc_ref (No module named 'gsvc_ref'): ins"),
+        (ModuleNotFoundError("No module named 'gsvc_ref'"), "cannot make a task (No module named 'gsvc_ref'): install"),
+        (Exception("Error(\"No module named 'numba'\")"), "cannot make a task (No module named 'numba'): install"),
         ("0.1 abc", f"has gsvc_ref 0.1 abc, and this is {code_version()}: the same bytes need the same version"),
         (OSError("gone"), "could not be asked for its version: gone"),
     ],
