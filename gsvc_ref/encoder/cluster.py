@@ -274,10 +274,9 @@ def check_answers(answers: dict[str, Any]) -> None:
         A worker has no gsvc_ref, or another version.
     """
     for worker, answer in sorted(answers.items()):
-        if isinstance(answer, BaseException) and (missing := MISSING.search(f"{answer!r}")):
-            raise UsageError(
-                f"the worker at {worker} cannot make a task ({missing[0]}): install gsvc_ref there, as here"
-            )
+        if isinstance(answer, BaseException) and (missing := MISSING.search(str(answer))):
+            said = f"the worker at {worker} cannot make a task ({missing[0]})"
+            raise UsageError(f"{said}: install this version of gsvc_ref there")
         if isinstance(answer, BaseException):
             raise UsageError(f"the worker at {worker} could not be asked for its version: {answer}")
         if answer != code_version():
