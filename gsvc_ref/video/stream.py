@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from fractions import Fraction
 from types import TracebackType
 from typing import Self
 
@@ -19,6 +20,13 @@ class VideoReader(ABC):
         The format of the source.
     notes
         Sentences about what was assumed or left out; more may come while frames are read.
+    frame_time
+        When the frame given last is shown, in seconds from the first frame of the source; None of a source whose frames
+        are evenly spaced, `format.frame_rate` a second.
+    end_time
+        When the frame given last ends; None if that is not known.
+    time_base
+        A unit of which `frame_time` is a multiple, in seconds; None if there is none that is known.
 
     Raises
     ------
@@ -31,6 +39,9 @@ class VideoReader(ABC):
 
     def __init__(self) -> None:
         self.notes = []
+        self.frame_time: Fraction | None = None
+        self.end_time: Fraction | None = None
+        self.time_base: Fraction | None = None
         self._frames: Iterator[Frame] | None = None
         self._delivered = 0
 
