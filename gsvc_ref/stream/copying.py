@@ -17,6 +17,7 @@ from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
 from gsvc_ref.bitstream.header import MAIN, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source
@@ -160,7 +161,7 @@ class _Index:
 
 
 class CopiedStream:
-    """The stream in the making; with `same_frames`, what was decided about the frames stays true.
+    """The stream in the making; with `same_frames`, decisions about frames and time stamps stay true (R-6.11-4).
 
     Layers that its header does not have are left out.
     """
@@ -210,7 +211,7 @@ class CopiedStream:
         """Whether an ancillary chunk of a part whose first frame gets the number `first` stays true (R-6.10-4)."""
         if chunk_type == chunks.LAYER_TYPE and self._header.profile == MAIN:  # the number of the layer comes first
             return self._frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
-        if chr(chunk_type) == chunks.DECISIONS and self._same_frames:
+        if chr(chunk_type) in (chunks.DECISIONS, TIMES) and self._same_frames:
             return True
         without_frame = chunks.belongs_to_frame(chunk_type) and self._frame_count == first > 0
         return chunks.is_safe_to_copy(chunk_type) and not without_frame

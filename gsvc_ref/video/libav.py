@@ -214,7 +214,7 @@ class LibavReader(VideoReader):
             self.time_base = unit
             self.note(
                 f"frames of {self._name} are not evenly spaced in time ({float(known[0]):.5g} per second on average); "
-                f"the time of each is read with it"
+                f"their time stamps go along with them"
             )
         return kept or known[0]
 
