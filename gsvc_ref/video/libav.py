@@ -30,7 +30,7 @@ from gsvc_ref.video.libav_probe import (
     orientation,
     packet_times,
 )
-from gsvc_ref.video.pixel_layout import PixelLayout, layout, stand_in, take
+from gsvc_ref.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
 from gsvc_ref.video.stream import VideoReader
 
 if TYPE_CHECKING:
@@ -60,26 +60,6 @@ def import_av() -> Any:
             "use y4m (ffmpeg -i IN OUT.y4m) or a folder of PNG files"
         ) from error
     return av
-
-
-def _plain_name(picture: av.VideoFrame) -> str:
-    """The pixel format of a picture, or that of its stand-in where it has no plain layout."""
-    pixel_format = picture.format
-    if layout(pixel_format.name):
-        return pixel_format.name
-    components = pixel_format.components
-    palette = pixel_format.has_palette
-    return stand_in(
-        rgb=pixel_format.is_rgb or palette or pixel_format.name.startswith(("xyz", "mono")),
-        alpha=palette or any(component.is_alpha for component in components),
-        deep=not palette and max(component.bits for component in components) > 8,
-    )
-
-
-def _plain_layout(name: str) -> PixelLayout:
-    pixels = layout(name)
-    assert pixels is not None, "a plain name has a layout"
-    return pixels
 
 
 def _fair_ratio(ratio: Fraction | None) -> Fraction | None:
@@ -220,7 +200,7 @@ class LibavReader(VideoReader):
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
         """The format of one picture as its own tags say."""
-        pixels = _plain_layout(_plain_name(picture))
+        pixels = plain_layout(plain_name(picture))
         rgb, grey = pixels.chroma_format == "rgb", len(pixels.places) == 1
         matrix, siting = int(picture.colorspace), 0
         if rgb:
@@ -251,8 +231,8 @@ class LibavReader(VideoReader):
 
     def _buffers(self, picture: av.VideoFrame, number: int) -> tuple[list[Any], PixelLayout]:
         """The planes in memory as (rows, bytes of a line) u1, and their layout."""
-        found, name = picture.format.name, _plain_name(picture)
-        pixels = _plain_layout(name)
+        found, name = picture.format.name, plain_name(picture)
+        pixels = plain_layout(name)
         if name == found and any(plane.line_size < 0 for plane in picture.planes):
             if pixels.chroma_format != "rgb":
                 raise GsvcError(
@@ -261,7 +241,7 @@ class LibavReader(VideoReader):
                 )
             # PyAV's buffers cannot express bottom-up lines; a planar copy is top-down.
             name = stand_in(rgb=True, alpha=pixels.alpha is not None, deep=pixels.bit_depth > 8)
-            pixels = _plain_layout(name)
+            pixels = plain_layout(name)
         if name != found:
             picture = self._reformat(picture, name, number)
         views = (np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size) for plane in picture.planes)
@@ -317,7 +297,7 @@ class LibavReader(VideoReader):
         width, height = picture.width, picture.height
         if self._turned.swapped:
             width, height = height, width
-        found = (width, height, _plain_layout(_plain_name(picture)).bit_depth)
+        found = (width, height, plain_layout(plain_name(picture)).bit_depth)
         expected = (self.format.width, self.format.height, self.format.bit_depth)
         if found != expected:
             raise GsvcError(

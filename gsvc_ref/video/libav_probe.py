@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 from array import array
-from collections import Counter
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
@@ -99,7 +99,7 @@ def lost_tracks(container: Any, stream: av.VideoStream, name: str) -> list[str]:
     if streams.audio:
         notes.append(
             f"{name} has sound ({_tracks(streams.audio)}), and GSVC has none; to put it back: "
-            f"gsvc decode FILE.gsvc OUT.mp4 --audio-from {name}"
+            f"gsvc decode FILE.gsvc OUT.mp4 --audio-from {quote(name)}"
         )
     if streams.subtitles:
         notes.append(f"{name} has subtitles ({_tracks(streams.subtitles)}), which are left out")
@@ -115,7 +115,8 @@ def lost_tracks(container: Any, stream: av.VideoStream, name: str) -> list[str]:
 
 def _tracks(streams: Any) -> str:
     """Number and codecs of tracks, as ``2 tracks: aac, opus``."""
-    names = Counter(stream.codec_context.name if stream.codec_context else "unknown" for stream in streams)
+    contexts = [stream.codec_context for stream in streams]
+    names = dict.fromkeys(context.codec.canonical_name if context else "unknown" for context in contexts)
     return f"{_count(len(streams), 'track')}: {', '.join(names)}"
 
 
