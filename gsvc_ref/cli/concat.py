@@ -84,10 +84,10 @@ def summary(arguments: Namespace, report: "ConcatReport") -> list[str]:
     for span, name in zip(spans, arguments.inputs, strict=True):
         lines.append(f"  frames {span.rjust(width)}  {display_name(name)}")
     for chunk_type, count in report.left_out.items():
-        what = "with time stamps, so that frames are evenly spaced now" if chunk_type == "t" else (
-            "which would not be true of the whole (spec.md, 6.10)"
-        )  # fmt: skip
-        lines.append(f"  left out: {plural(count, 'chunk')} {chunk_type}, {what}")
+        why = "which would not be true of the whole (spec.md, 6.10)"
+        if chunk_type == "t":
+            why = "with time stamps in other units, so that the frames of their part are evenly spaced now"
+        lines.append(f"  left out: {plural(count, 'chunk')} {chunk_type}, {why}")
     return lines
 
 

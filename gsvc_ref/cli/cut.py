@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import ConcatReport
 
 COMMAND: Final = "gsvc cut"
-LEFT_OUT: Final = {"n": "of layers above", "t": "with time stamps, so that frames are evenly spaced now"}
-"""What is said of chunks of a type that are left out."""
 
 
 def add_command(commands: Any) -> None:
@@ -79,7 +77,7 @@ def summary(arguments: Namespace, report: "ConcatReport") -> list[str]:
         parts.append("the base alone" if arguments.layer == 0 else f"the base and {plural(arguments.layer, 'layer')}")
     lines = [", ".join(parts)]
     for chunk_type, count in report.left_out.items():
-        why = LEFT_OUT.get(chunk_type, "which would not be true of the result")
+        why = "of layers above" if chunk_type == "n" else "which would not be true of the result"
         lines.append(f"  left out: {plural(count, 'chunk')} {chunk_type}, {why}")
     return lines
 

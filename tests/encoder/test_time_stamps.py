@@ -14,7 +14,7 @@ from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.encoder import IncompleteEncodeError, encode, times
 from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.stream import Stream, concat, decode
+from gsvc_ref.stream import Stream, concat, cut, decode
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import VideoReader
 
@@ -172,8 +172,52 @@ def test_faulty_time_stamps_change_no_picture(stream):
         assert Stream(data).times().is_even
 
 
-def test_joined_streams_are_evenly_spaced(stream):
+def joined(*parts):
     out = io.BytesIO()
-    report = concat([stream, stream], out)
-    assert report.left_out["t"] == 2
-    assert Stream(out.getvalue()).times().is_even
+    return concat([*parts], out), out.getvalue()
+
+
+def test_joined_streams_keep_their_times(stream):
+    report, data = joined(stream, stream)
+    assert "t" not in report.left_out
+    assert durations(data, 14) == DURATIONS * 2
+
+
+def test_times_of_frames_that_a_part_does_not_have_are_not_those_of_the_next(stream):
+    chunks = split_chunks(stream)
+    said = write_times(1000, 0, [(5, 50), (20, 70)])
+    long = join_chunks([(kind, said if kind == b"t" else old) for kind, old in chunks], prefix=stream[:10])
+    even = io.BytesIO()
+    encode((CLIP, SMALL), even, SETTINGS)
+    assert durations(joined(long, even.getvalue())[1], 14) == [50] * 5 + [70] * 2 + [40] * 7
+    assert durations(joined(long, stream)[1], 14) == [50] * 5 + [70] * 2 + DURATIONS
+
+
+def test_parts_with_other_ticks_are_evenly_spaced(stream):
+    other = encoded(UnevenReader(time_base=Fraction(1, 2000)))[1]
+    report, data = joined(stream, other)
+    assert report.left_out["t"] == 1
+    assert durations(data, 14) == [*DURATIONS, *[40] * 7]
+
+
+def test_a_live_part_from_a_pipe_may_have_times_of_more_frames(stream):
+    class Pipe(io.BytesIO):
+        def seekable(self):
+            return False
+
+    live = encoded(UnevenReader(), SETTINGS, live=True)[1]
+    report, data = joined(Pipe(live), stream)
+    assert report.left_out["t"] == 4  # frames that are shown as usual have none
+    assert durations(data, 14) == [*[40] * 7, *DURATIONS]
+    assert durations(joined(stream, Pipe(live))[1], 14) == DURATIONS * 2
+    assert durations(joined(live, stream)[1], 14) == DURATIONS * 2
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0, None), (3, None), (3, 5), (0, 4), (6, 7)])
+def test_a_cut_keeps_the_times_of_its_frames(stream, start, stop):
+    out = io.BytesIO()
+    report = cut(stream, out, start=start, stop=stop)
+    assert "t" not in report.left_out
+    expected = DURATIONS[start:stop]
+    assert durations(out.getvalue(), len(expected)) == expected
+    assert Stream(out.getvalue()).times().duration_of(len(expected)) == Fraction(1, 25)
