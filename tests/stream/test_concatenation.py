@@ -18,7 +18,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import State, reconstruct
 from gsvc_ref.stream import StreamReader, concat
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.copying import CopiedStream, Opening, _Index
+from gsvc_ref.stream.copying import CopiedStream, Opening, _Index, sound_chunks
 from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
