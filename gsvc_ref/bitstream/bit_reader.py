@@ -58,6 +58,11 @@ class Reader(Coder):
         """Whole bytes of the data that have not been read."""
         return self.bits_left // 8
 
+    @property
+    def rest(self) -> memoryview:
+        """The whole bytes that have not been read, and stay so."""
+        return self._data[(self._bit + 7) >> 3 :]
+
     def fail(self, rule: str, message: str, *, bit: int | None = None) -> NoReturn:
         """Raise the GsvcError of a rule."""
         raise broken(rule, message, self.element_bit if bit is None else bit)

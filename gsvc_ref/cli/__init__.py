@@ -14,7 +14,7 @@ from typing import Final
 
 from gsvc_ref import __version__, plugins
 from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
-from gsvc_ref.cli.parser import Parser
+from gsvc_ref.cli.parser import Parser, suggestion
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 MODULES: Final = {
@@ -46,6 +46,7 @@ def build_parser(named: str | None = None) -> Parser:
         import_module(f"gsvc_ref.cli.{MODULES[command]}").add_command(commands)
     for add_command in () if named in MODULES else plugins.commands():
         add_command(commands)
+    parser.commands = commands.choices
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser
 
@@ -77,13 +78,16 @@ def rare_collections() -> Iterator[None]:
 def _run(argv: Sequence[str] | None) -> int:
     given = sys.argv[1:] if argv is None else argv
     parser = build_parser(given[0] if given else None)
+    if given and not given[0].startswith("-") and given[0] not in parser.commands:
+        say("gsvc", f"there is no command {given[0]!r}{suggestion(given[0], parser.commands)}; see gsvc --help")
+        return EXIT_USAGE
     try:
         arguments, unknown = parser.parse_known_args(given)
     except SystemExit as end:  # argparse has said why
         return int(end.code or 0)
     command = f"gsvc {arguments.command}" if arguments.command else "gsvc"
     if unknown:
-        say(command, f"unknown argument {unknown[0]}; see {command} --help")
+        say(command, f"{parser.unknown(unknown[0], arguments.command)}; see {command} --help")
         return EXIT_USAGE
     if arguments.command is None:
         parser.print_help(sys.stderr)

@@ -28,6 +28,13 @@ def add_layer(parser: ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_force(parser: ArgumentParser) -> None:
+    """Add ``--force`` to a command that writes streams."""
+    parser.add_argument(
+        "--force", action="store_true", help="write a stream under a name that says another format, such as OUT.mp4"
+    )
+
+
 def frame_range(text: str) -> tuple[int, int | None]:
     """``30:60`` is (30, 60), ``30:`` is (30, None) and ``:60`` is (0, 60); the end is not included."""
     match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)

@@ -4,8 +4,9 @@ import sys
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_ref.cli.arguments import add_force
 from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
@@ -31,6 +32,7 @@ def add_command(commands: Any) -> None:
         "-o", "--output", metavar="OUT", required=True, help="the file to write, or - for standard output"
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
+    add_force(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -43,6 +45,7 @@ def run(arguments: Namespace) -> int:
     for name in arguments.inputs:
         check_input(name)
         check_output(arguments.output, name)
+    check_stream_name(arguments.output, force=arguments.force)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     try:
@@ -81,9 +84,10 @@ def summary(arguments: Namespace, report: "ConcatReport") -> list[str]:
     for span, name in zip(spans, arguments.inputs, strict=True):
         lines.append(f"  frames {span.rjust(width)}  {display_name(name)}")
     for chunk_type, count in report.left_out.items():
-        lines.append(
-            f"  left out: {plural(count, 'chunk')} {chunk_type}, which would not be true of the whole (spec.md, 6.10)"
-        )
+        why = "which would not be true of the whole (spec.md, 6.10)"
+        if chunk_type == "t":
+            why = "with time stamps in other units, so that the frames of their part are evenly spaced now"
+        lines.append(f"  left out: {plural(count, 'chunk')} {chunk_type}, {why}")
     return lines
 
 

@@ -4,9 +4,9 @@ import sys
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import frame_range, whole
+from gsvc_ref.cli.arguments import add_force, frame_range, whole
 from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
 
@@ -34,6 +34,7 @@ def add_command(commands: Any) -> None:
     )  # fmt: skip
     parser.add_argument("--layer", type=whole, metavar="K", help="the highest layer that stays; 0 is the base alone")
     parser.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
+    add_force(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -45,6 +46,7 @@ def run(arguments: Namespace) -> int:
         raise UsageError("say what stays: --frames A:B for some of the frames, --layer K for the lower quality layers")
     check_input(arguments.input)
     check_output(arguments.output, arguments.input)
+    check_stream_name(arguments.output, force=arguments.force)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     try:

@@ -26,6 +26,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 if TYPE_CHECKING:
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import Frame, VideoFormat, VideoWriter
+    from gsvc_ref.video.stream import Extras
 
 COMMAND: Final = "gsvc decode"
 
@@ -43,8 +44,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument("input", metavar="IN.gsvc", help="the file to decode, or - for standard input")
     parser.add_argument(
         "output", metavar="OUT",
-        help="OUT.y4m; a folder, for PNG files; OUT.mp4, .mkv, .mov or .webm for a lossy copy to look at; "
-        "or - for y4m on standard output",
+        help="OUT.y4m; a folder, for PNG files; OUT.mp4, .mkv, .mov or .webm for a lossy copy to look at, .gif or "
+        ".webp for an animation; or - for y4m on standard output",
     )  # fmt: skip
     parser.add_argument(
         "--frames", type=frame_range, default=(0, None), metavar="A:B",
@@ -60,6 +61,11 @@ def add_command(commands: Any) -> None:
         "--chroma", choices=("rgb", "420", "422", "444"), help="chroma format to write; default: as the source had"
     )
     parser.add_argument(
+        "--audio-from", metavar="SOURCE",
+        help="copy the sound of SOURCE, the video that was encoded, from its first picture on and without encoding it "
+        "again; to .mp4, .mkv, .mov and .webm",
+    )  # fmt: skip
+    parser.add_argument(
         "--salvage", action="store_true",
         help="of a damaged file write every frame that is left: skip damaged ones, and those after them up to the next "
         "I-frame, and tell what is missing",
@@ -74,6 +80,7 @@ def run(arguments: Namespace) -> int:
     """Decode; 0, 1 for a damaged stream, 130 when interrupted."""
     check_input(arguments.input)
     check_output(arguments.output, arguments.input, folder_allowed=True)
+    _check_sound(arguments)
     try:
         from gsvc_ref.interrupts import Interrupts
 
@@ -83,6 +90,18 @@ def run(arguments: Namespace) -> int:
         done = "the output ends early" if arguments.output == STDIO else "nothing was saved"
         say(COMMAND, f"interrupted; {done}")
         return EXIT_INTERRUPTED
+
+
+def _check_sound(arguments: Namespace) -> None:
+    """Refuse sound that cannot be copied, before anything is decoded."""
+    if arguments.audio_from is None:
+        return
+    from gsvc_ref.video.opening import takes_sound
+
+    check_input(arguments.audio_from)
+    check_output(arguments.output, arguments.audio_from)
+    if arguments.audio_from == STDIO or not takes_sound(arguments.output):
+        raise UsageError("--audio-from takes a file, and an output with a place for sound: .mp4, .mkv, .mov or .webm")
 
 
 def _decode(arguments: Namespace) -> int:
@@ -106,7 +125,7 @@ def _decode(arguments: Namespace) -> int:
         if writer is None and frames.damage is None and not (gaps and gaps.found):
             raise UsageError(f"{_frames_of(stream, arguments)} holds no frame of --frames {start}:{stop or ''}")
         if writer is not None and frames.damage is None and not arguments.quiet:
-            _report(arguments, writer, stream.notes)
+            _report(arguments, writer, stream)
         if frames.damage is not None:
             _report_damage(arguments, frames.damage, frames.count, stream)
             return EXIT_DATA
@@ -116,16 +135,28 @@ def _decode(arguments: Namespace) -> int:
     return 0
 
 
-def _report(arguments: Namespace, writer: "VideoWriter", notes: list[str]) -> None:
+def _report(arguments: Namespace, writer: "VideoWriter", stream: "Stream") -> None:
     """Say what was written."""
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     name, video = display_name(arguments.output, "standard output"), writer.format
     frames_of = f"{plural(writer.frames_written, 'frame')} of {video.width}x{video.height}"
-    show(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {video.bit_depth} bits", file=out)
+    show(f"{name}: {frames_of}, {per_second(video.frame_rate)}, {writer.written_depth} bits", file=out)
     start, _ = arguments.frames
     numbering = [f"names count from frame {start}"] if start and Path(arguments.output).is_dir() else []
-    for note in [*notes, *writer.notes, *numbering]:
+    for note in [*stream.notes, *writer.notes, *_time_notes(stream, writer), *numbering]:
         show(f"  note: {note}", file=out)
+
+
+def _time_notes(stream: "Stream", writer: "VideoWriter") -> list[str]:
+    """A sentence if frames are not evenly spaced in time."""
+    if stream.times().is_even:
+        return []
+    if writer.carries_times:
+        return ["frames are not evenly spaced in time, and are shown as in the source"]
+    return [
+        "frames are not evenly spaced in time, which the output cannot say: it counts them at "
+        f"{per_second(writer.format.frame_rate)}; .mp4, .mkv, .mov, .webm, .gif and .webp keep their times"
+    ]
 
 
 def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace, gaps: Gaps | None) -> "VideoWriter | None":
@@ -140,7 +171,7 @@ def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace, gaps:
     if arguments.chroma is not None:
         video = with_chroma(video, arguments.chroma)
     with (
-        open_writer(arguments.output, video) as writer,
+        open_writer(arguments.output, video, extras=_extras(stream, arguments)) as writer,
         ProgressDisplay(quiet=arguments.quiet) as display,
     ):
         for frame in _with_progress(chain([first], frames), _expected(stream, arguments), display):
@@ -148,6 +179,14 @@ def _write(frames: CompleteFrames, stream: "Stream", arguments: Namespace, gaps:
                 writer.skip(gaps.missing - writer.frames_skipped)
             writer.write(frame)
     return writer
+
+
+def _extras(stream: "Stream", arguments: Namespace) -> "Extras":
+    """Time stamps and sound, from the first frame on that is decoded."""
+    from gsvc_ref.video.stream import Extras
+
+    times, sound = stream.times(), arguments.audio_from
+    return Extras(None if times.is_even else times, arguments.frames[0], None if sound is None else Path(sound))
 
 
 def with_chroma(video: "VideoFormat", chroma: Any) -> "VideoFormat":

@@ -5,10 +5,11 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
+from gsvc_ref.cli.arguments import add_force
 from gsvc_ref.cli.encode_options import add_options, make_settings
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
-from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
 from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder
@@ -38,6 +39,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
     add_options(parser)
     add_where_options(parser)
+    add_force(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -46,6 +48,7 @@ def run(arguments: Namespace) -> int:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
+    check_stream_name(arguments.output, force=arguments.force)
     try:
         return _encode(arguments)
     except KeyboardInterrupt:

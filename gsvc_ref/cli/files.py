@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 STDIO: Final = "-"
 STREAM_SUFFIX: Final = ".gsvc"
 """The end of the name of a file that holds a stream (R-1.1-1)."""
+FOREIGN_SUFFIXES: Final = frozenset((
+    ".aac", ".apng", ".avi", ".avif", ".bmp", ".flac", ".flv", ".gif", ".h264", ".h265", ".hevc", ".html", ".ivf",
+    ".jpeg", ".jpg", ".json", ".m4a", ".m4v", ".mkv", ".mov", ".mp3", ".mp4", ".mpeg", ".mpg", ".mts", ".mxf", ".npz",
+    ".ogg", ".ogv", ".opus", ".pdf", ".ply", ".png", ".svg", ".tif", ".tiff", ".toml", ".ts", ".txt", ".wav", ".webm",
+    ".webp", ".wmv", ".y4m", ".yuv", ".zip",
+))  # fmt: skip
+"""Ends of names that say another format than a stream: most often the arguments are in the wrong order."""
 CUT_RULE: Final = "R-6.2-4"
 """The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"
@@ -75,6 +82,22 @@ def check_output(name: str, source: str, *, folder_allowed: bool = False) -> Non
         raise UsageError(f"{name} is a folder; give the name of a file to write, such as {path / 'out'}{STREAM_SUFFIX}")
     if path.is_file() and _is_read(path, source):
         raise UsageError(f"{name} is the input itself; give the output another name")
+
+
+def check_stream_name(name: str, *, force: bool) -> None:
+    """Refuse to write a stream under a name that says another format, unless that is wanted (R-1.1-1).
+
+    Raises
+    ------
+    UsageError
+        The name ends like a video, a picture or the like.
+    """
+    suffix = Path(name).suffix.lower()
+    if not force and suffix in FOREIGN_SUFFIXES:
+        raise UsageError(
+            f"{name} would hold a GSVC stream under the name of another format; name it {Path(name).stem}"
+            f"{STREAM_SUFFIX} (gsvc decode makes {suffix} of it where it can), or give --force"
+        )
 
 
 def _is_read(path: Path, source: str) -> bool:

@@ -2,6 +2,7 @@
 
 from argparse import Namespace
 from dataclasses import replace
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_ref.cli.arguments import add_max_level
@@ -105,7 +106,11 @@ def gap_object(gap: "Gap") -> dict[str, Any]:
 
 
 def info_object(summary: "StreamSummary", *, salvage: bool) -> dict[str, Any]:
-    """The summary for ``--json``; `gaps` is there with ``--salvage``, else `error` when the stream is damaged."""
+    """The summary for ``--json``.
+
+    `gaps` is there with ``--salvage``, else `error` when the stream is damaged; `times_s` where frames are not evenly
+    spaced, when each is shown in seconds from the first.
+    """
     rate = summary.header.frame_rate
     info = {
         "header": summary.header.arguments,
@@ -116,6 +121,8 @@ def info_object(summary: "StreamSummary", *, salvage: bool) -> dict[str, Any]:
         "bits": summary.bits,
         "frames": summary.frames,
     }
+    if not summary.times.is_even:
+        info["times_s"] = [float(summary.times.time_of(frame.number)) for frame in summary.frames]
     if salvage:
         info["gaps"] = [gap_object(gap) for gap in summary.gaps]
     if summary.error is not None:
@@ -133,7 +140,7 @@ def describe(
         *_header_lines(summary.header, video),
     ]
     if summary.frames:
-        lines += [_rate_line(summary), _type_line(summary.frames), *_layer_lines(summary)]
+        lines += [_rate_line(summary), *_time_lines(summary), _type_line(summary.frames), *_layer_lines(summary)]
     lines += ["", *bit_lines(summary)]
     if summary.gaps:
         lines += ["", *all_gaps(summary.gaps).lines()]
@@ -175,11 +182,19 @@ def _rate_line(summary: "StreamSummary") -> str:
     header, damaged = summary.header, summary.error is not None or bool(summary.gaps)
     sizes = (frame.size + sum(layer.size for layer in frame.layers) for frame in summary.frames)
     bits = 8 * (sum(sizes) if damaged else summary.file_bytes)
-    seconds = len(summary.frames) / header.frame_rate
+    seconds = sum((summary.times.duration_of(frame.number) for frame in summary.frames), Fraction(0))
     bits_per_pixel = bits / (header.width * header.height * len(summary.frames))
     kilobits = float(bits / seconds / 1000)
     of_what = "the complete frames" if damaged else "video"
     return f"  rate        {bits_per_pixel:.4f} bits/pixel, {kilobits:.1f} kbit/s, {float(seconds):.2f} s of {of_what}"
+
+
+def _time_lines(summary: "StreamSummary") -> list[str]:
+    """How long frames are shown, where they are not evenly spaced."""
+    if summary.times.is_even:
+        return []
+    spans = [1000 * float(summary.times.duration_of(frame.number)) for frame in summary.frames]
+    return [f"  times       frames are shown for {min(spans):.4g} to {max(spans):.4g} ms each"]
 
 
 def _type_line(frames: "list[FrameSummary]") -> str:

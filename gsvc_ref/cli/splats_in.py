@@ -8,10 +8,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gsvc_ref.cli.arguments import finite, frame_rate, key_frames, positive, whole
+from gsvc_ref.cli.arguments import add_force, finite, frame_rate, key_frames, positive, whole
 from gsvc_ref.cli.encode_text import progress_callback
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, plural, print_json, show, to_json
 from gsvc_ref.errors import GsvcError, UsageError
@@ -82,6 +82,7 @@ def add_command(commands: Any) -> None:
     other = parser.add_argument_group("other")
     other.add_argument("--threads", type=whole, metavar="T", help="threads to measure with")
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
+    add_force(parser)
     other.add_argument("--quiet", action="store_true", help="print nothing but errors, and what gets lost")
 
 
@@ -115,6 +116,7 @@ def run(arguments: Namespace) -> int:
             raise UsageError("splats cannot come from standard input; give a file")
         check_input(name, folder_allowed=True)
         check_output(arguments.output, name)
+    check_stream_name(arguments.output, force=arguments.force)
     try:
         return _import(arguments)
     except KeyboardInterrupt:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -22,6 +21,7 @@ from gsvc_ref.encoder.resume import GroupInWork, Keeper, about_encode
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.side_by_side import SideBySide
 from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
+from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
@@ -178,6 +178,7 @@ class _Encode(Encoding[Frame]):
         coder = make(settings, video.width, video.height, video.bit_depth)
         super().__init__(file, video, coder, level, progress, interrupts, live=live, least_level=unforeseen)
         start, stop = settings.frames
+        self.times = SourceTimes(reader, start, stop, least_delay=live or settings.low_latency)
         ends = [end for end in (video.frame_count, stop) if end is not None]
         self.frame_count = max(0, min(ends) - start) if ends else None
         if settings.paced:
@@ -276,7 +277,10 @@ class _Encode(Encoding[Frame]):
         )
 
     def _frames(self) -> Iterator[Frame]:
-        return islice(self.reader, *self.settings.frames)
+        return self.times.frames()
+
+    def _times_before(self, number: int) -> bytes | None:
+        return self.times.before(number)
 
     def _typed(self, frames: Iterator[Frame]) -> Iterator[TypedFrame[Frame]]:
         typed = typed_frames(

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, Generic, Protocol, TypeVar, cast
 
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, write_log
@@ -192,6 +193,10 @@ class Encoding(ABC, Generic[FrameT]):
     def _decisions(self, item: TypedFrame[FrameT], encoded: EncodedFrame) -> tuple[Decision, ...]:
         """The decisions made about a frame."""
 
+    def _times_before(self, number: int) -> bytes | None:
+        """The payload of the chunk `t` before a frame; None if there is none."""
+        return None
+
     def _header(self) -> SequenceHeader:
         settings = self.encoder.settings
         return SequenceHeader(
@@ -292,6 +297,8 @@ class Encoding(ABC, Generic[FrameT]):
                     self.file, self._header(), index=self.encoder.settings.index, live=self.live,
                     least_level=self.least_level,
                 )  # fmt: skip
+            if (times := self._times_before(self.writer.frame_count)) is not None:
+                self.writer.write_ancillary(TIMES, times)
             bits = self.writer.write_frame(encoded.codes, encoded.state).bits
             return bits, tuple(
                 self._write_layer(self.writer, encoded.codes.type, part, bits) for part in encoded.layers

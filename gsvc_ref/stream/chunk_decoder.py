@@ -12,6 +12,7 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
+from gsvc_ref.bitstream.times import TIMES, read_times, times
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.main_profile.frames import Body, MainState
 from gsvc_ref.main_profile.layers import Layers, layer_body, layer_head
@@ -66,8 +67,8 @@ class Place:
 class DecodedChunk:
     """A chunk's bits by category, its frame if it has one, whether it is the end chunk, and the place after it.
 
-    `ancillary` is the type and payload of an ancillary chunk that this version does not know; `layer` is the layer of a
-    chunk `n` that is wanted.
+    `ancillary` is the type and payload of an ancillary chunk without which the splats are the same; `layer` is the
+    layer of a chunk `n` that is wanted.
     """
 
     bits: Counter[str]
@@ -190,8 +191,12 @@ class ChunkDecoder:
             layers, layer = self._layer(p, place, place.layers)
             after = replace(after, layers=layers)
         else:  # R-6.2-5
+            ancillary = chr(chunk_type), p.rest
             with p.part("ancillary"):
-                ancillary = chr(chunk_type), p.raw("payload", p.bytes_left)
+                if self._trace is not None and chunk_type == ord(TIMES) and read_times(p.rest) is not None:
+                    times(p)  # each element for those who list them
+                else:
+                    p.raw("payload", p.bytes_left)
         bits = s.bits_by_category() + p.bits_by_category()
         decoded = None if codes is None else self._decoded_frame(codes, bits, place, after)
         shown = None if layer is None else self._decoded_layer(layer, bits, place, after)

@@ -9,7 +9,8 @@ from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.header import SequenceHeader, header_elements
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import opened_output
-from gsvc_ref.stream.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part
+from gsvc_ref.stream.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part, sound_chunks
+from gsvc_ref.stream.seeking import read_end
 
 MAY_DIFFER: Final = ("level", "frame_count", "paced_flag")
 """Elements of the sequence header that need not be the same in all parts (R-6.10-1)."""
@@ -58,7 +59,12 @@ def concat(sources: Sequence[Part], target: str | Path | BinaryIO, *, progress: 
         result = CopiedStream(file, opening)
         for number, part in enumerate(parts):
             with part.again() as stream:
-                for offset in result.copy(part.name, stream):
+                last = number == len(parts) - 1
+                count = None if last else stream.header.frame_count or read_end(stream)
+                kept, known = sound_chunks(stream), last or count is not None
+                if known:  # else time stamps could be about frames of the next part
+                    kept = result.times.of_part(kept, 0, count, result.frame_count)
+                for offset in result.copy(part.name, stream, kept, with_times=known):
                     if progress is not None:
                         progress(number, begun + offset, total)
                 begun += stream.source.offset

@@ -17,8 +17,10 @@ from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
 from gsvc_ref.bitstream.header import MAIN, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
+from gsvc_ref.stream.retiming import Retiming
 from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all
 
@@ -163,14 +165,22 @@ class CopiedStream:
     """The stream in the making; with `same_frames`, what was decided about the frames stays true.
 
     Layers that its header does not have are left out.
+
+    Attributes
+    ----------
+    times
+        Makes time stamps anew.
+    frame_count
+        The number of frames so far.
     """
 
     def __init__(self, target: BinaryIO, opening: Opening, *, same_frames: bool = False) -> None:
         self._target = target
         self._header = opening.header
         self._same_frames = same_frames
+        self.times = Retiming(opening.header)
         self._parts: list[JoinedPart] = []
-        self._frame_count = 0
+        self.frame_count = 0
         self._offset = 0
         self._left_out: Counter[str] = Counter()
         self._index: _Index | None = _Index()
@@ -179,19 +189,24 @@ class CopiedStream:
         sequence_header(p, self._header)
         self._write_chunk(chunks.HEADER_TYPE, p.getvalue(), opening.later)
 
-    def copy(self, name: str, stream: ChunkDecoder, kept: Iterable[tuple[int, Reader]] | None = None) -> Iterator[int]:
-        """Copy a part, or the chunks `kept` of it (R-6.10-3, R-6.10-4); yields the bytes of it that have been read."""
-        first = self._frame_count
-        for chunk_type, p in sound_chunks(stream) if kept is None else kept:
+    def copy(
+        self, name: str, stream: ChunkDecoder, kept: Iterable[tuple[int, Reader]], *, with_times: bool = True
+    ) -> Iterator[int]:
+        """Copy the chunks `kept` of a part (R-6.10-3, R-6.10-4); yields the bytes of it that have been read.
+
+        Without `with_times` those of time stamps are left out; otherwise they are those of `times`.
+        """
+        first = self.frame_count
+        for chunk_type, p in kept:
             rest = p.raw("payload", p.bytes_left, counted=False)
             if chunk_type in chunks.FRAMES:
                 self._write_frame(name, chunk_type, rest)
-            elif self._may_stay(chunk_type, rest, first):
+            elif (with_times and chunk_type == ord(TIMES)) or self._may_stay(chunk_type, rest, first):
                 self._write_chunk(chunk_type, rest)
             else:
                 self._left_out[chr(chunk_type)] += 1
             yield stream.source.offset
-        self._parts.append(JoinedPart(name, first, self._frame_count - first))
+        self._parts.append(JoinedPart(name, first, self.frame_count - first))
 
     def finish(self) -> ConcatReport:
         """Write index and end chunk (R-6.10-5)."""
@@ -200,35 +215,37 @@ class CopiedStream:
             self._write_chunk(chunks.INDEX_TYPE, encode_uv(self._index.entry_count), self._index.steps)
         index_length += self._offset
         p = Writer()
-        chunks.end(p, self._frame_count, index_length)
+        chunks.end(p, self.frame_count, index_length)
         self._write_chunk(chunks.END_TYPE, p.getvalue())
         self._target.flush()
+        if self.times.lost:
+            self._left_out[TIMES] += self.times.lost
         left_out = dict(sorted(self._left_out.items()))
-        return ConcatReport(self._header, self._parts, self._frame_count, self._offset, left_out)
+        return ConcatReport(self._header, self._parts, self.frame_count, self._offset, left_out)
 
     def _may_stay(self, chunk_type: int, payload: Bytes, first: int) -> bool:
         """Whether an ancillary chunk of a part whose first frame gets the number `first` stays true (R-6.10-4)."""
         if chunk_type == chunks.LAYER_TYPE and self._header.profile == MAIN:  # the number of the layer comes first
-            return self._frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
+            return self.frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
         if chr(chunk_type) == chunks.DECISIONS and self._same_frames:
             return True
-        without_frame = chunks.belongs_to_frame(chunk_type) and self._frame_count == first > 0
+        without_frame = chunks.belongs_to_frame(chunk_type) and self.frame_count == first > 0
         return chunks.is_safe_to_copy(chunk_type) and not without_frame
 
     def _write_frame(self, name: str, chunk_type: int, rest: Bytes) -> None:
-        number = encode_uv(self._frame_count)
+        number = encode_uv(self.frame_count)
         size, most = len(number) + len(rest), self._header.limits.payload
         if size > most:
             raise UsageError(
-                f"frame {self._frame_count}, of {name}, would have a chunk of {size} bytes with its new number; level "
+                f"frame {self.frame_count}, of {name}, would have a chunk of {size} bytes with its new number; level "
                 f"{self._header.level} allows {most} (R-5-3): put {name} before the others, or join fewer"
             )
         if chunk_type == chunks.I_TYPE and self._index is not None:
-            self._index.add(self._frame_count, self._offset)
+            self._index.add(self.frame_count, self._offset)
             if len(self._index.steps) + MAX_INDEX_BYTES_PER_ENTRY > most:
                 self._index = None  # the level has no room for it
         self._write_chunk(chunk_type, number, rest)
-        self._frame_count += 1
+        self.frame_count += 1
 
     def _write_chunk(self, chunk_type: int, *payload: Bytes) -> None:
         """Write a chunk whose payload is there in pieces, which are not copied."""

@@ -68,7 +68,8 @@ def cut(
     opening = replace(part.opening, header=_header(header, highest if layer is None else layer, start, stop))
     with opened_output(target) as file, part.again() as stream:
         result = CopiedStream(file, opening, same_frames=start == 0 and stop is None)
-        kept = _kept(part.name, sound_chunks(stream), start, stop)
+        timed = result.times.of_part(sound_chunks(stream), start, stop, 0)
+        kept = _kept(part.name, timed, start, stop)
         for offset in result.copy(part.name, stream, kept):
             if progress is not None:
                 progress(0, offset, part.size)

@@ -5,6 +5,7 @@ from typing import Final
 
 from gsvc_ref.arrays import I8
 from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.bitstream.times import FrameTimes
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.layers import Layers, joined_origins
@@ -232,6 +233,8 @@ class StreamSummary:
         Size of the stream in bytes.
     error
         The fault at which reading stopped before the end, or None.
+    times
+        When its frames are shown.
     gaps
         The gaps; empty unless salvaging.
     ancillary
@@ -243,5 +246,6 @@ class StreamSummary:
     bits: dict[str, int]
     file_bytes: int
     error: GsvcError | None
+    times: FrameTimes
     gaps: list[Gap] = field(default_factory=list)
     ancillary: bytes | None = None

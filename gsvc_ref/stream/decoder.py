@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
+from gsvc_ref.bitstream.times import FrameTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
 from gsvc_ref.rendering.fast.threads import thread_count
@@ -89,6 +90,14 @@ class Stream:
     def frame_count(self) -> int | None:
         """The number of frames that the header or, in a file, the end chunk states; None if neither does."""
         return self._reader.frame_count
+
+    def times(self) -> FrameTimes:
+        """When frames are shown: ``times().time_of(n)`` in seconds from frame 0, ``duration_of(n)``, ``is_even``.
+
+        Of a file that is all that it says up to its end or its first fault, found without decoding; of a pipe what was
+        read so far, and each frame's before it comes. Frames of which nothing is said are evenly spaced.
+        """
+        return self._reader.times()
 
     def __iter__(self) -> Iterator[DecodedFrame]:
         return self._reader.frames()

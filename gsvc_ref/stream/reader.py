@@ -9,12 +9,14 @@ from typing import BinaryIO, Self
 
 from gsvc_ref.bitstream.coder import Element, categories_of
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MOST_LAYERS, SequenceHeader
+from gsvc_ref.bitstream.times import TIMES, FrameTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, LayerSummary, StreamSummary
 from gsvc_ref.stream.salvage import Salvage
 from gsvc_ref.stream.seeking import find_frame, find_whole_frame, read_end
 from gsvc_ref.stream.source import PIECE, Source
+from gsvc_ref.stream.times import find_times, no_times
 
 
 class StreamReader:
@@ -62,6 +64,7 @@ class StreamReader:
         except BaseException:
             self._source.close()
             raise
+        self._times = no_times(self._decoder)  # those of a pipe
 
     @property
     def header(self) -> SequenceHeader:
@@ -79,6 +82,10 @@ class StreamReader:
     def has_end(self) -> bool:
         """Whether the last bytes of a file are an end chunk, so that it was not cut; False for a pipe."""
         return read_end(self._decoder) is not None
+
+    def times(self) -> FrameTimes:
+        """When frames are shown; of a pipe as far as it has been read, which grows with each frame."""
+        return find_times(self._decoder) if self._source.seekable else self._times
 
     def __iter__(self) -> Iterator[DecodedFrame]:
         return self.frames()
@@ -168,6 +175,8 @@ class StreamReader:
     def _chunks(self, place: Place) -> Iterator[DecodedChunk]:
         while True:
             decoded = self._decoder.decode(place)
+            if not self._source.seekable:
+                _note_times(self._times, decoded)
             place = decoded.after
             yield decoded
             if decoded.is_end:
@@ -184,6 +193,7 @@ class StreamReader:
         frames: list[FrameSummary] = []
         gaps: list[Gap] = []
         error, kept = None, None
+        times = no_times(self._decoder)
         parts: Iterator[DecodedChunk | Gap]
         if salvage:
             self._check_salvage()
@@ -196,6 +206,7 @@ class StreamReader:
                     gaps.append(part)
                     continue
                 bits += part.bits
+                _note_times(times, part)
                 if part.ancillary is not None and part.ancillary[0] == ancillary:
                     kept = bytes(part.ancillary[1])
                 if (f := part.frame) is not None:
@@ -213,7 +224,7 @@ class StreamReader:
         file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
         counted = {category: bits[category] for category in categories_of(self.header.profile)}
         counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
-        return StreamSummary(self.header, frames, counted, file_bytes, error, gaps, kept)
+        return StreamSummary(self.header, frames, counted, file_bytes, error, times, gaps, kept)
 
     def close(self) -> None:
         """Close the file, if a path was given."""
@@ -226,6 +237,12 @@ class StreamReader:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _note_times(times: FrameTimes, part: DecodedChunk) -> None:
+    """Take what a chunk says about the times of frames, if it is one that does."""
+    if part.ancillary is not None and part.ancillary[0] == TIMES:
+        times.add(part.ancillary[1], part.after.next_number)
 
 
 def _check_range(start: int, stop: int | None) -> None:

@@ -48,7 +48,7 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
     if number == 0 or not decoder.source.seekable:
         return place
     while here.next_number <= number:
-        i_frame, after = _hop_over_window(decoder, here, number)
+        i_frame, after = hop_over_window(decoder, here, number)
         if after.offset == here.offset:  # anything but frames and ancillary chunks, or a fault
             chunk_type, after = decoder.hop(here)
             if chunk_type == chunks.END_TYPE:
@@ -72,15 +72,18 @@ def find_whole_frame(decoder: ChunkDecoder, number: int) -> Place:
     return decoder.first
 
 
-def _hop_over_window(decoder: ChunkDecoder, here: Place, number: int) -> tuple[Place | None, Place]:
-    """The last I-frame in a window, and the place after all chunks whose heads are in it, or after frame `number`."""
+def hop_over_window(decoder: ChunkDecoder, here: Place, number: int, *, stop_at: int = 0) -> tuple[Place | None, Place]:
+    """The last I-frame in a window, and the place after all chunks whose heads are in it, or after frame `number`.
+
+    The place is in front of the first ancillary chunk of the type `stop_at`, if there is one.
+    """
     source = decoder.source
     with source.lock:
         source.seek(here.offset)
         left = source.current_size() - here.offset
         data = np.frombuffer(source.read(WINDOW), np.uint8)
     at, next_number, index_length, i_at, i_number = _hop(
-        data, left, decoder.header.limits.payload, here.next_number, number
+        data, left, decoder.header.limits.payload, here.next_number, number, stop_at
     )
     i_frame = replace(here, offset=here.offset + i_at, next_number=i_number) if i_at >= 0 else None
     return i_frame, replace(here, offset=here.offset + at, next_number=next_number, index_length=index_length)
@@ -88,7 +91,7 @@ def _hop_over_window(decoder: ChunkDecoder, here: Place, number: int) -> tuple[P
 
 @kernel()
 def _hop(
-    data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int
+    data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int, stop_at: int
 ) -> tuple[int, int, int, int, int]:
     """Hop over frames and ancillary chunks, up to and with frame `number`, or the first other chunk.
 
@@ -102,6 +105,8 @@ def _hop(
         Maximum number of bytes of a payload.
     next_number, number
         The number of the next frame, and of the last one to hop over.
+    stop_at
+        A type of ancillary chunks that are not hopped over; 0: none.
 
     Returns
     -------
@@ -112,7 +117,7 @@ def _hop(
     while next_number <= number and at < len(data):
         chunk_type = data[at]
         predicted = chunk_type in (chunks.P_TYPE, chunks.R_TYPE)
-        ancillary = 0x61 <= chunk_type <= 0x7A
+        ancillary = 0x61 <= chunk_type <= 0x7A and chunk_type != stop_at
         end = payload_end(data, at, longest)
         if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == chunks.I_TYPE):
             break

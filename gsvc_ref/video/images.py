@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from PIL.Image import Transpose
 from PIL.JpegImagePlugin import JpegImageFile
 
 from gsvc_ref.arrays import Frame
@@ -28,6 +29,16 @@ MAX_RUNS: Final = 4
 ASSUMED_RATE: Final = Fraction(25)
 """Frames per second of pictures, which state none."""
 EXIF_ORIENTATION: Final = 0x0112
+EXIF_TURNS: Final = {
+    2: Transpose.FLIP_LEFT_RIGHT,
+    3: Transpose.ROTATE_180,
+    4: Transpose.FLIP_TOP_BOTTOM,
+    5: Transpose.TRANSPOSE,
+    6: Transpose.ROTATE_270,  # counterclockwise, so a quarter clockwise
+    7: Transpose.TRANSVERSE,
+    8: Transpose.ROTATE_90,
+}
+"""What makes a picture upright, by its EXIF orientation."""
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
@@ -59,11 +70,13 @@ def decode_image(data: bytes, name: str) -> PngImage:
         check_size(picture.width, picture.height, name)
         if picture.mode not in ("L", "RGB"):
             raise GsvcError("unsupported", f"{name} is a JPEG in {picture.mode}; convert it to RGB first")
-        frame = np.array(picture.convert("RGB"))  # (H, W, 3) u1
         orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
+        turn = EXIF_TURNS.get(orientation)
+        upright = picture if turn is None else picture.transpose(turn)
+        frame = np.array(upright.convert("RGB"))  # (H, W, 3) u1
     except (OSError, SyntaxError, ValueError, Warning) as error:  # the process may turn warnings into errors
         raise GsvcError("malformed", f"{name} is not a valid JPEG ({error}); export the picture again") from error
-    notes = ["a JPEG is read as it is stored; its EXIF orientation is not applied"] if orientation != 1 else []
+    notes = ["a JPEG is turned as its EXIF orientation says"] if turn is not None else []
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
 
 

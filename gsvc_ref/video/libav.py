@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -22,7 +21,16 @@ from gsvc_ref.video.format import (
     check_size,
     complete_color,
 )
-from gsvc_ref.video.pixel_layout import PixelLayout, layout, stand_in, take
+from gsvc_ref.video.libav_probe import (
+    Orientation,
+    is_even,
+    lost_tracks,
+    lost_with_picture,
+    open_container,
+    orientation,
+    packet_times,
+)
+from gsvc_ref.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
 from gsvc_ref.video.stream import VideoReader
 
 if TYPE_CHECKING:
@@ -54,32 +62,14 @@ def import_av() -> Any:
     return av
 
 
-def _plain_name(picture: av.VideoFrame) -> str:
-    """The pixel format of a picture, or that of its stand-in where it has no plain layout."""
-    pixel_format = picture.format
-    if layout(pixel_format.name):
-        return pixel_format.name
-    components = pixel_format.components
-    palette = pixel_format.has_palette
-    return stand_in(
-        rgb=pixel_format.is_rgb or palette or pixel_format.name.startswith(("xyz", "mono")),
-        alpha=palette or any(component.is_alpha for component in components),
-        deep=not palette and max(component.bits for component in components) > 8,
-    )
-
-
-def _plain_layout(name: str) -> PixelLayout:
-    pixels = layout(name)
-    assert pixels is not None, "a plain name has a layout"
-    return pixels
-
-
 def _fair_ratio(ratio: Fraction | None) -> Fraction | None:
     return ratio if ratio and ratio > 0 and max(ratio.numerator, ratio.denominator) <= MAX_RATIO_TERM else None
 
 
 class LibavReader(VideoReader):
-    """A reader of the first video stream of a file through PyAV.
+    """A reader of the first video stream of a file through PyAV, turned as its display matrix says.
+
+    What gets lost is in the notes before the first frame is read.
 
     Parameters
     ----------
@@ -102,13 +92,13 @@ class LibavReader(VideoReader):
         self._av = import_av()
         self._name = name
         self._decoded = 0
-        self._last_time: float | None = None
+        self._begin: Fraction | None = None  # the stamp of the first frame
+        self._told = Fraction(0)
+        self._times = packet_times(self._av, source)
+        self._is_uneven = False
+        self._turned = Orientation()
         try:
-            self._container = self._av.open(
-                "file:" + os.fspath(source) if isinstance(source, Path) else source,
-                options={"protocol_whitelist": "file"},  # a playlist must not reach into the network
-                metadata_errors="ignore",
-            )
+            self._container = open_container(self._av, source)
         except self._av.FFmpegError as error:
             raise self._unreadable(error) from error
         try:
@@ -132,11 +122,11 @@ class LibavReader(VideoReader):
         streams = self._container.streams.video
         if not streams or streams[0].codec_context is None:
             raise GsvcError("malformed", f"{self._name} holds no video that FFmpeg can decode; give another file")
-        if len(streams) > 1:
-            self.note(f"{self._name} holds {len(streams)} video streams; the first one is read")
         stream: av.VideoStream = streams[0]
         if stream.codec_context.name in TEXT_DECODERS:
             raise GsvcError("malformed", f"{self._name} is a text file, not a video; give a video file")
+        for sentence in lost_tracks(self._container, stream, self._name):
+            self.note(sentence)
         stream.thread_type = "NONE"  # with threads FFmpeg loses reports of damage
         stream.codec_context.thread_count = 1
         return stream
@@ -168,18 +158,49 @@ class LibavReader(VideoReader):
         if first is None:
             raise GsvcError("malformed", f"{self._name} holds no frame that FFmpeg can decode; give another file")
         check_size(first.width, first.height, self._name)
-        rate = _fair_ratio(stream.average_rate) or _fair_ratio(stream.guessed_rate)
-        if rate is None:
-            rate = Fraction(25)
-            self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
+        rate = self._find_rate()
         aspect = _fair_ratio(stream.sample_aspect_ratio) or Fraction(1)
         video = self._source_format(first)
+        for sentence in lost_with_picture(first, self._name):
+            self.note(sentence)
+        self._check_alpha(*self._buffers(first, 0), video, 0)
+        turned = orientation(first)
+        if turned is None:
+            self.note(f"{self._name} asks players to rotate it by {first.rotation} degrees; frames are as coded")
+        elif turned != self._turned:
+            self._turned = turned
+            self.note(f"{self._name} is {turned}, as its display matrix says")
+        width, height = video.width, video.height
+        if self._turned.swapped:
+            width, height, aspect = height, width, 1 / aspect
         count = stream.frames if stream.frames > 0 else None
-        return replace(video, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=count)
+        return replace(
+            video, width=width, height=height, frame_rate=rate, sample_aspect_ratio=aspect, frame_count=count
+        )
+
+    def _find_rate(self) -> Fraction:
+        """The frame rate: that which all time stamps keep to, or else the mean."""
+        rates = [_fair_ratio(self._stream.average_rate), _fair_ratio(self._stream.guessed_rate)]
+        known = [rate for rate in rates if rate is not None]
+        if not known:
+            self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
+            return Fraction(25)
+        if self._times is None:
+            return known[0]
+        times, unit = self._times
+        kept = next((rate for rate in known if is_even(times, unit, rate)), None)
+        if kept is None:
+            self._is_uneven = True
+            self.time_base = unit
+            self.note(
+                f"frames of {self._name} are not evenly spaced in time ({float(known[0]):.5g} per second on average); "
+                f"their time stamps go along with them"
+            )
+        return kept or known[0]
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
         """The format of one picture as its own tags say."""
-        pixels = _plain_layout(_plain_name(picture))
+        pixels = plain_layout(plain_name(picture))
         rgb, grey = pixels.chroma_format == "rgb", len(pixels.places) == 1
         matrix, siting = int(picture.colorspace), 0
         if rgb:
@@ -210,8 +231,8 @@ class LibavReader(VideoReader):
 
     def _buffers(self, picture: av.VideoFrame, number: int) -> tuple[list[Any], PixelLayout]:
         """The planes in memory as (rows, bytes of a line) u1, and their layout."""
-        found, name = picture.format.name, _plain_name(picture)
-        pixels = _plain_layout(name)
+        found, name = picture.format.name, plain_name(picture)
+        pixels = plain_layout(name)
         if name == found and any(plane.line_size < 0 for plane in picture.planes):
             if pixels.chroma_format != "rgb":
                 raise GsvcError(
@@ -220,7 +241,7 @@ class LibavReader(VideoReader):
                 )
             # PyAV's buffers cannot express bottom-up lines; a planar copy is top-down.
             name = stand_in(rgb=True, alpha=pixels.alpha is not None, deep=pixels.bit_depth > 8)
-            pixels = _plain_layout(name)
+            pixels = plain_layout(name)
         if name != found:
             picture = self._reformat(picture, name, number)
         views = (np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size) for plane in picture.planes)
@@ -246,14 +267,7 @@ class LibavReader(VideoReader):
         if video.color != self.format.color:
             self.note(f"{self._name} changes its colour tags at frame {number}; each frame is converted by its own")
         shapes = video.plane_shapes
-        if pixels.alpha is not None:
-            if int(take(pixels.alpha, buffers, shapes[0], pixels).min()) < video.peak:
-                raise GsvcError(
-                    "unsupported",
-                    f"frame {number} of {self._name} is transparent in places, and GSVC has no alpha: flatten the "
-                    f"video onto a background of your choice first",
-                )
-            self.note("an alpha channel that is opaque everywhere was dropped")
+        self._check_alpha(buffers, pixels, video, number)
         planes = [take(place, buffers, shapes[i], pixels) for i, place in enumerate(pixels.places)]
         if pixels.chroma_format == "rgb":
             if video.color.full_range:
@@ -263,12 +277,27 @@ class LibavReader(VideoReader):
             planes += [np.full(shape, 1 << (video.bit_depth - 1), video.dtype) for shape in shapes[1:]]
         return to_rgb(planes, video)
 
+    def _check_alpha(self, buffers: list[Any], pixels: PixelLayout, video: VideoFormat, number: int) -> None:
+        """Say of an alpha channel that it is left out, and refuse a frame that is not opaque."""
+        if pixels.alpha is None:
+            return
+        if int(take(pixels.alpha, buffers, video.plane_shapes[0], pixels).min()) < video.peak:
+            raise GsvcError(
+                "unsupported",
+                f"frame {number} of {self._name} is transparent in places, and GSVC has no alpha: flatten the "
+                f"video onto a background of your choice first",
+            )
+        self.note(f"the alpha channel of {self._name} is left out; a frame that is not opaque would end the reading")
+
     def _check(self, picture: av.VideoFrame, number: int) -> None:
         if picture.is_corrupt:
             raise GsvcError(
                 "malformed", f"frame {number} of {self._name} is damaged; give an intact file, or repair it with ffmpeg"
             )
-        found = (picture.width, picture.height, _plain_layout(_plain_name(picture)).bit_depth)
+        width, height = picture.width, picture.height
+        if self._turned.swapped:
+            width, height = height, width
+        found = (width, height, plain_layout(plain_name(picture)).bit_depth)
         expected = (self.format.width, self.format.height, self.format.bit_depth)
         if found != expected:
             raise GsvcError(
@@ -276,20 +305,26 @@ class LibavReader(VideoReader):
                 f"frame {number} of {self._name} is {found[0]}x{found[1]} with {found[2]} bits, the frames before are "
                 f"{expected[0]}x{expected[1]} with {expected[2]}: scale the video to one size and depth first",
             )
-        self._check_time(picture)
         if picture.interlaced_frame:
             self.note(f"{self._name} is interlaced; its frames are read as if progressive")
-        if picture.rotation:
-            self.note(f"{self._name} asks players to rotate it by {picture.rotation} degrees; frames are as coded")
+        if orientation(picture) not in (self._turned, None):
+            self.note(f"{self._name} changes its display matrix at frame {number}; frames are turned as the first one")
 
-    def _check_time(self, picture: av.VideoFrame) -> None:
-        time, last, expected = picture.time, self._last_time, 1 / float(self.format.frame_rate)
-        if time is not None and last is not None and abs(time - last - expected) > 0.6 * expected + 0.001:
-            self.note(
-                f"frames of {self._name} are not evenly spaced in time; they are taken in order, as if "
-                f"{self.format.frame_rate} per second"
-            )
-        self._last_time = time
+    def _keep_time(self, picture: av.VideoFrame) -> None:
+        """Note when a frame is shown, and when it ends, if frames are not evenly spaced."""
+        if not self._is_uneven:
+            return
+        unit, usual = picture.time_base, 1 / self.format.frame_rate
+        stamp = None if picture.pts is None or unit is None else picture.pts * unit
+        if self._begin is None:
+            self._begin, time = stamp or Fraction(0), Fraction(0)
+        else:
+            time = self._told + usual if stamp is None else stamp - self._begin
+            if time <= self._told:
+                self.note(f"time stamps of {self._name} do not grow from frame to frame; frames are taken in order")
+                time = self._told + usual
+        self._told = self.frame_time = time
+        self.end_time = time + (picture.duration * unit if picture.duration and unit else usual)
 
     def _read(self) -> Iterator[Frame]:
         pictures = self._queue if self._first is None else chain([self._first], self._queue)
@@ -297,7 +332,9 @@ class LibavReader(VideoReader):
         for number, picture in enumerate(pictures):
             self._check(picture, number)
             self._decoded = number + 1
-            yield self._convert(picture, number)
+            frame = self._turned.apply(self._convert(picture, number))
+            self._keep_time(picture)
+            yield frame
         if self.format.frame_count is not None and self.format.frame_count != self._decoded:
             self.note(f"{self._name} states {self.format.frame_count} frames, but {self._decoded} could be read")
 

@@ -8,7 +8,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import y4m
 from gsvc_ref.video.format import VideoFormat
-from gsvc_ref.video.stream import VideoReader, VideoWriter
+from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import SIGNATURE
 
 STREAM_SUFFIX: Final = ".gsvc"
@@ -97,25 +97,37 @@ def _open_file(file: BinaryIO) -> VideoReader:
     return libav.LibavReader(file, name)
 
 
-def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWriter:
+def takes_sound(target: str | Path | BinaryIO) -> bool:
+    """Whether a target has a place for sound."""
+    from gsvc_ref.video.libav_writer import CONTAINERS
+
+    return isinstance(target, str | Path) and Path(target).suffix.lower() in CONTAINERS and not Path(target).is_dir()
+
+
+def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: Extras = NO_EXTRAS) -> VideoWriter:
     """Open a target for frames; it is complete, and stands under its name, only after `close`.
 
     Parameters
     ----------
     target
         ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a single
-        frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); an existing folder,
-        or a name without a suffix, for numbered PNG files. A pipe or device takes y4m.
+        frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); ``.gif`` or ``.webp``
+        for an animation; an existing folder, or a name without a suffix, for numbered PNG files. A pipe or device takes
+        y4m.
     format
         The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
+    extras
+        Time stamps, which only a target keeps whose `carries_times` is true, and a file whose sound is copied.
 
     Raises
     ------
     FileNotFoundError
         The folder that is to hold the target does not exist.
     UsageError
-        The suffix is unknown, the folder holds pictures already, or the format cannot be written.
+        The suffix is unknown, the folder holds pictures already, or the format or the sound cannot be written.
     """
+    if extras.audio_from is not None and not takes_sound(target):
+        raise UsageError(f"{target} has no place for sound; write .mp4, .mkv, .mov or .webm")
     if target == "-":
         return y4m.Y4mWriter(sys.stdout.buffer, format)
     if not isinstance(target, str | Path):
@@ -124,13 +136,15 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat) -> VideoWrit
     suffix = path.suffix.lower()
     if not path.is_dir() and (suffix == ".y4m" or (path.exists() and not path.is_file())):
         return y4m.Y4mWriter(path, format)
-    from gsvc_ref.video import images, libav_writer
+    from gsvc_ref.video import animation, images, libav_writer
 
     if path.is_dir() or (suffix == "" and not path.exists()):
         return images.ImageFolderWriter(path, format)
     if suffix == ".png":
         return images.ImageFileWriter(path, format)
     if suffix in libav_writer.CONTAINERS:
-        return libav_writer.LibavWriter(path, format)
-    known = ", ".join([".y4m", ".png", *libav_writer.CONTAINERS])
+        return libav_writer.LibavWriter(path, format, extras)
+    if suffix in animation.UNIT:
+        return animation.AnimationWriter(path, format, extras)
+    known = ", ".join([".y4m", ".png", *libav_writer.CONTAINERS, *animation.UNIT])
     raise UsageError(f"cannot tell what to write as {path}; give a name that ends in {known}, a folder, or - for y4m")

@@ -152,3 +152,24 @@ def take(
     samples = lines[:, : lines.shape[1] // dtype.itemsize * dtype.itemsize].view(dtype)
     used = samples[:, first::step][:, :columns] >> pixels.shift
     return used.astype(np.uint8 if pixels.bit_depth == 8 else np.uint16)
+
+
+def plain_name(picture: Any) -> str:
+    """The pixel format of a picture of PyAV, or that of its stand-in where it has no plain layout."""
+    pixel_format = picture.format
+    if layout(pixel_format.name):
+        return str(pixel_format.name)
+    components = pixel_format.components
+    palette = pixel_format.has_palette
+    return stand_in(
+        rgb=pixel_format.is_rgb or palette or pixel_format.name.startswith(("xyz", "mono")),
+        alpha=palette or any(component.is_alpha for component in components),
+        deep=not palette and max(component.bits for component in components) > 8,
+    )
+
+
+def plain_layout(name: str) -> PixelLayout:
+    """The layout of a pixel format that `plain_name` gives."""
+    pixels = layout(name)
+    assert pixels is not None, "a plain name has a layout"
+    return pixels

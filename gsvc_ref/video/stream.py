@@ -2,8 +2,11 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Protocol, Self
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
@@ -19,6 +22,13 @@ class VideoReader(ABC):
         The format of the source.
     notes
         Sentences about what was assumed or left out; more may come while frames are read.
+    frame_time
+        When the frame given last is shown, in seconds from the first frame of the source; None of a source whose frames
+        are evenly spaced, `format.frame_rate` a second.
+    end_time
+        When the frame given last ends; None if that is not known.
+    time_base
+        A unit of which `frame_time` is a multiple, in seconds; None if there is none that is known.
 
     Raises
     ------
@@ -31,6 +41,9 @@ class VideoReader(ABC):
 
     def __init__(self) -> None:
         self.notes = []
+        self.frame_time: Fraction | None = None
+        self.end_time: Fraction | None = None
+        self.time_base: Fraction | None = None
         self._frames: Iterator[Frame] | None = None
         self._delivered = 0
 
@@ -70,6 +83,38 @@ class VideoReader(ABC):
         self.close()
 
 
+class Times(Protocol):
+    """When frames are shown, as `gsvc_ref.bitstream.times.FrameTimes` says it."""
+
+    ticks_per_second: int | None
+
+    def time_of(self, frame: int) -> Fraction:
+        """The second at which a frame is shown, from that of frame 0."""
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What goes with the frames of a video that is written.
+
+    Attributes
+    ----------
+    times
+        When frames are shown; None if they are evenly spaced.
+    first_frame
+        The number, in `times`, of the first frame that is written.
+    audio_from
+        A file whose sound is copied, from the time of that frame on; None: no sound.
+    """
+
+    times: Times | None = None
+    first_frame: int = 0
+    audio_from: Path | None = None
+
+
+NO_EXTRAS: Final = Extras()
+"""Evenly spaced frames without sound."""
+
+
 class VideoWriter(ABC):
     """A writer of frames; the result stands under its final name only after `close`.
 
@@ -81,16 +126,40 @@ class VideoWriter(ABC):
         The format that frames must fit, and that is written.
     notes
         Sentences about what the target cannot carry.
+    written_depth
+        Bits per sample of what is written; other than those of `format` where the target cannot hold them.
     frames_written, frames_skipped
         Number of frames that were written, and that were left out by `skip`.
     """
 
-    def __init__(self, video: VideoFormat) -> None:
+    carries_times = False
+    """Whether the target says when frames are shown."""
+
+    def __init__(self, video: VideoFormat, extras: Extras = NO_EXTRAS) -> None:
         self.format = video
+        self.times = extras.times
+        self.written_depth = video.bit_depth
+        self._first_frame = extras.first_frame
         self.notes: list[str] = []
         self.frames_written = 0
         self.frames_skipped = 0
         self._open = True
+
+    @property
+    def start_time(self) -> Fraction:
+        """When the first frame that is written is shown, in seconds from that of frame 0."""
+        first = self._first_frame
+        return first / self.format.frame_rate if self.times is None else self.times.time_of(first)
+
+    def span(self) -> tuple[Fraction, Fraction]:
+        """When the next frame is shown, and when it ends, in seconds from that of the first frame that is written.
+
+        With `times` a frame that is missing leaves its time to the one before.
+        """
+        if self.times is None:
+            return self.frames_written / self.format.frame_rate, (self.frames_written + 1) / self.format.frame_rate
+        number = self._first_frame + self.frames_written + self.frames_skipped
+        return self.times.time_of(number) - self.start_time, self.times.time_of(number + 1) - self.start_time
 
     def write(self, frame: Frame) -> None:
         """Append a frame, (H, W, 3) full-range R'G'B', u1 for 8 bits, else u2.

@@ -4,7 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_ref.cli import main
 from gsvc_ref.cli.arguments import finite, frame_range, key_frames, positive, size, whole
+from gsvc_ref.cli.files import check_stream_name
+from gsvc_ref.errors import UsageError
 
 numbers = st.integers(0, 10**9 - 1)
 
@@ -70,3 +73,44 @@ def test_numbers_and_sizes():
     assert positive("0.5") == 0.5
     assert whole("-7") == -7
     assert size("192x112") == (192, 112)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["encode", "a", "b", "--splat", "3"], "unknown argument --splat (did you mean --splats?)"),
+        (["encode", "a", "b", "--prest=slow"], "unknown argument --prest=slow (did you mean --preset?)"),
+        (["info", "a", "--salvge"], "unknown argument --salvge (did you mean --salvage?)"),
+        (["encode", "a", "b", "--zzz"], "unknown argument --zzz; see gsvc encode --help"),
+        (["encode", "a", "b", "splats"], "unknown argument splats; see gsvc encode --help"),
+        (["encod", "a", "b"], "there is no command 'encod' (did you mean encode?); see gsvc --help"),
+        (["zzz"], "there is no command 'zzz'; see gsvc --help"),
+        (["--versio"], "unknown argument --versio (did you mean --version?)"),
+    ],
+)
+def test_a_slip_of_the_pen_is_understood(arguments, said, capsys):
+    assert main(arguments) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["a.mkv", "folder.gsvc/a.Y4M", "a.gsvc.png", "a.gif"])
+def test_a_stream_under_the_name_of_another_format(name):
+    with pytest.raises(UsageError, match="--force"):
+        check_stream_name(name, force=False)
+    check_stream_name(name, force=True)
+
+
+@pytest.mark.parametrize("name", ["-", "a.gsvc", "a", "a.part", "a.2024", ".mkv", "/dev/null"])
+def test_names_of_streams(name):
+    check_stream_name(name, force=False)
+
+
+@pytest.mark.parametrize("command", ["encode", "concat", "cut", "import"])
+def test_commands_ask_before_they_write_under_another_name(command, tmp_path, capsys):
+    source = tmp_path / "a.gsvc"
+    source.write_bytes(b"x")
+    target = tmp_path / "a.mp4"
+    options = {"concat": ["-o", str(target)], "cut": [str(target), "--layer", "0"]}.get(command, [str(target)])
+    assert main([command, str(source), *options]) == 2
+    assert "name it a.gsvc" in capsys.readouterr().err
+    assert not target.exists()

@@ -58,7 +58,7 @@ def test_text_file(fails, tmp_path, command):
         pytest.importorskip("av")
     text = tmp_path / "text.txt"
     text.write_text("Dear reader,\nthis is no video.\n")
-    targets = [] if command == "info" else [tmp_path / "out.y4m"]
+    targets = [] if command == "info" else [tmp_path / ("out.gsvc" if command == "encode" else "out.y4m")]
     assert "text.txt" in fails(1, command, text, *targets)
 
 

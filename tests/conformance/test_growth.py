@@ -162,7 +162,7 @@ def test_the_registry_has_every_letter_once_and_in_its_class():
 def test_what_is_assigned_is_what_the_decoder_knows():
     assigned = {row[0].strip("`") for row in registry() if row[5] == "assigned"}
     assert {letter for letter in assigned if letter.isupper()} == set(spec.namespace()["CRITICAL"])
-    assert {letter for letter in assigned if letter.islower()} == {"x", "d", "n"}
+    assert {letter for letter in assigned if letter.islower()} == {"x", "d", "t", "n"}
     rows = re.findall(
         r"^\| `(profile|level)` \| (\d+)(?: to (\d+))? \| .*?\| ([a-z ]+) \|", clause("F.10"), re.MULTILINE
     )

@@ -18,7 +18,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.reconstruction import State, reconstruct
 from gsvc_ref.stream import StreamReader, concat
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.copying import CopiedStream, Opening, _Index
+from gsvc_ref.stream.copying import CopiedStream, Opening, _Index, sound_chunks
 from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
@@ -418,6 +418,7 @@ def test_an_index_without_room_in_the_level_is_left_out():
         out = io.BytesIO()
         result = CopiedStream(out, Opening(0, StreamReader(OVERVIEW).header, b""))
         result._index.steps = bytearray(size)
-        list(result.copy("part 1", ChunkDecoder(Source(OVERVIEW))))
+        stream = ChunkDecoder(Source(OVERVIEW))
+        list(result.copy("part 1", stream, sound_chunks(stream)))
         result.finish()
         assert types(out.getvalue()) == written

@@ -91,8 +91,8 @@ def test_jpeg(tmp_path):
     (tmp_path / "one.jpeg").write_bytes(jpeg(frame, exif=exif))
     with open_video(tmp_path / "one.jpeg") as reader:
         (read,) = reader
-        assert reader.notes == ["a JPEG is read as it is stored; its EXIF orientation is not applied", RATE_NOTE]
-    assert np.abs(read.astype(int) - frame).max() <= 6
+        assert reader.notes == ["a JPEG is turned as its EXIF orientation says", RATE_NOTE]
+    assert np.abs(read.astype(int) - np.rot90(frame, -1)).max() <= 6
 
 
 @pytest.mark.parametrize(

@@ -160,6 +160,51 @@ def every_ancillary_type() -> Inputs:
     assert len(result(expected, "counts")) == 3
 
 
+def timed(*payloads: bytes) -> bytes:
+    """The stream of `sequence` with chunks `t` before its first frames, one before each."""
+    chunks = split_chunks(stream_of(sequence()))
+    head, frames = chunks[:1], chunks[1:]
+    between = [part for payload, frame in zip(payloads, frames, strict=False) for part in ((b"t", payload), frame)]
+    return operated(lambda _: [*head, *between, *frames[len(payloads) :]], stream_of(sequence()))
+
+
+TIMES: Final[dict[str, list[tuple[int, ...]]]] = {
+    "of_all_frames": [(1000, 0, 3, 2, 40, 1, 120, 2, 33)],
+    "of_a_live_stream": [(90000, 0, 1, 1, 3003), (90000, 1, 1, 1, 6006), (90000, 2, 1, 3, 1)],
+    "of_frames_that_never_come": [(1, 4, 2, 2, 2**32 - 1, 2**32 - 6, 1)],
+    "of_no_frame": [(2**32 - 1, 0, 0)],
+}
+"""What chunks `t` hold: ticks_per_second, first_frame, run_count, and both elements of each run."""
+
+
+@on("core", *STREAM, flags=["unknown"], rules=["R-6.11-1", "R-6.11-2"], each=TIMES)
+def time_stamps(value: list[tuple[int, ...]]) -> Inputs:
+    """Time stamps {key}, which change no frame."""
+    expected = yield {"stream": timed(*(b"".join(map(encode_uv, numbers)) for numbers in value))}
+    assert result(expected, "counts").tolist() == [2] * 5
+
+
+FAULTY_TIMES: Final[dict[str, tuple[bytes, ...]]] = {
+    "empty": (b"",),
+    "cut_off": (bytes([100, 0, 2, 1, 40, 1]),),
+    "that_go_on": (bytes([100, 0, 1, 1, 40, 0]),),
+    "without_ticks": (bytes([0, 0, 1, 1, 40]),),
+    "of_no_duration": (bytes([100, 0, 1, 1, 0]),),
+    "of_33_bits": (b"\xff\xff\xff\xff\x1f",),
+    "of_2_to_the_32_runs": (bytes([100, 0]) + encode_uv(2**32 - 1),),
+    "told_twice": (bytes([100, 0, 1, 4, 40]), bytes([100, 1, 1, 4, 50])),
+    "told_too_late": (bytes([100, 0, 1, 1, 40]), bytes([100, 0, 1, 1, 40])),
+    "of_two_units": (bytes([100, 0, 1, 1, 40]), bytes([99, 1, 1, 1, 40])),
+}
+
+
+@on("core", "reconstruct_stream", flags=["unknown"], rules=["R-6.11-1", "R-6.11-2", "R-6.11-3"], each=FAULTY_TIMES)
+def faulty_time_stamps(value: tuple[bytes, ...]) -> Inputs:
+    """Time stamps {key}: they are ignored, and refuse no stream."""
+    expected = yield {"stream": timed(*value)}
+    assert result(expected, "counts").tolist() == [2] * 5
+
+
 @on("core", "reconstruct_stream", flags=["unknown"], rules=["R-6.2-5"])
 def chunk_length_of_three_bytes() -> Inputs:
     """A payload of 16384 bytes: `chunk_length` takes three bytes."""

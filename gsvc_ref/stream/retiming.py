@@ -1,0 +1,66 @@
+"""Time stamps of the frames that an editor keeps, with the numbers that these have in the result (R-6.11-4)."""
+
+from collections.abc import Iterable, Iterator
+
+from gsvc_ref.bitstream import chunks
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.bitstream.times import TIMES, FrameTimes, Run, read_times, write_times
+from gsvc_ref.stream.formats import video_format
+
+
+class Retiming:
+    """The chunks `t` of the parts of a result, one part after the other.
+
+    Attributes
+    ----------
+    lost
+        Chunks that could not be kept, since a part before has other ticks.
+    """
+
+    def __init__(self, header: SequenceHeader) -> None:
+        self._frame_rate = video_format(header).frame_rate
+        self._ticks: int | None = None
+        self.lost = 0
+
+    def of_part(
+        self, all_chunks: Iterable[tuple[int, Reader]], start: int, stop: int | None, first: int
+    ) -> Iterator[tuple[int, Reader]]:
+        """The chunks of a part, those of time stamps made anew.
+
+        Parameters
+        ----------
+        all_chunks
+            All of its frames and ancillary chunks, in their order.
+        start, stop
+            The frames that stay, those from `start` to `stop` - 1; None: to the end.
+        first
+            The number of the frame `start` in the result.
+        """
+        said = FrameTimes(self._frame_rate)
+        number = 0
+        for chunk_type, p in all_chunks:
+            number += chunk_type in chunks.FRAMES
+            if chunk_type != ord(TIMES):
+                yield chunk_type, p
+            elif said.add(p.rest, number) and (found := read_times(p.rest)) is not None:  # others say nothing
+                ticks, begin, runs = found
+                kept_from, kept = _within(begin, runs, start, stop)
+                if kept and self._ticks in (None, ticks):
+                    self._ticks = ticks
+                    yield chunk_type, Reader(write_times(ticks, kept_from - start + first, kept))
+                elif kept:
+                    self.lost += 1
+
+
+def _within(begin: int, runs: list[Run], start: int, stop: int | None) -> tuple[int, list[Run]]:
+    """The runs of frames `start` to `stop` - 1 alone, and the first frame of the first one."""
+    kept = []
+    first = max(begin, start)
+    for frames, ticks in runs:
+        end = begin + frames
+        inside = (end if stop is None else min(end, stop)) - max(begin, start)
+        if inside > 0:
+            kept.append((inside, ticks))
+        begin = end
+    return first, kept
