@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 import gsvc_ref
-from gsvc_lab.experiments.rate_distortion import codecs
-from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
-from gsvc_lab.experiments.rate_distortion.coders import Coder
-from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench import codecs
+from gsvc_lab.bench.codecs import Codec, Variant
+from gsvc_lab.bench.coders import Coder
+from gsvc_lab.bench.ffmpeg import FfmpegError
+from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.encoder.report import FrameReport

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_lab.bench import ffmpeg
 from gsvc_lab.clips import as_frame, as_picture
-from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
