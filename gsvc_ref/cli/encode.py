@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.encode_options import add_options, make_settings
+from gsvc_ref.cli.encode_page import check_page, write_page
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
@@ -42,6 +43,7 @@ def run(arguments: Namespace) -> int:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
+    check_page(arguments)
     try:
         return _encode(arguments)
     except KeyboardInterrupt:
@@ -88,6 +90,7 @@ def _encode(arguments: Namespace) -> int:
     if report.interrupted:
         say(COMMAND, _interrupted(arguments.output, report))
         return EXIT_INTERRUPTED
+    write_page(arguments, report)
     return 0
 
 
