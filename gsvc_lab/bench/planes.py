@@ -127,6 +127,14 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     return _counted(_titled(path, start), note, target, part.format(video))
 
 
+def from_any(source: str, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
+    """Frames of a file, as `from_file`, or of a built-in scene or a folder of pictures."""
+    if Path(source).is_file():
+        return from_file(Path(source), target, frames, crop, start)
+    with open_video(source) as reader:
+        return from_reader(reader, _titled(Path(source), start), target, frames, crop, start)
+
+
 def from_raw(
     path: Path, target: Path, frames: int, video: VideoFormat, crop: tuple[int, int] | None = None
 ) -> PlanarClip:

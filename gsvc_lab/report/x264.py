@@ -10,7 +10,7 @@ from typing import Final
 
 from gsvc_lab.bench import codecs
 from gsvc_lab.bench.codecs import CODECS, Variant
-from gsvc_lab.bench.planes import PlanarClip, from_file, from_reader
+from gsvc_lab.bench.planes import PlanarClip, from_any
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
@@ -87,10 +87,7 @@ def x264_at(source: str, start: int, frames: int, goal: float, say: Say) -> tupl
         say("frames for x264")
         with open_video(source) as reader:
             even = (reader.format.width // 2 * 2, reader.format.height // 2 * 2)
-            if not Path(source).is_file():
-                clip = from_reader(reader, source, folder / "clip.yuv", frames, start=start)
-        if Path(source).is_file():
-            clip = from_file(Path(source), folder / "clip.yuv", frames, start=start)
+        clip = from_any(source, folder / "clip.yuv", frames, start=start)
         if (clip.format.width, clip.format.height) != even or clip.frame_count != frames:
             raise UsageError("ffmpeg reads frames of another size or number than gsvc_ref does")
         found = []

@@ -3,18 +3,15 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Final
-
-import numpy as np
 
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.codecs import CODECS, Codec
 from gsvc_lab.bench.coders import ALONE, CODERS, LONG, LONG_RUNS, MAIN, OWN, PAPER, SLOW
 from gsvc_lab.bench.compare import Comparison, Ratios, compared, first_of, ratios
-from gsvc_lab.bench.measure import Curve, codec_curves, gsvc_curves, gsvc_point
-from gsvc_lab.bench.planes import PlanarClip, from_frames
+from gsvc_lab.bench.measure import Curve, codec_curves, gsvc_curves, warm_up
+from gsvc_lab.bench.planes import PlanarClip
 from gsvc_lab.bench.tables import anchor_table, bd_table, points_table
 from gsvc_lab.experiments.experiment import Experiment, Result, Run
 from gsvc_lab.experiments.rate_distortion.claim import verdict
@@ -31,9 +28,6 @@ from gsvc_lab.experiments.rate_distortion.tables import (
     why_table,
 )
 from gsvc_ref.cli.text import plural
-from gsvc_ref.video import ColorDescription, VideoFormat
-
-WARM_UP: Final = VideoFormat(64, 48, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
 
 MORE: Final = "bits that it takes more at equal quality"
 
@@ -58,14 +52,6 @@ def said(curve: Curve) -> str:
         f"{curve.coder}, {first.bits_per_pixel:.3f} to {last.bits_per_pixel:.3f} bits/pixel, {first.psnr:.1f} to "
         f"{last.psnr:.1f} dB, {first.encoding_seconds:.3f} to {last.encoding_seconds:.3f} s/frame"
     )
-
-
-def warm_up(folder: Path) -> None:
-    """Compile what GSVC and the metrics need, so that no row waits for the compiler."""
-    noise = np.random.default_rng(0).integers(0, 256, (3, 48, 64, 3), np.uint8)
-    clip = from_frames(noise, "", "", folder / "warm-up.yuv", WARM_UP)
-    for coder in (PAPER, MAIN, ALONE):
-        gsvc_point(clip, coder.settings(splats=20, **({} if coder is MAIN else {"iterations": 2})), folder)
 
 
 @dataclass(frozen=True)
@@ -95,7 +81,7 @@ def run(settings: Run, codecs: Sequence[Codec] = CODECS) -> Result:
     with tempfile.TemporaryDirectory(prefix="gsvc-rate-distortion-") as name:
         folder = Path(name)
         settings.say("compiling kernels")
-        warm_up(folder)
+        warm_up((PAPER, MAIN, ALONE), folder)
         clips: list[PlanarClip] = []
         curves: list[Curve] = []
         layers: list[Layered] = []

@@ -31,7 +31,7 @@ needs_ffmpeg = pytest.mark.skipif(not ffmpeg.available(), reason="needs imageio-
 
 @pytest.fixture
 def clip(tmp_path):
-    video = replace(rate_distortion.WARM_UP, width=64, height=64)
+    video = replace(measure.WARM_UP, width=64, height=64)
     return from_frames(demo_clip(64, 64, 3), "demo", "drawn", tmp_path / "clip.yuv", video)
 
 
@@ -262,7 +262,7 @@ def test_codecs_get_the_planes_of_the_file(tmp_path, name):
 
 @needs_ffmpeg
 def test_a_raw_file_may_end_within_a_frame(tmp_path):
-    video = replace(rate_distortion.WARM_UP, width=16, height=16)
+    video = replace(measure.WARM_UP, width=16, height=16)
     samples = np.random.default_rng(1).integers(0, 256, 3 * 384 + 5, np.uint8)
     path = tmp_path / "raw.yuv"
     path.write_bytes(samples.tobytes())
@@ -384,11 +384,11 @@ def test_without_ffmpeg_the_rest_is_measured(clip, tmp_path, monkeypatch):
 @needs_ffmpeg
 def test_the_experiment_compares_and_draws(tmp_path, monkeypatch):
     def load(target):
-        video = replace(rate_distortion.WARM_UP, width=64, height=64)
+        video = replace(measure.WARM_UP, width=64, height=64)
         return from_frames(demo_clip(64, 64, 3), "a $ of <b>", "drawn", target, video)
 
     monkeypatch.setattr(rate_distortion, "jobs", lambda run: [plan.Job(load, (20, 60))])
-    monkeypatch.setattr(rate_distortion, "warm_up", lambda folder: None)
+    monkeypatch.setattr(rate_distortion, "warm_up", lambda coders, folder: None)
     monkeypatch.setattr(rate_distortion, "CODERS", (coders.PAPER, coders.MAIN, coders.ALONE))
     quick = Settings.quick
     monkeypatch.setattr(
