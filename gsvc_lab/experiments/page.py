@@ -60,7 +60,7 @@ def _section(made: dict[str, Any]) -> str:
 def _figure(name: str, caption: str) -> str:
     return (
         f'<figure><div class="scroll"><img src="{name}.svg" alt="{escape(caption)}" '
-        f'style="width:auto;max-width:100%;min-width:34rem;background:#fff"></div>'
+        f'style="width:auto;max-width:100%;min-width:44rem;background:none"></div>'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 
