@@ -71,8 +71,9 @@ def draw_clip(curves: Sequence[Curve], title: str, number: int, folder: Path) ->
     _legend(figure, axes.flat[0], title)
     missing = "".join(f" {curve.coder} could not be run." for curve in curves if not curve.points)
     caption = (
-        f"{title}: quality over rate, from the bare streams of all its frames; black (white on dark pages) is profile main, grey profile "
-        f"paper, blue and hollow x264 without B-frames or not tuned for PSNR. The rate axis is logarithmic.{missing}"
+        f"{title}: quality over rate, from the bare streams of all its frames; black (white on dark pages) "
+        f"is profile main, grey profile paper, blue and hollow x264 without B-frames or not tuned for PSNR. "
+        f"The rate axis is logarithmic.{missing}"
     )
     return {_save(figure, folder, slug(title.split(",")[0], number)): caption}
 
