@@ -41,7 +41,7 @@ def preview_section(data: ReportData) -> str:
     alt = (
         "The original video on the left, the decoded one on the right" if data.preview_original else "The decoded video"
     )
-    caption = "This preview is squeezed once more to keep the page small; the still pictures further down have no further loss."
+    caption = "This preview is squeezed once more to keep the page small; the still pictures further down are not."
     caption += f" {data.preview_note}" if data.preview_note else ""
     if moving is None:
         moving, caption = still, "The first frame; this Pillow cannot write the moving preview (no WebP)."
