@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.encode_options import add_options, make_settings
-from gsvc_ref.cli.encode_page import check_page, write_page
+from gsvc_ref.cli.encode_page import check_page, without_page, write_page
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
@@ -85,13 +85,12 @@ def _encode(arguments: Namespace) -> int:
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
-        say(COMMAND, str(fault))
+        say(COMMAND, str(fault) + without_page(arguments))
         return EXIT_DATA
     if report.interrupted:
-        say(COMMAND, _interrupted(arguments.output, report))
+        say(COMMAND, _interrupted(arguments.output, report) + without_page(arguments))
         return EXIT_INTERRUPTED
-    write_page(arguments, report)
-    return 0
+    return write_page(arguments, report)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

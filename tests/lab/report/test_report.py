@@ -260,6 +260,18 @@ def test_without_the_package_of_pages_encode_says_so(coded, tmp_path, monkeypatc
     assert "--report needs gsvc_lab" in capsys.readouterr().err
 
 
+def test_ctrl_c_in_the_page_keeps_the_file(coded, tmp_path, monkeypatch, capsys):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plugins, "page_writer", lambda: interrupted)
+    out = tmp_path / "out.gsvc"
+    words = ["encode", str(coded[0]), str(out), "--frames", "0:1", "--splats", "8", "--threads", "1"]
+    assert main([*words, "--report", str(tmp_path / "page.html")]) == 130
+    assert "out.gsvc is complete" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["out.gsvc"]
+
+
 def test_a_source_of_another_size_is_refused(coded):
     summary = summarise(coded[1])
     with pytest.raises(UsageError, match="give the video that was encoded"):
