@@ -66,7 +66,7 @@ WORDS: Final = {
     "ancillary": "What pictures do not need, such as the log of the encoder’s decisions.",
     "unread, skipped": "Bits at and behind damage, which cannot be believed.",
     "x264": (
-        "The most used encoder of H.264 (AVC). Slow is its preset of that name. With I and P only it predicts from "
+        "A widely used encoder of H.264 (AVC). Slow is its preset of that name. With I and P only it predicts from "
         "past frames as GSVC does; by default it also has B-frames, which are predicted from both sides."
     ),
     "CRF": "Constant rate factor: the number that sets the quality of x264, x265 and SVT-AV1; less is better.",
