@@ -94,6 +94,20 @@ def test_the_codec_stands_alone(package, not_allowed):
     assert wrong == []
 
 
+def test_what_ships_needs_nothing_that_stays_in_the_checkout():
+    """pyproject.toml leaves these out of the wheel."""
+    left_out = ("gsvc_lab.experiments", "gsvc_lab.benchmarks", "gsvc_lab.site")
+    wrong = [
+        (module, other)
+        for module, others in arrows().items()
+        for other in others
+        if module.startswith(("gsvc_ref", "gsvc_lab"))
+        and not module.startswith(left_out)
+        and other.startswith(left_out)
+    ]
+    assert wrong == []
+
+
 def test_rooms_of_the_codec_import_only_those_below():
     order = {f"gsvc_ref.{room}": place for place, room in enumerate(ROOMS)}
     wrong = [

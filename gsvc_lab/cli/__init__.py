@@ -1,1 +1,1 @@
-"""The commands of ``gsvc`` that gsvc_lab adds: ``accuracy``, ``scene`` and ``demo``."""
+"""The commands of ``gsvc`` that gsvc_lab adds: ``report``, ``bench``, ``accuracy``, ``scene`` and ``demo``."""

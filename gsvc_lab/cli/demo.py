@@ -6,6 +6,7 @@ import time
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,13 +19,18 @@ from gsvc_ref.cli.text import decibel, describe_format, duration, show
 from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
+    from gsvc_lab.pages.data import ReportData
     from gsvc_ref.cli.compilation import CompilationNotice
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.metrics import Comparison
     from gsvc_ref.stream import StreamSummary
 
 COMMAND: Final = "gsvc demo"
 DECODE: Final = "decode in a second process"
+
+INTRODUCTION: Final = (
+    "The built-in clip: a hand-held camera over two photographs, with a ball in front and one cut. It was encoded with "
+    "the preset quick, and a second process made the same pictures of the file alone."
+)
 
 
 def add_command(commands: Any) -> None:
@@ -74,7 +80,6 @@ class Demo:
 
     def run(self) -> int:
         """Do all steps; an exit code."""
-        from gsvc_lab.cli.demo_report import report_data
         from gsvc_lab.pages.report import write_report
 
         begin = time.perf_counter()
@@ -84,16 +89,14 @@ class Demo:
         if encoded.interrupted:
             raise KeyboardInterrupt
         self._decode_in_second_process()
-        comparison = self._compare()
         stream = self._inspect()
-        command = " ".join(["gsvc encode", str(self.original), str(self.clip), *self._options()])
-        data = report_data(self.original, self.clip, self.decoded, command, self.seconds, encoded, comparison, stream)
+        data = self._compare(encoded)
         write_report(data, self.report)
-        if faults := check(encoded, comparison, stream, self.clip.stat().st_size):
+        if faults := check(encoded, data, stream, self.clip.stat().st_size) + self._strange_pictures():
             for fault in faults:
                 say(COMMAND, fault)
             return EXIT_DATA
-        self._conclude(comparison, stream, time.perf_counter() - begin)
+        self._conclude(data, stream, time.perf_counter() - begin)
         return 0
 
     def _options(self) -> list[str]:
@@ -138,12 +141,29 @@ class Demo:
             raise GsvcError("malformed", f"the second process could not decode {self.clip}: {result.stderr.strip()}")
         self._print(f"{self.decoded}: decoded in a second process in {duration(self.seconds[DECODE])}")
 
-    def _compare(self) -> "Comparison":
-        from gsvc_ref.metrics import compare_frames
+    def _compare(self, encoded: "EncodeReport") -> "ReportData":
+        """The page's contents, as gsvc report makes them of any file."""
+        from gsvc_lab.report.contents import Wanted, report_data
+
+        command = " ".join(["gsvc encode", str(self.original), str(self.clip), *self._options()])
+        wanted = Wanted(
+            self.clip, str(self.original), encoded=encoded, command=command, title="GSVC demo",
+            introduction=INTRODUCTION, seconds=self.seconds, threads=self.arguments.threads,
+        )  # fmt: skip
+        with ProgressDisplay(quiet=self.arguments.quiet) as display:
+            return report_data(wanted, on_step=display.update)
+
+    def _strange_pictures(self) -> list[str]:
+        """A sentence if the second process decoded other pictures than this one does."""
+        import gsvc_ref
         from gsvc_ref.video import open_video
 
-        with self._timed("compare"), open_video(self.original) as a, open_video(self.decoded) as b:
-            return compare_frames(a, b, a.format.peak, frame_rate=a.format.frame_rate, with_vmaf=True)
+        with open_video(self.decoded) as reader:
+            pairs = zip_longest(reader, gsvc_ref.decode(self.clip, threads=self.arguments.threads))
+            for number, (theirs, ours) in enumerate(pairs):
+                if theirs is None or ours is None or (theirs != ours).any():
+                    return [f"the second process decoded other pictures than this one, first in frame {number}"]
+        return []
 
     def _inspect(self) -> "StreamSummary":
         import gsvc_ref
@@ -151,10 +171,9 @@ class Demo:
         with gsvc_ref.open(self.clip) as stream:
             return stream.info()
 
-    def _conclude(self, comparison: "Comparison", stream: "StreamSummary", seconds: float) -> None:
-        vmaf = comparison.vmaf.mean if comparison.vmaf is not None else None
-        scores = [f"PSNR {decibel(comparison.mean_psnr)}", f"MS-SSIM {comparison.mean_ms_ssim:.4f}"]
-        scores += [f"VMAF {vmaf:.1f}"] if vmaf is not None else []
+    def _conclude(self, data: "ReportData", stream: "StreamSummary", seconds: float) -> None:
+        scores = [f"PSNR {decibel(data.mean_psnr)}", f"MS-SSIM {data.ms_ssim:.4f}"]
+        scores += [f"VMAF {data.vmaf:.1f}"] if data.vmaf is not None else []
         self._print(
             f"  {', '.join(scores)}; the checksum of each frame's splats held, and so did its PSNR",
             *(f"  {line}" for line in bit_lines(stream)),
@@ -162,6 +181,7 @@ class Demo:
             f"Done in {duration(seconds)}. Open {self.report} in a browser, or try:",
             f"  gsvc info {self.clip} --frames-table",
             f"  gsvc info {self.clip} --decisions",
+            f"  gsvc report {self.clip} {self.original}",
             f"  gsvc compare {self.original} {self.clip}",
             f"  gsvc decode {self.clip} {self.folder / 'large.y4m'} --scale 3",
         )
@@ -177,15 +197,15 @@ class Demo:
         self.seconds[step] = time.perf_counter() - begin
 
 
-def check(encoded: "EncodeReport", comparison: "Comparison", stream: "StreamSummary", file_bytes: int) -> list[str]:
+def check(encoded: "EncodeReport", data: "ReportData", stream: "StreamSummary", file_bytes: int) -> list[str]:
     """One sentence for each thing that does not come out as it must: frames, bits, and the decoder's pictures.
 
     Parameters
     ----------
     encoded
         The report of the encoder.
-    comparison
-        The original against the frames that the second process decoded.
+    data
+        The contents of the page, with the PSNR of the decoded frames.
     stream
         The bits of the file by their use.
     file_bytes
@@ -194,12 +214,12 @@ def check(encoded: "EncodeReport", comparison: "Comparison", stream: "StreamSumm
     faults = []
     if stream.error is not None:
         faults.append(f"the file is damaged: {stream.error}")
-    if not len(encoded.frames) == len(comparison.frames) == len(stream.frames):
-        counts = f"{len(encoded.frames)}, {len(stream.frames)} and {len(comparison.frames)}"
+    if not len(encoded.frames) == len(data.frames) == len(stream.frames):
+        counts = f"{len(encoded.frames)}, {len(stream.frames)} and {len(data.frames)}"
         faults.append(f"{counts} frames were encoded, found in the file and decoded; the counts must be equal")
     if (total := sum(stream.bits.values())) != 8 * file_bytes or encoded.file_bytes != file_bytes:
         faults.append(f"the parts have {total} bits, the file of {file_bytes} bytes has {8 * file_bytes}")
-    pairs = zip(encoded.frames, comparison.frames, strict=False)
+    pairs = zip(encoded.frames, data.frames, strict=False)
     if different := [frame.number for frame, decoded in pairs if frame.psnr != decoded.psnr]:
-        faults.append(f"the second process decoded other pictures than the encoder had, first in frame {different[0]}")
+        faults.append(f"the decoder made other pictures than the encoder had, first in frame {different[0]}")
     return faults

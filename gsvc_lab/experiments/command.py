@@ -15,7 +15,7 @@ from gsvc_lab.experiments.elsewhere import make_elsewhere
 from gsvc_lab.experiments.experiment import Experiment, Run
 from gsvc_lab.experiments.figures import check_figures
 from gsvc_lab.experiments.markdown import write_document
-from gsvc_lab.experiments.page import page
+from gsvc_lab.experiments.page import page, write_narrow
 from gsvc_lab.experiments.results import read_all, record, write
 from gsvc_ref.cli.text import duration
 from gsvc_ref.errors import GsvcError, UsageError
@@ -139,7 +139,7 @@ def write_index(folder: Path) -> list[dict[str, Any]]:
     records = read_all(folder, NAMES)
     if not records:
         raise UsageError(f"{folder} holds no results; run some experiments first")
-    write_text(page(records), folder / "index.html")
+    write_text(page(records, write_narrow(records, folder)), folder / "index.html")
     return records
 
 

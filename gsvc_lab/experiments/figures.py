@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_lab.clips import as_frame, as_picture, resized
+from gsvc_lab.pages.schemes import in_both_schemes
 from gsvc_ref.arrays import F4
 from gsvc_ref.errors import UsageError
 
@@ -95,7 +96,8 @@ def save_figure(figure: "Figure", folder: Path, name: str) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None})
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.svg").write_text(_EMBEDDED_PNG.sub(_smaller, buffer.getvalue()), encoding="utf-8")
+    svg = in_both_schemes(_EMBEDDED_PNG.sub(_smaller, buffer.getvalue()))
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
     return name
 
 

@@ -1,10 +1,12 @@
 """All results as one page, ``index.html``, beside their figures."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, Final
 
 from gsvc_lab.experiments.results import text_columns
+from gsvc_lab.pages.narrow import narrow
 from gsvc_lab.pages.page import document
 from gsvc_lab.pages.tables import Markup, html_table
 from gsvc_ref.cli.text import duration, plural
@@ -22,9 +24,22 @@ INTRODUCTION: Final = (
 )
 
 
-def page(records: Sequence[dict[str, Any]]) -> str:
-    """The page of these records."""
-    return document(TITLE, [f"<h1>{TITLE}</h1><p>{INTRODUCTION}</p>", _overview(records), *map(_section, records)])
+def page(records: Sequence[dict[str, Any]], twins: Collection[str] = ()) -> str:
+    """The page of these records; `twins` has the names of figures that have one for phones, ``NAME-narrow.svg``."""
+    sections = (_section(made, twins) for made in records)
+    return document(TITLE, [f"<h1>{TITLE}</h1><p>{INTRODUCTION}</p>", _overview(records), *sections])
+
+
+def write_narrow(records: Sequence[dict[str, Any]], folder: Path) -> set[str]:
+    """Write the twins for phones of the figures in a folder; the names of those that have one."""
+    made = set()
+    for name in (name for record in records for name in record["figures"]):
+        figure = folder / f"{name}.svg"
+        twin = narrow(figure.read_text(encoding="utf-8")) if figure.is_file() else None
+        if twin is not None:
+            (folder / f"{name}-narrow.svg").write_text(twin, encoding="utf-8")
+            made.add(name)
+    return made
 
 
 def _overview(records: Sequence[dict[str, Any]]) -> str:
@@ -39,7 +54,7 @@ def _overview(records: Sequence[dict[str, Any]]) -> str:
     return html_table(("experiment", "does the claim hold?", "took"), rows, ("text", "text"))
 
 
-def _section(made: dict[str, Any]) -> str:
+def _section(made: dict[str, Any], twins: Collection[str]) -> str:
     machine = made["environment"]
     version = "the large version" if made["full"] else "the small version"
     took = f"{version}, {duration(made['seconds'])} on {machine['cpu']}, {plural(machine['threads'], 'thread')}"
@@ -49,7 +64,7 @@ def _section(made: dict[str, Any]) -> str:
             f"<p><strong>The paper:</strong> {escape(made['claim'])}</p>",
             f"<p><strong>Here: {made['verdict']['holds']}.</strong> {escape(made['verdict']['sentence'])}</p>",
             f'<p class="caption">{escape(made["setting"])}</p>',
-            *(_figure(name, caption) for name, caption in made["figures"].items()),
+            *(_figure(name, caption, name in twins) for name, caption in made["figures"].items()),
             *(_table(table) for table in made["tables"]),
             f"<pre>{escape(made['command'])}</pre>",
             f'<p class="caption">{escape(took)}; <a href="{made["name"]}.json">all numbers</a></p>',
@@ -57,12 +72,12 @@ def _section(made: dict[str, Any]) -> str:
     )
 
 
-def _figure(name: str, caption: str) -> str:
-    return (
-        f'<figure><div class="scroll"><img src="{name}.svg" alt="{escape(caption)}" '
-        f'style="width:auto;max-width:100%;min-width:34rem;background:#fff"></div>'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+def _figure(name: str, caption: str, has_twin: bool) -> str:
+    image = f'<img class="drawn" src="{name}.svg" alt="{escape(caption)}">'
+    if has_twin:
+        twin = f'<source media="(max-width: 640px)" srcset="{name}-narrow.svg">'
+        image = f'<picture class="twin">{twin}{image}</picture>'
+    return f'<figure><div class="scroll">{image}</div><figcaption>{escape(caption)}</figcaption></figure>'
 
 
 def _table(table: dict[str, Any]) -> str:

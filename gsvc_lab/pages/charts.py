@@ -11,7 +11,10 @@ COLORS: Final = 10
 """Number of classes ``c0``, ``c1``, ... of series colours in the style sheet."""
 
 WIDTH: Final = 960
-"""Width of every chart, in units of its own."""
+"""Width of a chart, in units of its own."""
+
+NARROW: Final = 400
+"""Width of the same chart as phones show it, so that its letters are about as large there."""
 
 HEIGHT: Final = 430
 LEFT: Final = 66
@@ -132,11 +135,25 @@ def plot(series: Sequence[Series], x: Axis, y: Axis, label: str) -> str:
     label
         Description of the chart for those who cannot see it.
     """
+    legend = "".join(
+        f'<span><span class="swatch c{one.color}"></span>{html.escape(one.name)}</span>' for one in series if one.name
+    )
+    chart = for_both(lambda width: _plot(series, x, y, label, width))
+    return chart + (f'<div class="legend">{legend}</div>' if legend else "")
+
+
+def for_both(draw: Callable[[int], str]) -> str:
+    """A chart drawn for wide pages and again for narrow ones, of which the style sheet shows one."""
+    return f'<div class="wide">{draw(WIDTH)}</div><div class="narrow">{draw(NARROW)}</div>'
+
+
+def _plot(series: Sequence[Series], x: Axis, y: Axis, label: str, width: int) -> str:
+    """The chart of `plot` at a width, without its legend."""
     points = [point for one in series for point in one.points]
     ends = [value for point in points for value in (point.x, point.low, point.high) if value is not None]
-    across = Scale(ends, x, LEFT, WIDTH - RIGHT)
+    across = Scale(ends, x, LEFT, width - RIGHT)
     up = Scale([point.y for point in points], y, HEIGHT - BOTTOM, TOP)
-    parts = _axes(across, up)
+    parts = _axes(across, up, width)
     for one in series:
         if one.line and len(one.points) > 1:
             path = " ".join(f"{across(point.x):.1f},{up(point.y):.1f}" for point in one.points)
@@ -145,18 +162,15 @@ def plot(series: Sequence[Series], x: Axis, y: Axis, label: str) -> str:
     parts += [_mark(point, one.color, across, up) for one, point in marked]
     strokes = [box for one in series if one.line for box in _along([(p.x, p.y) for p in one.points], across, up)]
     strokes += [box for _, p in marked if p.low and p.high for box in _along([(p.low, p.y), (p.high, p.y)], across, up)]
-    parts += _labels([point for _, point in marked], strokes, across, up)
-    legend = "".join(
-        f'<span><span class="swatch c{one.color}"></span>{html.escape(one.name)}</span>' for one in series if one.name
-    )
-    return svg_chart(parts, HEIGHT, label) + (f'<div class="legend">{legend}</div>' if legend else "")
+    parts += _labels([point for _, point in marked], strokes, across, up, width)
+    return svg_chart(parts, HEIGHT, label, width)
 
 
-def _axes(across: Scale, up: Scale) -> list[str]:
+def _axes(across: Scale, up: Scale, width: int) -> list[str]:
     """Grid lines with their numbers, and the labels of the axes."""
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
-    parts = y_axis(up.ticks(7), up, up.axis.label, up.axis.text)
-    for tick in across.ticks(9):
+    bottom, right = HEIGHT - BOTTOM, width - RIGHT
+    parts = y_axis(up.ticks(7), up, up.axis.label, up.axis.text, width)
+    for tick in across.ticks(tick_count(width)):
         place = across(tick)
         parts.append(f'<path class="grid" d="M{place:.1f} {TOP}V{bottom}"/>')
         parts.append(f'<text x="{place:.1f}" y="{bottom + 17}" text-anchor="middle">{across.axis.text(tick)}</text>')
@@ -187,7 +201,7 @@ def _along(places: Sequence[tuple[float, float]], across: Scale, up: Scale) -> l
     return boxes
 
 
-def _labels(points: Sequence[Point], strokes: Sequence[Box], across: Scale, up: Scale) -> list[str]:
+def _labels(points: Sequence[Point], strokes: Sequence[Box], across: Scale, up: Scale, width: int) -> list[str]:
     """The labels of points, each where it hides no mark and no other label, and no line if that can be.
 
     Those without room are left out.
@@ -203,7 +217,7 @@ def _labels(points: Sequence[Point], strokes: Sequence[Box], across: Scale, up: 
         x, y = across(point.x), up(point.y)
         wide = LETTER * len(point.label)
         boxes = [(left, top, left + wide, top + LINE) for left, top in _places(x, y, wide)]
-        free = [box for box in boxes if _inside(box) and not any(_overlap(box, other) for other in taken)]
+        free = [box for box in boxes if _inside(box, width) and not any(_overlap(box, other) for other in taken)]
         clear = [box for box in free if not any(_overlap(box, stroke) for stroke in strokes)]
         if free:
             left, top, _, _ = box = (clear or free)[0]
@@ -212,8 +226,8 @@ def _labels(points: Sequence[Point], strokes: Sequence[Box], across: Scale, up: 
     return parts
 
 
-def _inside(box: Box) -> bool:
-    return box[0] >= LEFT and box[2] <= WIDTH and box[1] >= 0 and box[3] <= HEIGHT - BOTTOM + 4
+def _inside(box: Box, width: int) -> bool:
+    return box[0] >= LEFT and box[2] <= width and box[1] >= 0 and box[3] <= HEIGHT - BOTTOM + 4
 
 
 def _places(x: float, y: float, wide: float) -> list[tuple[float, float]]:
@@ -229,15 +243,20 @@ def _overlap(a: Box, b: Box) -> bool:
 
 
 def y_axis(
-    ticks: Sequence[float], place: Callable[[float], float], label: str, text: Callable[[float], str]
+    ticks: Sequence[float], place: Callable[[float], float], label: str, text: Callable[[float], str], width: int
 ) -> list[str]:
     """Grid lines with their numbers, and the axis label above them."""
     parts = [f'<text class="label" x="0" y="12">{html.escape(label)}</text>']
     for tick in ticks:
         y = place(tick)
-        parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}"/>')
+        parts.append(f'<path class="grid" d="M{LEFT} {y:.1f}H{width - RIGHT}"/>')
         parts.append(f'<text class="tick" x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{text(tick)}</text>')
     return parts
+
+
+def tick_count(width: int) -> int:
+    """The number of marks along a chart of this width."""
+    return 9 if width == WIDTH else 5
 
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
@@ -283,9 +302,9 @@ def decibels(psnr: float) -> str:
     return f"{psnr:.2f} dB" if math.isfinite(psnr) else "identical"
 
 
-def svg_chart(parts: Sequence[str], height: int, label: str) -> str:
-    """A chart of WIDTH by `height` from its parts, which scrolls sideways where the page is narrow."""
+def svg_chart(parts: Sequence[str], height: int, label: str, width: int) -> str:
+    """A chart of `width` by `height` from its parts."""
     return (
-        f'<div class="scroll"><svg class="chart" viewBox="0 0 {WIDTH} {height}" role="img" '
-        f'aria-label="{html.escape(label)}">{"".join(parts)}</svg></div>'
+        f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{html.escape(label)}">{"".join(parts)}</svg>'
     )

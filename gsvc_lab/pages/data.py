@@ -1,14 +1,16 @@
 """The contents of a report as plain data; whatever can be derived is derived here, so that no two numbers disagree."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_lab.pages.tables import Table
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
 
@@ -37,6 +39,10 @@ class Figure:
     value: str
     unit: str = ""
     note: str = ""
+
+
+STATE_WORDS: Final = {"done": "done", "skipped": "left out", "off": "switched off"}
+"""The states of a `Choice` in words."""
 
 
 @dataclass(frozen=True)
@@ -69,35 +75,38 @@ class FrameRecord:
     type
         ``I`` (on its own), ``P`` (predicted) or ``R`` (repeat).
     psnr
-        dB of the decoded frame; infinite when it is identical to the original.
+        dB of the decoded frame; infinite when it is identical to the original, None when that is not known.
     bits_by_attribute
         Bits of the frame's unit in the file by what they describe, headers included.
     splats
         Splats that the frame is rendered from.
     iterations
-        Optimisation steps spent on it.
+        Optimisation steps spent on it, or None.
     seconds
-        Wall time of its encoding.
+        Wall time of its encoding, or None.
     reason
         Reason for the type of the frame; may be empty.
     choices
         Decisions about each effect; the same effects in the same order for all frames, or none.
+    through
+        The last frame, if the record is the mean of several, see `condensed`; None if it is not.
     """
 
     number: int
     type: FrameType
-    psnr: float
+    psnr: float | None
     bits_by_attribute: Mapping[str, int]
     splats: int
-    iterations: int
-    seconds: float
+    iterations: int | None = None
+    seconds: float | None = None
     reason: str = ""
     choices: Sequence[Choice] = ()
+    through: int | None = None
 
     def __post_init__(self) -> None:
         if self.type not in FRAME_TYPES:
             raise UsageError(f"frame {self.number} has type {self.type!r}; the types are {', '.join(FRAME_TYPES)}")
-        if math.isnan(self.psnr):
+        if self.psnr is not None and math.isnan(self.psnr):
             raise UsageError(f"the PSNR of frame {self.number} is NaN; it must be a number of dB or infinite")
         if any(bits < 0 for bits in self.bits_by_attribute.values()):
             raise UsageError(f"frame {self.number} has a negative number of bits")
@@ -106,6 +115,46 @@ class FrameRecord:
     def bits(self) -> int:
         """Bits of the frame's unit in the file."""
         return sum(self.bits_by_attribute.values())
+
+    @property
+    def last(self) -> int:
+        """Number of the last frame that the record is about."""
+        return self.number if self.through is None else self.through
+
+
+MAX_MARKS: Final = 480
+"""Frames that a chart has room for; of more, several share a mark."""
+
+
+def condensed(frames: Sequence[FrameRecord], most: int = MAX_MARKS) -> list[FrameRecord]:
+    """Means over equally many frames in a row, at most `most` of them; the frames themselves if there are no more."""
+    size = -(-len(frames) // most)
+    if size == 1:
+        return list(frames)
+    return [_mean(frames[start : start + size]) for start in range(0, len(frames), size)]
+
+
+def _mean(frames: Sequence[FrameRecord]) -> FrameRecord:
+    """Several frames as one: an I-frame if one of them is."""
+    first, count = frames[0], len(frames)
+    types = {frame.type for frame in frames}
+    levels = [frame.psnr for frame in frames if frame.psnr is not None]
+    names = dict.fromkeys(name for frame in frames for name in frame.bits_by_attribute)
+    choices = []
+    for column in zip(*(frame.choices for frame in frames), strict=True):
+        ((state, often),) = Counter(choice.state for choice in column).most_common(1)
+        choices.append(Choice(column[0].effect, state, f"{STATE_WORDS[state]} in {often} of {count} frames"))
+    return replace(
+        first,
+        type=next(kind for kind in FRAME_TYPES if kind in types),
+        psnr=math.fsum(levels) / len(levels) if levels else None,
+        bits_by_attribute={
+            name: round(sum(frame.bits_by_attribute.get(name, 0) for frame in frames) / count) for name in names
+        },
+        splats=round(sum(frame.splats for frame in frames) / count),
+        choices=choices,
+        through=frames[-1].number,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,28 +166,75 @@ class PictureRow:
     number
         Frame number from 0.
     original, decoded
-        (H, W, 3) u1 or u2 frames of one size.
+        (H, W, 3) u1 or u2 frames of one size; `original` is None where it is not known.
     positions
-        (N, 2) f4, centres of the decoded splats in pixels.
+        (N, 2) f4, centres of the decoded splats in pixels of these.
     cholesky
         (N, 3) f4, their (l11, l21, l22) in pixels; None draws no ellipses.
     caption
         Reason for showing this frame; may be empty.
+    detail
+        A part of the frame pixel for pixel, where the frame itself is shown smaller than it is; or None.
     """
 
     number: int
-    original: Frame
+    original: Frame | None
     decoded: Frame
     positions: NDArray[np.float32]
     cholesky: NDArray[np.float32] | None = None
     caption: str = ""
+    detail: "Detail | None" = None
 
     def __post_init__(self) -> None:
-        if self.original.shape != self.decoded.shape:
+        if self.original is not None and self.original.shape != self.decoded.shape:
             raise UsageError(
                 f"frame {self.number} is {self.original.shape} before and {self.decoded.shape} after coding; "
                 "the report shows frames of one size"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class Detail:
+    """A part of a frame, pixel for pixel.
+
+    Attributes
+    ----------
+    left, top
+        Its corner in the frame, in pixels.
+    original, decoded
+        (H, W, 3) u1 or u2; `original` is None where it is not known.
+    width, height
+        Size of the whole frame.
+    """
+
+    left: int
+    top: int
+    original: Frame | None
+    decoded: Frame
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One quality of a file with layers.
+
+    Attributes
+    ----------
+    name
+        ``base``, ``layer 1``, ...
+    bits
+        Bits of all chunks of this layer.
+    splats
+        Least and most splats of a frame with it and all below it.
+    psnr
+        Mean PSNR of the frames decoded up to this layer in dB; None where it is not known.
+    """
+
+    name: str
+    bits: int
+    splats: tuple[int, int]
+    psnr: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +256,7 @@ class ReportData:
     bit_depth
         Bits per sample.
     preset
-        Name of the encoder's settings.
+        Name of the encoder's settings; empty where it is not known.
     file_bytes
         Size of the file.
     bits_by_attribute
@@ -176,13 +272,23 @@ class ReportData:
     pictures
         Frames to look at.
     preview_original, preview_decoded
-        Equally many frames for the animation; none for no animation.
+        Equally many frames for the animation; none for no animation. Without an original only decoded ones.
+    preview_note
+        A sentence on what the animation leaves out; may be empty.
     savings
         A sentence on what the encoder left out; may be empty.
     notes
         Sentences that a reader must know.
     environment
         Names and values that describe the machine.
+    layers
+        The layers of the file from the base up; none of a file of one layer.
+    damage
+        Sentences on what is damaged; none of a sound file.
+    peers, peers_note
+        What other codecs need at equal PSNR, and sentences on how that was measured; None and empty without.
+    hint
+        Command lines to go on with.
     """
 
     title: str
@@ -206,6 +312,12 @@ class ReportData:
     savings: str = ""
     notes: Sequence[str] = ()
     environment: Mapping[str, str] = field(default_factory=dict)
+    preview_note: str = ""
+    layers: Sequence[Layer] = ()
+    damage: Sequence[str] = ()
+    peers: Table | None = None
+    peers_note: str = ""
+    hint: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not self.frames:
@@ -222,7 +334,7 @@ class ReportData:
                 raise UsageError(f"frame {frame.number} has bits of {strangers}, which the file's parts do not name")
         if len({tuple(choice.effect for choice in frame.choices) for frame in self.frames}) > 1:
             raise UsageError("frames have decisions about different effects; the report shows a row for each effect")
-        if len(self.preview_original) != len(self.preview_decoded):
+        if self.preview_original and len(self.preview_original) != len(self.preview_decoded):
             raise UsageError(
                 f"the preview has {len(self.preview_original)} original and {len(self.preview_decoded)} decoded "
                 "frames; there must be equally many"
@@ -234,22 +346,32 @@ class ReportData:
         return (1 << self.bit_depth) - 1
 
     @property
+    def rate_bits(self) -> int:
+        """Bits of the whole file; of a damaged one those of the frames that there are."""
+        return sum(frame.bits for frame in self.frames) if self.damage else 8 * self.file_bytes
+
+    @property
     def bits_per_pixel(self) -> float:
-        """Bits of the whole file per pixel of the video."""
-        return 8 * self.file_bytes / (self.width * self.height * len(self.frames))
+        """`rate_bits` per pixel of the video."""
+        return self.rate_bits / (self.width * self.height * len(self.frames))
 
     @property
     def bits_per_second(self) -> float:
-        """Bits of the whole file per second of the video."""
-        return 8 * self.file_bytes * float(self.frame_rate) / len(self.frames)
+        """`rate_bits` per second of the video."""
+        return self.rate_bits * float(self.frame_rate) / len(self.frames)
 
     @property
-    def mean_psnr(self) -> float:
-        """Mean of the frames' PSNR in dB; infinite as soon as one frame is identical."""
-        return math.fsum(frame.psnr for frame in self.frames) / len(self.frames)
+    def levels(self) -> list[float]:
+        """The PSNR of each frame that has one, in dB."""
+        return [frame.psnr for frame in self.frames if frame.psnr is not None]
+
+    @property
+    def mean_psnr(self) -> float | None:
+        """Mean of the frames' PSNR in dB; infinite as soon as one frame is identical, None if none is known."""
+        return math.fsum(self.levels) / len(self.levels) if self.levels else None
 
     @property
     def compression(self) -> float:
-        """Size of the unpacked R'G'B' samples over the size of the file."""
+        """Size of the unpacked R'G'B' samples over `rate_bits`."""
         raw_bits = self.width * self.height * 3 * self.bit_depth * len(self.frames)
-        return raw_bits / (8 * self.file_bytes)
+        return raw_bits / self.rate_bits

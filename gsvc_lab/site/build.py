@@ -5,11 +5,12 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Final
 
+from gsvc_lab.pages.narrow import narrow
 from gsvc_lab.site import glance
 from gsvc_lab.site.browser import browser
 from gsvc_lab.site.document import FENCED, SYNTAX, Part, element_names, parts_of, targets_of
@@ -63,6 +64,28 @@ CARDS: Final = (
 )
 
 
+DRAWN: Final = re.compile(r'<img src="([^"]+)\.svg"[^>]*>')
+"""A figure of a page."""
+
+
+def _write_twins(folder: Path, targets: Iterable[str]) -> set[str]:
+    """Write the figures for phones beside those that have several columns; the names of these without suffix."""
+    made = set()
+    for target in targets:
+        if target.endswith(".svg") and (twin := narrow((folder / target).read_text(encoding="utf-8"))) is not None:
+            name = target.removesuffix(".svg")
+            (folder / f"{name}-narrow.svg").write_text(twin, encoding="utf-8")
+            made.add(name)
+    return made
+
+
+def _figure(image: re.Match[str], twins: Collection[str]) -> str:
+    """A figure that phones show in its narrow form, or else large enough to be read, to be moved sideways."""
+    if image[1] in twins:
+        return f'<picture><source media="(max-width: 640px)" srcset="{image[1]}-narrow.svg">{image[0]}</picture>'
+    return f'<span class="figure" tabindex="0">{image[0]}</span>'
+
+
 class Site:
     """The pages, made from a checkout.
 
@@ -88,17 +111,18 @@ class Site:
         pages = [self._start(), *self._specification(), *self._documents()]
         pages += [self._source(name, page) for name, page in self.sources.items()]
         written = documents(pages)
+        for name, target in self.files.items():
+            (folder / target).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.root / name, folder / target)
+        twins = _write_twins(folder, self.files.values())
         for name, text in written.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            (folder / name).write_text(DRAWN.sub(lambda image: _figure(image, twins), text), encoding="utf-8")
         # The syntax browser repeats sections 6 and 15.
         (folder / "search-index.js").write_text(
             index([page for page in pages if page.group and not page.wide], self.targets), encoding="utf-8"
         )
         for name in ("site.css", "site.js"):
             (folder / name).write_text(_own(name), encoding="utf-8")
-        for name, target in self.files.items():
-            (folder / target).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.root / name, folder / target)
         self._copy_viewer(folder)
         return len(written)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_ref.cli.arguments import add_force
 from gsvc_ref.cli.encode_options import add_options, make_settings
+from gsvc_ref.cli.encode_page import check_page, without_page, write_page
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
@@ -49,6 +50,7 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
     check_stream_name(arguments.output, force=arguments.force)
+    check_page(arguments)
     try:
         return _encode(arguments)
     except KeyboardInterrupt:
@@ -95,12 +97,13 @@ def _encode(arguments: Namespace) -> int:
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
-        say(COMMAND, str(fault))
+        say(COMMAND, str(fault) + without_page(arguments))
         return EXIT_DATA
     if report.interrupted:
-        say(COMMAND, _interrupted(arguments.output, report) + (GO_ON if resume and resume.exists() else ""))
+        go_on = GO_ON if resume and resume.exists() else ""
+        say(COMMAND, _interrupted(arguments.output, report) + go_on + without_page(arguments))
         return EXIT_INTERRUPTED
-    return 0
+    return write_page(arguments, report)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

@@ -196,8 +196,8 @@ def decode(
             frames = read_ahead(stream.frames(start, stop), lambda frame: len(frame.splats) <= SPLATS_AHEAD)
         else:
             frames = stream.frames(start, stop)
-        with closing(_rendered(frames, stream.header, scale, precision, threads)) as rendered:
-            yield from rendered
+        with closing(rendered(frames, stream.header, scale, precision, threads)) as shown:
+            yield from shown
 
 
 def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
@@ -208,13 +208,14 @@ def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None
             yield part
 
 
-def _rendered(
+def rendered(
     frames: Iterator[DecodedFrame],
     header: SequenceHeader,
     scale: float,
     precision: Precision,
     threads: int | None,
 ) -> Generator[Frame, None, None]:
+    """The picture of each frame as it is taken from `frames`; all else as of `decode`."""
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None

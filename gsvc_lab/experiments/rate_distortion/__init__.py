@@ -3,39 +3,31 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
+from gsvc_lab.bench import ffmpeg
+from gsvc_lab.bench.codecs import CODECS, Codec
+from gsvc_lab.bench.coders import ALONE, CODERS, LONG, LONG_RUNS, MAIN, OWN, PAPER, SLOW
+from gsvc_lab.bench.compare import Comparison, Ratios, compared, first_of, ratios
+from gsvc_lab.bench.measure import Curve, codec_curves, gsvc_curves, warm_up
+from gsvc_lab.bench.planes import PlanarClip
+from gsvc_lab.bench.tables import anchor_table, bd_table, points_table
 from gsvc_lab.experiments.experiment import Experiment, Result, Run
-from gsvc_lab.experiments.rate_distortion import ffmpeg
-from gsvc_lab.experiments.rate_distortion.bd_rate import check_bd_rates
-from gsvc_lab.experiments.rate_distortion.codecs import CODECS, Codec
-from gsvc_lab.experiments.rate_distortion.coders import ALONE, CODERS, LONG, LONG_RUNS, MAIN, OWN, PAPER, SLOW
-from gsvc_lab.experiments.rate_distortion.compare import Comparison, Ratios, compared, first_of, ratios, verdict
+from gsvc_lab.experiments.rate_distortion.claim import verdict
 from gsvc_lab.experiments.rate_distortion.figures import draw_clip, draw_seconds
 from gsvc_lab.experiments.rate_distortion.goals import X264_IP, goals_of, goals_table, summary
 from gsvc_lab.experiments.rate_distortion.layers import WRITTEN, Layered, layered
-from gsvc_lab.experiments.rate_distortion.measure import Curve, codec_curves, gsvc_curves, gsvc_point
 from gsvc_lab.experiments.rate_distortion.plan import LARGE_FRAMES, PAPER_FRAMES, Job, jobs
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_frames
 from gsvc_lab.experiments.rate_distortion.speed import SPLATS, Seconds, in_turns
 from gsvc_lab.experiments.rate_distortion.tables import (
-    anchor_table,
-    bd_table,
     decisions_table,
     layers_table,
     main_table,
-    points_table,
     published_table,
     why_table,
 )
 from gsvc_ref.cli.text import plural
-from gsvc_ref.video import ColorDescription, VideoFormat
-
-WARM_UP: Final = VideoFormat(64, 48, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
 
 MORE: Final = "bits that it takes more at equal quality"
 
@@ -62,14 +54,6 @@ def said(curve: Curve) -> str:
     )
 
 
-def warm_up(folder: Path) -> None:
-    """Compile what GSVC and the metrics need, so that no row waits for the compiler."""
-    noise = np.random.default_rng(0).integers(0, 256, (3, 48, 64, 3), np.uint8)
-    clip = from_frames(noise, "", "", folder / "warm-up.yuv", WARM_UP)
-    for coder in (PAPER, MAIN, ALONE):
-        gsvc_point(clip, coder.settings(splats=20, **({} if coder is MAIN else {"iterations": 2})), folder)
-
-
 @dataclass(frozen=True)
 class Measured:
     """All that was measured.
@@ -94,11 +78,10 @@ class Measured:
 
 def run(settings: Run, codecs: Sequence[Codec] = CODECS) -> Result:
     """Code each clip with every coder, compare and draw."""
-    check_bd_rates()
     with tempfile.TemporaryDirectory(prefix="gsvc-rate-distortion-") as name:
         folder = Path(name)
         settings.say("compiling kernels")
-        warm_up(folder)
+        warm_up((PAPER, MAIN, ALONE), folder)
         clips: list[PlanarClip] = []
         curves: list[Curve] = []
         layers: list[Layered] = []

@@ -74,7 +74,7 @@ DECISIONS: Final = (
     ),
     (
         "BD-rate",
-        "Rate over quality, by PCHIP in the logarithm of the rate (package bjontegaard), over the qualities that "
+        "Rate over quality, by PCHIP in the logarithm of the rate (SciPy), over the qualities that "
         "both curves reach and no others: where there are none, it says no overlap; * marks less than half of the "
         "test's own range, and a mean with one such or none. MS-SSIM counts as −10 log₁₀(1 − MS-SSIM). Points that "
         "another point of their curve beats are left out. Means over clips are geometric, of the ratios of bits.",

@@ -7,11 +7,11 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_lab.bench.codecs import CODECS
+from gsvc_lab.bench.coders import ALONE, LONG, MAIN, OWN, OWN_ALONE, PAPER, SLOW
+from gsvc_lab.bench.measure import METRICS, Curve
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.figures import COLORS, log_axis, new_figure, save_figure
-from gsvc_lab.experiments.rate_distortion.codecs import CODECS
-from gsvc_lab.experiments.rate_distortion.coders import ALONE, LONG, MAIN, OWN, OWN_ALONE, PAPER, SLOW
-from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
 from gsvc_lab.experiments.rate_distortion.plan import slug
 from gsvc_ref.cli.text import plural
 
@@ -71,8 +71,9 @@ def draw_clip(curves: Sequence[Curve], title: str, number: int, folder: Path) ->
     _legend(figure, axes.flat[0], title)
     missing = "".join(f" {curve.coder} could not be run." for curve in curves if not curve.points)
     caption = (
-        f"{title}: quality over rate, from the bare streams of all its frames; black is profile main, grey profile "
-        f"paper, blue and hollow x264 without B-frames or not tuned for PSNR. The rate axis is logarithmic.{missing}"
+        f"{title}: quality over rate, from the bare streams of all its frames; black (white on dark pages) "
+        f"is profile main, grey profile paper, blue and hollow x264 without B-frames or not tuned for PSNR. "
+        f"The rate axis is logarithmic.{missing}"
     )
     return {_save(figure, folder, slug(title.split(",")[0], number)): caption}
 

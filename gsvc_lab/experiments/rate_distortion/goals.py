@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from gsvc_lab.bench.bd_rate import LITTLE, mean_ratio
+from gsvc_lab.bench.codecs import CODECS
+from gsvc_lab.bench.coders import MAIN, PAPER
+from gsvc_lab.bench.compare import Comparison
+from gsvc_lab.bench.measure import Curve
+from gsvc_lab.bench.tables import percent
 from gsvc_lab.experiments.experiment import Table
-from gsvc_lab.experiments.rate_distortion.bd_rate import LITTLE, mean_ratio
-from gsvc_lab.experiments.rate_distortion.codecs import CODECS
-from gsvc_lab.experiments.rate_distortion.coders import MAIN, PAPER
-from gsvc_lab.experiments.rate_distortion.compare import Comparison
 from gsvc_lab.experiments.rate_distortion.layers import Layered
-from gsvc_lab.experiments.rate_distortion.measure import Curve
 from gsvc_lab.experiments.rate_distortion.speed import Seconds
 
 X264_IP: Final = CODECS[0].label(1)
@@ -70,12 +71,6 @@ class Goal:
         if value is None:
             return "–"
         return f"{100 * (value - 1):+.{decimals}f} %" if self.as_percent else f"{value:.{1 + decimals}f}"
-
-
-def percent(ratio: float) -> str:
-    """A ratio as a percentage with its sign; from 100 % on without decimals, which say nothing there."""
-    value = round(100 * (ratio - 1), 1) + 0.0  # no minus before a zero
-    return f"{value:+.0f} %" if abs(value) >= 100 else f"{value:+.1f} %"
 
 
 def ratios_by_clip(comparisons: Sequence[Comparison], anchor: str) -> dict[str, float]:

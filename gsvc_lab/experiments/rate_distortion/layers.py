@@ -4,10 +4,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
-from gsvc_lab.experiments.rate_distortion.bd_rate import rate_at
-from gsvc_lab.experiments.rate_distortion.coders import MAIN
-from gsvc_lab.experiments.rate_distortion.measure import Curve, gsvc_point
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench.bd_rate import rate_at
+from gsvc_lab.bench.coders import MAIN
+from gsvc_lab.bench.measure import Curve, gsvc_point
+from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.encoder import Settings
 
 WRITTEN: Final = "layer_splats" in {field.name for field in fields(Settings)}

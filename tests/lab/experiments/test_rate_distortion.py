@@ -1,6 +1,5 @@
 """The experiment against other codecs: BD-rates by hand, the verdict's outcomes, one codec on three small frames."""
 
-import importlib.util
 import json
 import subprocess
 from dataclasses import replace
@@ -10,15 +9,16 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib", reason="figures need the extra experiments")
-pytest.importorskip("bjontegaard", reason="BD-rates need the extra experiments")
 
+from gsvc_lab.bench import codecs, coders, compare, ffmpeg, measure, tables
+from gsvc_lab.bench.bd_rate import bd_rate, efficient, mean_ratio, rate_at
+from gsvc_lab.bench.planes import from_file, from_frames, from_raw
 from gsvc_lab.experiments import rate_distortion
 from gsvc_lab.experiments.experiment import Run
-from gsvc_lab.experiments.rate_distortion import codecs, coders, compare, ffmpeg, figures, goals, measure, plan, tables
-from gsvc_lab.experiments.rate_distortion.bd_rate import bd_rate, efficient, mean_ratio, rate_at
+from gsvc_lab.experiments.rate_distortion import claim, figures, goals, plan
 from gsvc_lab.experiments.rate_distortion.layers import Layered
-from gsvc_lab.experiments.rate_distortion.planes import from_file, from_frames, from_raw
 from gsvc_lab.experiments.rate_distortion.speed import Seconds
+from gsvc_lab.experiments.rate_distortion.tables import layers_table
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
@@ -31,7 +31,7 @@ needs_ffmpeg = pytest.mark.skipif(not ffmpeg.available(), reason="needs imageio-
 
 @pytest.fixture
 def clip(tmp_path):
-    video = replace(rate_distortion.WARM_UP, width=64, height=64)
+    video = replace(measure.WARM_UP, width=64, height=64)
     return from_frames(demo_clip(64, 64, 3), "demo", "drawn", tmp_path / "clip.yuv", video)
 
 
@@ -68,10 +68,15 @@ def test_points_without_a_number_are_left_out():
     assert efficient([(3, float("inf")), (2, 31), (1, 30), (2, float("nan"))]) == [(1, 30), (2, 31)]
 
 
-def test_a_missing_package_is_told_before_anything_is_coded(tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match="pip install 'gsvc_ref\\[experiments\\]'"):
-        rate_distortion.run(run_of(tmp_path))
+def test_the_bd_rate_is_that_of_another_package():
+    bjontegaard = pytest.importorskip("bjontegaard", reason="pip install 'gsvc_ref[experiments]'")
+    anchor = [(0.05, 28), (0.1, 31), (0.22, 34.5), (0.5, 38)]
+    test = [(0.07, 29), (0.15, 32), (0.25, 34), (0.6, 39)]
+    (rates, qualities), (own_rates, own_qualities) = (zip(*curve, strict=True) for curve in (anchor, test))
+    theirs = bjontegaard.bd_rate(
+        rates, qualities, own_rates, own_qualities, "pchip", require_matching_points=False, min_overlap=0
+    )
+    assert bd_rate(anchor, test).percent == pytest.approx(theirs, rel=1e-9)
 
 
 def test_means_of_ratios_are_geometric():
@@ -176,7 +181,7 @@ def test_the_verdict_follows_from_the_ratios(alone, others, vvc, holds):
     found = {coders.ALONE.name: by_metric(alone)} | {FIRST[name]: by_metric(ratio) for name, ratio in others.items()}
     if vvc is not None:
         found[FIRST["VVC"]] = by_metric(vvc)
-    verdict = compare.verdict(found, 2)
+    verdict = claim.verdict(found, 2)
     assert verdict.holds == holds
     for name, ratio in others.items():
         assert f"{FIRST[name]}: PSNR {ratio:.2f}, MS-SSIM" in verdict.sentence
@@ -186,8 +191,8 @@ def test_the_verdict_follows_from_the_ratios(alone, others, vvc, holds):
 
 def test_good_ms_ssim_alone_is_not_comparable():
     near = by_metric(1.0) | {"vmaf": 2.0}
-    found = {coders.ALONE.name: by_metric(0.5)} | {FIRST[name]: near for name in compare.CLAIMED}
-    verdict = compare.verdict(found, 1)
+    found = {coders.ALONE.name: by_metric(0.5)} | {FIRST[name]: near for name in claim.CLAIMED}
+    verdict = claim.verdict(found, 1)
     assert verdict.holds == "partly"
     assert "with none of AVC, HEVC, AV1" in verdict.sentence
 
@@ -257,7 +262,7 @@ def test_codecs_get_the_planes_of_the_file(tmp_path, name):
 
 @needs_ffmpeg
 def test_a_raw_file_may_end_within_a_frame(tmp_path):
-    video = replace(rate_distortion.WARM_UP, width=16, height=16)
+    video = replace(measure.WARM_UP, width=16, height=16)
     samples = np.random.default_rng(1).integers(0, 256, 3 * 384 + 5, np.uint8)
     path = tmp_path / "raw.yuv"
     path.write_bytes(samples.tobytes())
@@ -379,11 +384,11 @@ def test_without_ffmpeg_the_rest_is_measured(clip, tmp_path, monkeypatch):
 @needs_ffmpeg
 def test_the_experiment_compares_and_draws(tmp_path, monkeypatch):
     def load(target):
-        video = replace(rate_distortion.WARM_UP, width=64, height=64)
+        video = replace(measure.WARM_UP, width=64, height=64)
         return from_frames(demo_clip(64, 64, 3), "a $ of <b>", "drawn", target, video)
 
     monkeypatch.setattr(rate_distortion, "jobs", lambda run: [plan.Job(load, (20, 60))])
-    monkeypatch.setattr(rate_distortion, "warm_up", lambda folder: None)
+    monkeypatch.setattr(rate_distortion, "warm_up", lambda coders, folder: None)
     monkeypatch.setattr(rate_distortion, "CODERS", (coders.PAPER, coders.MAIN, coders.ALONE))
     quick = Settings.quick
     monkeypatch.setattr(
@@ -453,7 +458,7 @@ def test_numbers_of_splats_follow_from_the_area(clip):
 def test_a_clip_in_layers_is_set_against_one_layer_of_the_same_quality():
     one = Layered("c", (100, 200, 400), 37.5, 1150, 1000.0)
     assert one.ratio == pytest.approx(1.15)
-    assert tables.layers_table([one]).rows[0][-1] == "+15.0 %"
+    assert layers_table([one]).rows[0][-1] == "+15.0 %"
     assert Layered("c", (100,), 37.5, 1150, None).ratio is None
 
 

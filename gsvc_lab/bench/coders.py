@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.encoder import Settings
 
 

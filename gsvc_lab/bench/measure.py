@@ -4,22 +4,23 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 import gsvc_ref
-from gsvc_lab.experiments.rate_distortion import codecs
-from gsvc_lab.experiments.rate_distortion.codecs import Codec, Variant
-from gsvc_lab.experiments.rate_distortion.coders import Coder
-from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench import codecs
+from gsvc_lab.bench.codecs import Codec, Variant
+from gsvc_lab.bench.coders import Coder
+from gsvc_lab.bench.ffmpeg import FfmpegError
+from gsvc_lab.bench.planes import PlanarClip, from_frames
 from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.encoder.report import FrameReport
 from gsvc_ref.metrics import compare_frames, psnr_from_mse
-from gsvc_ref.video import to_planes, to_rgb
+from gsvc_ref.video import ColorDescription, VideoFormat, to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 
 METRICS: Final = {
@@ -31,6 +32,9 @@ METRICS: Final = {
 """The metrics that are compared, by the name of the attribute of `Point`."""
 
 PEAK: Final = 255
+
+WARM_UP: Final = VideoFormat(64, 48, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
+"""The format of a clip of noise that is coded before all others."""
 
 COUNTED_BITS: Final = {"I": 112, "P": 88}
 """Bits of a frame that the design of `main` counts for container, header and end of the coder, beside symbols."""
@@ -202,6 +206,15 @@ def gsvc_point(clip: PlanarClip, settings: gsvc_ref.Settings, folder: Path) -> t
     return replace(made, splats=splats, code_length=length), found.notes
 
 
+def warm_up(coders: Iterable[Coder], folder: Path) -> None:
+    """Compile what GSVC and the metrics need, so that no point waits for the compiler."""
+    noise = np.random.default_rng(0).integers(0, 256, (3, 48, 64, 3), np.uint8)
+    clip = from_frames(noise, "", "", folder / "warm-up.yuv", WARM_UP)
+    for coder in coders:
+        steps = {} if coder.overrides.get("profile") == "main" else {"iterations": 2}
+        gsvc_point(clip, coder.settings(splats=20, **steps), folder)
+
+
 def gsvc_curves(
     clip: PlanarClip,
     coders: Sequence[Coder],
@@ -261,7 +274,7 @@ def codec_curves(
             for value in values or codec.values:
                 made, coded = codec_point(clip, codec, variant, value, folder, threads)
                 if not points:
-                    notes += _notes(codec, variant, coded)
+                    notes += point_notes(codec, variant, coded)
                     done = [other for other in others if coded.shows(other)]
                 points.append(made)
         except FfmpegError as error:
@@ -277,7 +290,7 @@ def codec_curves(
             return
 
 
-def _notes(codec: Codec, variant: Variant, coded: codecs.Coded) -> list[str]:
+def point_notes(codec: Codec, variant: Variant, coded: codecs.Coded) -> list[str]:
     """Sentences from the first point of a curve."""
     notes = coded.quoted(codec)
     if not coded.shows(variant):

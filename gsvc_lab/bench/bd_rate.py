@@ -1,6 +1,5 @@
 """Bjøntegaard's delta rate: how many more bits one coder takes than another for the same quality, on average."""
 
-import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,25 +7,11 @@ from typing import Final
 
 from scipy.interpolate import PchipInterpolator
 
-from gsvc_ref.errors import UsageError
-
 Pair = tuple[float, float]
 """Rate (any unit, above 0) and quality."""
 
 LITTLE: Final = 0.5
 """A BD-rate over less of the test's range than this is marked, and so is a mean with one such or none."""
-
-
-def check_bd_rates() -> None:
-    """Refuse to begin where BD-rates cannot be had.
-
-    Raises
-    ------
-    UsageError
-        bjontegaard is not installed.
-    """
-    if importlib.util.find_spec("bjontegaard") is None:
-        raise UsageError("BD-rates come from the package bjontegaard; pip install 'gsvc_ref[experiments]'")
 
 
 @dataclass(frozen=True)
@@ -67,7 +52,7 @@ def efficient(points: Sequence[Pair]) -> list[Pair]:
 
 
 def bd_rate(anchor: Sequence[Pair], test: Sequence[Pair]) -> BdRate:
-    """The delta rate of a test against an anchor, by the package bjontegaard.
+    """The delta rate of a test against an anchor.
 
     Logarithms of the rates are interpolated over quality piece by piece by cubic Hermite polynomials (PCHIP), as in the
     common test conditions of JVET, and integrated over the qualities that both curves reach.
@@ -82,13 +67,8 @@ def bd_rate(anchor: Sequence[Pair], test: Sequence[Pair]) -> BdRate:
         return BdRate(
             None, reason=f"no overlap: {own_first:.4g} to {own_last:.4g} lies {side} {first:.4g} to {last:.4g}"
         )
-    import bjontegaard
-
-    (rates, qualities), (own_rates, own_qualities) = (zip(*curve, strict=True) for curve in curves)
-    percent = bjontegaard.bd_rate(
-        rates, qualities, own_rates, own_qualities, "pchip", require_matching_points=False, min_overlap=0
-    )
-    return BdRate(float(percent), low, high, (high - low) / (own_last - own_first))
+    base, own = (float(_log_rate(curve).integrate(low, high)) / (high - low) for curve in curves)
+    return BdRate(100 * math.expm1(own - base), low, high, (high - low) / (own_last - own_first))
 
 
 def rate_at(points: Sequence[Pair], quality: float) -> float | None:
@@ -96,8 +76,12 @@ def rate_at(points: Sequence[Pair], quality: float) -> float | None:
     curve = efficient(points)
     if len(curve) < 2 or not curve[0][1] <= quality <= curve[-1][1]:
         return None
-    rates, qualities = zip(*curve, strict=True)
-    return float(math.exp(PchipInterpolator(qualities, [math.log(rate) for rate in rates])(quality)))
+    return math.exp(float(_log_rate(curve)(quality)))
+
+
+def _log_rate(curve: Sequence[Pair]) -> PchipInterpolator:
+    """The logarithm of the rate over the quality."""
+    return PchipInterpolator([quality for _, quality in curve], [math.log(rate) for rate, _ in curve])
 
 
 def mean_ratio(ratios: Sequence[float | None]) -> float | None:

@@ -1,14 +1,10 @@
-"""BD-rates between the curves of each clip, their means over clips, and the verdict on the paper's claim."""
+"""The verdict on the paper's claim, from the BD-rates against each coder."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from gsvc_lab.bench.coders import ALONE
+from gsvc_lab.bench.compare import WORDS, Ratios, first_of
 from gsvc_lab.experiments.experiment import Verdict
-from gsvc_lab.experiments.rate_distortion.bd_rate import BdRate, bd_rate, mean_ratio
-from gsvc_lab.experiments.rate_distortion.codecs import CODECS
-from gsvc_lab.experiments.rate_distortion.coders import ALONE
-from gsvc_lab.experiments.rate_distortion.measure import METRICS, Curve
 
 CLAIMED: Final = ("AVC", "HEVC", "AV1")
 """Coders with which the paper calls GSVC comparable or better in MS-SSIM and VMAF; VVC is excepted."""
@@ -16,58 +12,8 @@ CLAIMED: Final = ("AVC", "HEVC", "AV1")
 COMPARABLE: Final = 1.1
 """Ratio of bits at equal quality up to which coders count as comparable."""
 
-WORDS: Final = {"psnr": "PSNR", "psnr_y": "PSNR of Y′", "ms_ssim": "MS-SSIM", "vmaf": "VMAF"}
-
 SAID: Final = ("psnr", "ms_ssim", "vmaf")
 """The metrics of the paper, which the verdict names."""
-
-Ratios = dict[str, dict[str, float | None]]
-"""Bits of GSVC over those of a coder at equal quality, by coder and metric; None where no clip gives a number."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """The test against an anchor on a clip, by metric."""
-
-    clip: str
-    test: str
-    anchor: str
-    rates: dict[str, BdRate]
-
-
-def compared(curves: Sequence[Curve], test: str, anchor: str | None = None) -> list[Comparison]:
-    """The test against every other coder on each clip, or, given an anchor, every other coder against that."""
-    found = []
-    for clip in dict.fromkeys(curve.clip for curve in curves):
-        coders = {curve.coder: curve for curve in curves if curve.clip == clip and curve.points}
-        for other in coders.values():
-            fixed = coders.get(test if anchor is None else anchor)
-            if fixed is None or other is fixed:
-                continue
-            base, tested = (other, fixed) if anchor is None else (fixed, other)
-            rates = {metric: bd_rate(base.pairs(metric), tested.pairs(metric)) for metric in METRICS}
-            found.append(Comparison(clip, tested.coder, base.coder, rates))
-    return found
-
-
-def ratios(comparisons: Sequence[Comparison], *, by_anchor: bool = True) -> Ratios:
-    """The geometric means over clips, by the anchor or by the test."""
-    names = dict.fromkeys(c.anchor if by_anchor else c.test for c in comparisons)
-    return {
-        name: {
-            metric: mean_ratio(
-                [c.rates[metric].ratio for c in comparisons if (c.anchor if by_anchor else c.test) == name]
-            )
-            for metric in METRICS
-        }
-        for name in names
-    }
-
-
-def first_of(standard: str, found: Ratios) -> str | None:
-    """The name of a codec's first variant among the coders."""
-    names = (codec.label() for codec in CODECS if codec.standard == standard)
-    return next((name for name in names if name in found), None)
 
 
 def verdict(found: Ratios, clips: int) -> Verdict:

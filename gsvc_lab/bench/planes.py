@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_lab.bench import ffmpeg
 from gsvc_lab.clips import as_frame, as_picture
-from gsvc_lab.experiments.rate_distortion import ffmpeg
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
@@ -125,6 +125,14 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     )  # fmt: skip
     note = f"the file's own planes{part.note}{_beginning(start)}"
     return _counted(_titled(path, start), note, target, part.format(video))
+
+
+def from_any(source: str, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
+    """Frames of a file, as `from_file`, or of a built-in scene or a folder of pictures."""
+    if Path(source).is_file():
+        return from_file(Path(source), target, frames, crop, start)
+    with open_video(source) as reader:
+        return from_reader(reader, _titled(Path(source), start), target, frames, crop, start)
 
 
 def from_raw(

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_lab.experiments.rate_distortion import ffmpeg
-from gsvc_lab.experiments.rate_distortion.ffmpeg import FfmpegError
-from gsvc_lab.experiments.rate_distortion.planes import PlanarClip
+from gsvc_lab.bench import ffmpeg
+from gsvc_lab.bench.ffmpeg import FfmpegError
+from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.video.color import Plane
 
 _X264: Final = r"subme=8 psy=0 .*chroma_qp_offset={chroma} .*bframes={b} .*aq=\d:0\.00"

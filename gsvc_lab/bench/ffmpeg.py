@@ -51,7 +51,7 @@ def program() -> str:
 
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except ImportError:
-        raise FfmpegError("the codecs come with the package imageio-ffmpeg: pip install imageio-ffmpeg") from None
+        raise FfmpegError("the codecs come with the package imageio-ffmpeg: pip install 'gsvc_ref[bench]'") from None
     except RuntimeError as error:
         raise FfmpegError(f"imageio-ffmpeg finds no ffmpeg program: {error}") from None
 

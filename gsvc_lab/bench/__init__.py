@@ -1,0 +1,1 @@
+"""GSVC and the codecs of one ffmpeg program on the same clip: rate, distortion, seconds, BD-rates."""

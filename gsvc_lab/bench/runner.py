@@ -1,0 +1,201 @@
+"""Several coders on one clip, point by point, with an estimate of the time left; what was measured survives Ctrl-C."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from gsvc_lab.bench import ffmpeg
+from gsvc_lab.bench.codecs import CODECS, Codec
+from gsvc_lab.bench.coders import MAIN, PAPER, SLOW, WIDER, Coder
+from gsvc_lab.bench.ffmpeg import FfmpegError
+from gsvc_lab.bench.measure import Curve, Point, codec_point, gsvc_point, point_notes
+from gsvc_lab.bench.planes import PlanarClip
+from gsvc_ref.errors import UsageError
+
+MOST_POINTS: Final = len(WIDER)
+"""Points that a curve can have."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A coder by the name that the command line has for it.
+
+    Attributes
+    ----------
+    name
+        Name on the command line.
+    label
+        Name on the page.
+    coder
+        GSVC's settings, or a codec of ffmpeg.
+    variant
+        The number of the codec's variant.
+    """
+
+    name: str
+    label: str
+    coder: Coder | Codec
+    variant: int = 0
+
+
+def _entries() -> tuple[Entry, ...]:
+    avc, hevc, av1, vvc = CODECS
+    ours = (("gsvc", MAIN), ("gsvc-slow", SLOW), ("gsvc-paper", PAPER))
+    theirs = (("x264", avc, 0), ("x264-ip", avc, 1), ("x265", hevc, 0), ("svt-av1", av1, 0), ("vvenc", vvc, 0))
+    return (
+        *(Entry(name, coder.name, coder) for name, coder in ours),
+        *(Entry(name, codec.label(variant), codec, variant) for name, codec, variant in theirs),
+    )
+
+
+ENTRIES: Final = {entry.name: entry for entry in _entries()}
+"""All coders by their names; ``x264-ip`` has I- and P-frames only, as GSVC has."""
+
+DEFAULT: Final = ("gsvc", "x264", "x264-ip", "x265", "svt-av1", "vvenc")
+
+
+def chosen(names: Sequence[str]) -> list[Entry]:
+    """The coders of some names, each once, in the order given.
+
+    Raises
+    ------
+    UsageError
+        There is no such coder, or one needs an ffmpeg that is not there.
+    """
+    for name in names:
+        if name not in ENTRIES:
+            raise UsageError(f"there is no coder {name!r}; there are {', '.join(ENTRIES)}")
+    entries = [ENTRIES[name] for name in dict.fromkeys(names)]
+    if any(isinstance(entry.coder, Codec) for entry in entries):
+        ffmpeg.program()
+    return entries
+
+
+def middle(values: Sequence[int], count: int) -> tuple[int, ...]:
+    """So many of the values out of their middle, from coarse to fine."""
+    start = (len(values) - count) // 2
+    return tuple(values[start : start + count])
+
+
+@dataclass
+class Measured:
+    """What was measured so far.
+
+    Attributes
+    ----------
+    clip
+        The clip.
+    points
+        The points of each coder by its label, from coarse to fine.
+    notes
+        What a reader must know of each coder.
+    missing
+        Why a coder has no points.
+    planned, interrupted
+        The number of points that were to be measured, and whether Ctrl-C ended it.
+    """
+
+    clip: PlanarClip
+    points: dict[str, list[Point]] = field(default_factory=dict)
+    notes: dict[str, dict[str, None]] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    planned: int = 0
+    interrupted: bool = False
+
+    @property
+    def count(self) -> int:
+        """The number of points that were measured."""
+        return sum(map(len, self.points.values()))
+
+    @property
+    def curves(self) -> list[Curve]:
+        """The curves of all coders."""
+        return [
+            Curve(name, self.clip.title, tuple(points), tuple(self.notes[name]), self.missing.get(name))
+            for name, points in self.points.items()
+        ]
+
+
+OnPoint = Callable[[str, float, float | None], None]
+"""Called before each point with what comes, the seconds that are spent, and those of the whole (None: unknown)."""
+
+
+class _Estimate:
+    """Seconds in all, from those of the points that are done."""
+
+    def __init__(self) -> None:
+        self.begin = time.perf_counter()
+        self.spent: dict[str, list[float]] = {}
+
+    def add(self, label: str, seconds: float) -> None:
+        """A point is done."""
+        self.spent.setdefault(label, []).append(seconds)
+
+    def whole(self, left: Sequence[str]) -> tuple[float, float | None]:
+        """Seconds so far, and in all with one more point for each label in `left`; None as long as nothing is known."""
+        so_far = time.perf_counter() - self.begin
+        means = {label: sum(seconds) / len(seconds) for label, seconds in self.spent.items()}
+        if not means:
+            return so_far, None
+        usual = sum(means.values()) / len(means)
+        return so_far, so_far + sum(means.get(label, usual) for label in left)
+
+
+def measure(
+    clip: PlanarClip, entries: Sequence[Entry], points: int, folder: Path, threads: int | None, on_point: OnPoint
+) -> Measured:
+    """Measure each coder at several qualities, in turns from coarse to fine, so that an early end leaves whole curves.
+
+    Parameters
+    ----------
+    clip
+        The clip, as planes.
+    entries
+        The coders.
+    points
+        Points of a curve, 2 to MOST_POINTS.
+    folder
+        Folder for files, which are overwritten.
+    threads
+        Threads to compute with; None: all.
+    on_point
+        Called before each point.
+    """
+    found = Measured(clip, {entry.label: [] for entry in entries}, {entry.label: {} for entry in entries})
+    turns = [(entry, number) for number in range(points) for entry in entries]
+    found.planned = len(turns)
+    estimate = _Estimate()
+    try:
+        for place, (entry, number) in enumerate(turns):
+            if entry.label in found.missing:
+                continue
+            left = [other.label for other, _ in turns[place:] if other.label not in found.missing]
+            on_point(f"{place + 1}/{len(turns)} {entry.label}", *estimate.whole(left))
+            begin = time.perf_counter()
+            try:
+                made, notes = _point(clip, entry, number, points, folder, threads)
+            except FfmpegError as error:
+                found.missing[entry.label] = str(error)
+                continue
+            estimate.add(entry.label, time.perf_counter() - begin)
+            found.points[entry.label].append(made)
+            found.notes[entry.label] |= dict.fromkeys(notes)
+    except KeyboardInterrupt:
+        found.interrupted = True
+    return found
+
+
+def _point(
+    clip: PlanarClip, entry: Entry, number: int, points: int, folder: Path, threads: int | None
+) -> tuple[Point, Sequence[str]]:
+    """One point of a coder, and what a reader must know of it."""
+    if isinstance(entry.coder, Coder):
+        area = clip.format.width * clip.format.height
+        splats = max(1, area // middle(WIDER, points)[number])
+        return gsvc_point(clip, entry.coder.settings(splats=splats, threads=threads), folder)
+    value = middle(entry.coder.values, points)[number]
+    variant = entry.coder.variants[entry.variant]
+    made, coded = codec_point(clip, entry.coder, variant, value, folder, threads)
+    return made, point_notes(entry.coder, variant, coded) if number == 0 else ()

@@ -1,0 +1,61 @@
+"""The page that ``gsvc encode --report`` writes, by the package that makes pages."""
+
+import shlex
+import sys
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from gsvc_ref import plugins
+from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_ref.cli.files import STDIO, check_output
+from gsvc_ref.errors import UsageError
+
+if TYPE_CHECKING:
+    from gsvc_ref.encoder import EncodeReport
+
+CHANGING: Final = ("scale", "fps")
+"""Options after which the file has other frames than its source."""
+
+
+def check_page(arguments: Namespace) -> None:
+    """Refuse ``--report`` where its page could not be written, before work is done for it.
+
+    Raises
+    ------
+    UsageError
+        The stream or the page goes to standard output, the page's name is no page, or no package makes pages.
+    """
+    page = arguments.report
+    if page is None:
+        return
+    if arguments.output == STDIO:
+        raise UsageError("--report reads the file that was written, and there is none: give OUT.gsvc a name")
+    if Path(page).suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"--report {page} is no name of a page; it ends in .html, such as --report page.html")
+    check_output(page, arguments.input)
+    if plugins.page_writer() is None:
+        raise UsageError("--report needs gsvc_lab, which makes the page and comes with gsvc_ref: pip install .")
+
+
+def without_page(arguments: Namespace) -> str:
+    """The end of a sentence on an encode that ended early, if a page was asked for."""
+    return "" if arguments.report is None else f"; {arguments.report} was not written, gsvc report makes it"
+
+
+def write_page(arguments: Namespace, report: "EncodeReport") -> int:
+    """Write the page, if one is asked for; 0, or 130 when that was interrupted."""
+    write = plugins.page_writer() if arguments.report is not None else None
+    if write is None:
+        return 0
+    same = arguments.input != STDIO and not any(getattr(arguments, name, None) for name in CHANGING)
+    start = arguments.frames[0] if arguments.frames is not None else 0
+    command = shlex.join(["gsvc", *sys.argv[1:]]) if sys.argv[1:2] == ["encode"] else ""
+    quiet = arguments.quiet or arguments.json
+    source = arguments.input if same else None
+    try:
+        write(arguments.output, source, start, arguments.report, report, command, quiet=quiet)
+    except KeyboardInterrupt:
+        say("gsvc encode", f"interrupted; {arguments.output} is complete{without_page(arguments)}")
+        return EXIT_INTERRUPTED
+    return 0
