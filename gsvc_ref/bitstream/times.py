@@ -109,6 +109,17 @@ class FrameTimes:
         self._firsts, self._ends, self._ticks = array("Q"), array("Q"), array("Q")
         self._frames_before, self._ticks_before = array("Q"), array("Q")
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same by the same runs."""
+        if not isinstance(other, FrameTimes):
+            return NotImplemented
+        return self._said() == other._said()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _said(self) -> tuple[object, ...]:
+        return self._usual, self.ticks_per_second, self._firsts, self._ends, self._ticks
+
     @property
     def is_even(self) -> bool:
         """Whether no run is known: all frames are shown equally long."""

@@ -93,3 +93,12 @@ def test_a_hostile_stream_does_not_fill_the_memory(monkeypatch):
     times = FrameTimes(RATE)
     assert [times.add(payload(1000, 2 * n, 2, 1, 7, 1, 9), 0) for n in range(4)] == [True, True, False, False]
     assert times.time_of(6) == Fraction(32, 1000) + 2 / RATE
+
+
+def test_times_are_equal_if_they_say_the_same():
+    first, second = FrameTimes(RATE), FrameTimes(RATE)
+    assert first == second != FrameTimes(Fraction(24))
+    assert first.add(payload(1000, 0, 1, 2, 30), 0)
+    assert first != second
+    assert second.add(payload(1000, 0, 1, 2, 30), 0)
+    assert first == second
