@@ -42,6 +42,14 @@ SETTINGS = {
     "paper, quantisers chosen": paper_quick(iterations=3, key_frames=4, threads=1),
 }
 
+LIKE_OTHERS = ("main, quality", "main, layers of splats", "paper")
+"""Settings that take the ways that others take as well."""
+
+PARAMETERS = [
+    pytest.param(settings, id=name, marks=[pytest.mark.exhaustive] if name in LIKE_OTHERS else [])
+    for name, settings in SETTINGS.items()
+]
+
 
 class EndedError(Exception):
     """What ends an encode, like a fault of its source."""
@@ -83,7 +91,7 @@ def kept(first_groups, tmp_path):
     return shutil.copytree(first_groups, tmp_path / "kept")
 
 
-@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+@pytest.mark.parametrize("settings", PARAMETERS)
 def test_the_same_bytes_and_report(settings, tmp_path):
     """Whether groups are encoded one after the other or side by side, before and after."""
     folder = tmp_path / "kept"
