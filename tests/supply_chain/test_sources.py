@@ -23,8 +23,8 @@ MAY_UNPICKLE = {
     ROOT / "gsvc_ref" / "encoder" / "cluster_task.py",
     ROOT / "gsvc_lab" / "benchmarks" / "cluster.py",
 }
-"""The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba does.
-The others read what the machines of a cluster send each other, whose scheduler lets any of them run any code anyway."""
+"""The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
+does. The others read what the machines of a cluster send each other, where each may run any code on the others anyway."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
 """It drives a browser of this machine through pipes, in an event loop."""
