@@ -17,8 +17,14 @@ EVALUATING = {"eval", "exec", "compile", "__import__"}
 MAY_EVALUATE = {ROOT / "gsvc_ref" / "spec.py", ROOT / "conformance" / "gsvc_conformance" / "spec.py"}
 """They run the code blocks of spec.md, a file of this project."""
 
-MAY_UNPICKLE = {ROOT / "gsvc_ref" / "_kernel_cache.py"}
-"""It reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba does."""
+MAY_UNPICKLE = {
+    ROOT / "gsvc_ref" / "_kernel_cache.py",
+    ROOT / "gsvc_ref" / "encoder" / "cluster.py",
+    ROOT / "gsvc_ref" / "encoder" / "cluster_task.py",
+    ROOT / "gsvc_lab" / "benchmarks" / "cluster.py",
+}
+"""The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
+does. The others read what the machines of a cluster send each other, where each may run any code on the others anyway."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
 """It drives a browser of this machine through pipes, in an event loop."""
