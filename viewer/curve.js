@@ -50,7 +50,7 @@ globalThis.GSVC ??= {};
       }
       const part = finite.length === values.length ? "" : `, of ${finite.length} frames so far`;
       const range = `${GSVC.words.number(lowest, 2)} to ${GSVC.words.number(highest, 2)} dB`;
-      canvas.setAttribute("aria-label", `PSNR of each frame: ${range}${told2}`);
+      canvas.setAttribute("aria-label", `PSNR of each frame: ${range}${part}`);
     }
 
     #line(context, down, color) {
