@@ -226,6 +226,7 @@ globalThis.GSVC ??= {};
     if (frames.length === 0) return;
     $("busy").hidden = true;
     if (state.file?.reading !== reading) show(input, reading, BEST);
+    else if (reading.faultCount > 0) tellFaults(input, reading);
     $("layers").hidden = true; // until all is there
     player.extend(frames.length);
     timeline.setFrames(frames, 0, player.number);

@@ -5,13 +5,13 @@ import sys
 import time
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from gsvc_ref.cli.arguments import whole
 from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, check_input, display_name, open_stream
+from gsvc_ref.cli.files import MAGIC_RULE, STDIO, check_input, display_name, open_stream
 from gsvc_ref.cli.text import show
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gsvc_ref.viewing.streams import StreamBytes
 
 COMMAND: Final = "gsvc view"
+LOOK_S: Final = 0.5
+"""Seconds between two looks at what comes."""
 
 
 def add_command(commands: Any) -> None:
@@ -57,8 +59,7 @@ def run(arguments: Namespace) -> int:
         name = "standard input" if arguments.input == STDIO else Path(arguments.input).name
         with serving(Viewing(name, stream, source), arguments.port) as server:
             _introduce(arguments, server)
-            while True:
-                time.sleep(3600)
+            _watch(arguments.input, stream)
     except KeyboardInterrupt:
         say(COMMAND, "ended; the page goes on with what it has read")
         return EXIT_INTERRUPTED
@@ -66,6 +67,28 @@ def run(arguments: Namespace) -> int:
         stream.close()
         if source is not None:
             source.close()
+
+
+def _watch(name: str, stream: "StreamBytes") -> NoReturn:
+    """Wait for Ctrl-C, and look at what comes until it is known to be a stream.
+
+    Raises
+    ------
+    GsvcError
+        It is none.
+    OSError
+        What comes cannot be kept.
+    """
+    from gsvc_ref.bitstream.chunks import MAGIC
+
+    known = not stream.live
+    while True:
+        time.sleep(LOOK_S)
+        if stream.fault is not None:
+            raise stream.fault
+        if not known and (known := stream.size() >= len(MAGIC)) and stream.read(0, len(MAGIC)) != MAGIC:
+            message = f"{display_name(name)} is no GSVC stream; if it is a video, encode it first: gsvc encode"
+            raise GsvcError("malformed", message, rule=MAGIC_RULE, bit=0)
 
 
 def _check(arguments: Namespace) -> None:

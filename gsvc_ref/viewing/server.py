@@ -138,8 +138,16 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer, as far as the address is one of those that there are."""
-        with suppress(ConnectionError, TimeoutError):
-            self._answer()
+        self._begun = False
+        with suppress(ConnectionError, TimeoutError):  # the page went away
+            try:
+                self._answer()
+            except (ConnectionError, TimeoutError):
+                raise
+            except Exception as error:
+                self.close_connection = True
+                if not self._begun:
+                    self.send_error(500, _text(" ".join(f"{type(error).__name__}: {error}".split())))
 
     do_HEAD = do_GET  # noqa: N815
 
@@ -171,7 +179,7 @@ class Handler(BaseHTTPRequestHandler):
     def _source(self, source: SourceFrames, number: int) -> None:
         try:
             samples = source.samples(number)
-        except (GsvcError, OSError) as error:
+        except (GsvcError, UsageError, FileNotFoundError) as error:
             self.send_error(500, _text(str(error)))
             return
         if samples is None:
@@ -231,6 +239,7 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def _head(self, code: int, kind: str, size: int | None, more: dict[str, str]) -> None:
+        self._begun = True
         self.send_response(code)
         sizes = {} if size is None else {"Content-Length": str(size)}
         for name, value in {"Content-Type": kind, **sizes, **HEADERS, **more}.items():

@@ -26,9 +26,12 @@ class StreamBytes(Protocol):
     ----------
     live
         Whether more may come.
+    fault
+        Why what comes cannot be kept; None: it can.
     """
 
     live: bool
+    fault: OSError | None
 
     def size(self) -> int:
         """How many bytes there are by now."""
@@ -47,6 +50,7 @@ class WholeFile:
     """A file as it is."""
 
     live = False
+    fault: OSError | None = None
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -132,7 +136,7 @@ class Pipe:
         self._kept = tempfile.TemporaryFile()  # noqa: SIM115  (for as long as the object lives)
         self._size, self._ended = 0, False
         self._lock = threading.Lock()
-        self.fault: Exception | None = None
+        self.fault: OSError | None = None
         threading.Thread(target=self._take, name="pipe", daemon=True).start()
 
     def _take(self) -> None:
@@ -142,8 +146,10 @@ class Pipe:
                     self._kept.seek(self._size)
                     self._kept.write(piece)
                     self._size += len(piece)
-        except (OSError, ValueError) as error:  # the disk is full, and what came before stays; or all is closed
+        except OSError as error:  # the disk is full: what came before stays
             self.fault = error
+        except ValueError:  # all is closed
+            pass
         self._ended = True
 
     def size(self) -> int:

@@ -100,7 +100,7 @@ def refused(capsys, *arguments):
     return code, err.removeprefix("gsvc view: ").rstrip("\n")
 
 
-def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys, standard_input):
+def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys):
     other = tmp_path / "other.y4m"
     other.write_bytes(clip.read_bytes().replace(b"W32 H24", b"W24 H32"))
     assert refused(capsys, tmp_path / "gone.gsvc")[0] == 2
@@ -118,6 +118,13 @@ def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys, standar
     assert told.startswith(f"{other} has 24x32 pixels and {stream} 32x24; only equal ones can be compared")
     assert refused(capsys, stream, "--port", "70000") == (2, "--port is 70000; a port is a number from 1 to 65535")
     assert refused(capsys, stream, "--colour")[0] == 2
+
+
+def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
+    standard_input(b"YUV4MPEG2 W32 H24 F25:1")
+    monkeypatch.setattr(view, "LOOK_S", 0.01)
+    assert main(["view", "-", "--no-browser"]) == 1
+    assert "standard input is no GSVC stream; if it is a video, encode it first" in capsys.readouterr().err
 
 
 def test_a_port_in_use_is_refused(stream, capsys):
