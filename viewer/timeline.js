@@ -44,7 +44,9 @@ globalThis.GSVC ??= {};
       const counts = ["I", "P", "R"].map((type) => [type, frames.filter((frame) => frame.type === type).length]);
       const told = counts.filter(([, count]) => count > 0).map(([type, count]) => `${count} ${type} (${TYPES[type]})`);
       this.most = frames.reduce((most, { size }) => Math.max(most, size), 1);
-      this.chart.setAttribute("aria-label", `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes${GSVC.words.missingInWords(frames, missingAtEnd, "; missing: ")}`);
+      const missing = GSVC.words.missingInWords(frames, missingAtEnd, "; missing: ");
+      const label = `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes${missing}`;
+      this.chart.setAttribute("aria-label", label);
       this.show(number);
     }
 
@@ -89,7 +91,9 @@ globalThis.GSVC ??= {};
       context.lineWidth = 2;
       context.beginPath();
       context.moveTo(x, 0);
-      for (let y = 3, side = 1; y < height + 3; y += 4, side = -side) context.lineTo(x + 2.5 * side, Math.min(y, height));
+      for (let y = 3, side = 1; y < height + 3; y += 4, side = -side) {
+        context.lineTo(x + 2.5 * side, Math.min(y, height));
+      }
       context.stroke();
     }
 

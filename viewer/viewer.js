@@ -6,9 +6,7 @@ globalThis.GSVC ??= {};
   const { number, faultInWords, element, tell } = GSVC.words;
   const { ofFile, ofText, ofBytes, named, viewed } = GSVC.inputs;
   const $ = (id) => document.getElementById(id);
-  const POINT = "Point at the picture to see which splat is there; click to follow it.";
-  const FOLLOWED = "Followed from frame to frame; click it again to let it go.";
-  const state = { file: null, opening: null, track: null, point: null };
+  const state = { file: null, opening: null };
   const notices = { file: [], source: [], saving: [], drawing: [] }; // lines above the picture
   const BEST = 3; // the highest layer that a stream can have
   const drawn = []; // when the last pictures were drawn
@@ -26,11 +24,8 @@ globalThis.GSVC ??= {};
   const curve = new GSVC.Curve($("psnr"), (n) => timeline.place(n));
   const screen = new GSVC.Screen($("screen"), $("marks"), {
     drawn: pictureDrawn,
-    point: (place) => {
-      state.point = place;
-      lookAgain();
-    },
-    pick: follow,
+    point: (place) => look.at(place),
+    pick: (place) => look.follow(place),
     view: () => {
       $("zoom").textContent = `${number(100 * screen.view.scale)} %`;
       beside.moved();
@@ -41,6 +36,7 @@ globalThis.GSVC ??= {};
     },
   });
 
+  const look = new GSVC.Look(screen, () => player.number);
   const beside = new GSVC.Beside($("screen"), (canvas) => screen.place(canvas), sourceFailed);
 
   function showFrame(n) {
@@ -53,7 +49,7 @@ globalThis.GSVC ??= {};
     tell($("frame"), GSVC.panels.frameFacts(n, stream.frames, player.rate, comparison?.psnr[n]));
     GSVC.panels.showParts($("parts"), $("parts-legend"), frame);
     if (comparison) curve.show(comparison.psnr, stream.frames, n);
-    lookAgain();
+    look.again();
   }
 
   /** Go to a frame, as somebody asked for: a live stream is not followed any more. */
@@ -83,47 +79,6 @@ globalThis.GSVC ??= {};
       ["canvas", `${width} × ${height}`],
       ["speed", player.playing && drawn.length > 1 ? `${number(speed, 1)} pictures a second` : "–"],
     ]);
-  }
-
-  // ---- splats
-
-  /** Tell about the splat that is followed, or else of the one under the pointer. */
-  function lookAgain() {
-    if (!screen.frame) return;
-    const { parameters, origins } = screen.frame;
-    const { point, track } = state;
-    const found = point && GSVC.splats.lookAt(parameters, point.x, point.y);
-    const index = track ? track.indexIn(player.number) : found ? found.index : -1;
-    screen.followed = { index: track ? index ?? -1 : -1, points: track ? track.points() : [] };
-    screen.pointed = found ? found.index : -1;
-    screen.marksChanged();
-    tip(found, point);
-    const facts = index !== null && index >= 0 ? GSVC.panels.splatFacts(parameters, index, origins[index] < 0) : [];
-    if (index === null) facts.push(["splat", "followed; too many frames away"]);
-    else if (track && index < 0) facts.push(["splat", "followed; not in this frame"]);
-    if (found && !track) facts.push(...GSVC.panels.placeFacts(found, point));
-    const hint = element("p", { class: "hint" }, track ? FOLLOWED : POINT);
-    const list = element("dl", { class: "facts" });
-    tell(list, facts);
-    $("splat").replaceChildren(...(facts.length ? [list, hint] : [hint]));
-  }
-
-  function tip(found, point) {
-    $("tip").hidden = !found || found.index < 0;
-    if ($("tip").hidden) return;
-    $("tip").textContent = `splat ${found.index} · ${found.covering} here`;
-    const [x, y] = point.onPage;
-    const room = $("screen").clientWidth - $("tip").offsetWidth - 4;
-    $("tip").style.transform = `translate(${Math.max(Math.min(x + 14, room), 4)}px, ${y + 18}px)`;
-  }
-
-  function follow(place) {
-    if (!screen.frame) return;
-    const { index } = GSVC.splats.lookAt(screen.frame.parameters, place.x, place.y);
-    const same = state.track && index === state.track.indexIn(player.number);
-    state.track = index < 0 || same ? null : new GSVC.splats.Track(state.file.stream, player.number, index);
-    state.point = place;
-    lookAgain();
   }
 
   // ---- files
@@ -186,7 +141,7 @@ globalThis.GSVC ??= {};
     state.file?.comparison?.end();
     const stream = { frames, frame: reading.seeker() };
     state.file = { input, reading, stream, comparison: null };
-    state.track = state.point = null;
+    look.begin(stream);
     document.title = `${input.name} – GSVC viewer`;
     compare();
     tellFile();
@@ -316,7 +271,8 @@ globalThis.GSVC ??= {};
   async function save() {
     if (!screen.frame) return;
     const { width, height, bitDepth } = screen.video;
-    const name = `${state.file.input.name.replace(/\.gsvc$/, "")}_${String(state.file.stream.frames[player.number].number).padStart(6, "0")}.png`;
+    const { number: at } = state.file.stream.frames[player.number];
+    const name = `${state.file.input.name.replace(/\.gsvc$/, "")}_${String(at).padStart(6, "0")}.png`;
     let file;
     try {
       const sum = GSVC.renderSumDeterministic(screen.frame.parameters, width, height);
@@ -362,10 +318,7 @@ globalThis.GSVC ??= {};
       player, screen, beside, seek, step, toggle, save, showBeside, useLayer, useRenderer,
       ready: () => state.file !== null,
       frames: () => state.file.stream.frames,
-      letGo: () => {
-        state.track = null;
-        lookAgain();
-      },
+      letGo: () => look.letGo(),
       openFile: (file) => open(ofFile(file)),
       openExample: (example) => open(ofText(example)),
       newColors: () => {

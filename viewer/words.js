@@ -79,13 +79,14 @@ globalThis.GSVC ??= {};
     const behind = frames.filter((frame) => 8 * frame.byteOffset > bit).length;
     const before = frames.length - behind;
     const rest = frames.length === 0 ? "No frame can be shown."
-      : behind > 0 ? `The ${number(frames.length)} frames that are whole are shown, ${number(behind)} of them behind the damage.`
+      : behind > 0 ? `The ${number(frames.length)} whole frames are shown, ${number(behind)} of them behind the damage.`
         : before === 1 ? "The frame before it is whole and is shown."
           : `The ${number(before)} frames before it are whole and are shown.`;
     const missing = missingInWords(frames, missingAtEnd, "Missing: ");
-    const others = faultCount < 2 ? "" : faultCount === 2 ? " One more fault follows." : ` ${number(faultCount - 1)} more faults follow.`;
-    const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).${others}`;
-    return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), where];
+    const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).`;
+    const others = faultCount < 2 ? [] : [faultCount === 2 ? "One more fault follows."
+      : `${number(faultCount - 1)} more faults follow.`];
+    return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), where, ...others];
   }
 
   /** An element with attributes and children; children that are texts stay texts. */

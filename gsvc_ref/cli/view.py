@@ -87,7 +87,7 @@ def _watch(name: str, stream: "StreamBytes") -> NoReturn:
         if stream.fault is not None:
             raise stream.fault
         if not known and (known := stream.size() >= len(MAGIC)) and stream.read(0, len(MAGIC)) != MAGIC:
-            message = f"{display_name(name)} is no GSVC stream; if it is a video, encode it first: gsvc encode"
+            message = f"{display_name(name)} is no GSVC stream; encode a video first: gsvc encode IN - --live"
             raise GsvcError("malformed", message, rule=MAGIC_RULE, bit=0)
 
 

@@ -34,4 +34,4 @@ def viewer_files() -> dict[str, Path]:
         files = {path: root / path for path in paths}
         if all(file.is_file() for file in files.values()):
             return files
-    raise UsageError("the files of the viewer are missing from this installation: pip install --force-reinstall gsvc")
+    raise UsageError("the files of the viewer are missing here: pip install --force-reinstall gsvc_ref")

@@ -124,7 +124,7 @@ def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
     standard_input(b"YUV4MPEG2 W32 H24 F25:1")
     monkeypatch.setattr(view, "LOOK_S", 0.01)
     assert main(["view", "-", "--no-browser"]) == 1
-    assert "standard input is no GSVC stream; if it is a video, encode it first" in capsys.readouterr().err
+    assert "standard input is no GSVC stream; encode a video first" in capsys.readouterr().err
 
 
 def test_a_port_in_use_is_refused(stream, capsys):

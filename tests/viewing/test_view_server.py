@@ -4,6 +4,7 @@ import http.client
 import io
 import json
 import os
+import shutil
 import socket
 import threading
 from contextlib import closing
@@ -17,6 +18,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.files import try_lock
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
+from gsvc_ref.viewing import pages
 from gsvc_ref.viewing.pages import viewer_files
 from gsvc_ref.viewing.server import Server, Viewing, parse_range, serving
 from gsvc_ref.viewing.source_frames import SourceFrames
@@ -81,6 +83,18 @@ def test_the_page_and_all_that_it_loads(server):
         assert headers["Referrer-Policy"] == "no-referrer"
     assert server.url.endswith(f"/{server.token}/viewer/index.html?view=../view.json")
     assert server.server_address[0] == "127.0.0.1"
+
+
+def test_the_files_lie_in_a_wheel_as_in_a_checkout(tmp_path, monkeypatch):
+    files = viewer_files()
+    for path, file in files.items():
+        (tmp_path / "web" / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, tmp_path / "web" / path)
+    monkeypatch.setattr(pages, "ROOTS", (tmp_path / "web", tmp_path))
+    assert viewer_files() == {path: tmp_path / "web" / path for path in files}
+    (tmp_path / "web" / "viewer" / "style.css").unlink()
+    with pytest.raises(UsageError, match="the files of the viewer are missing here"):
+        viewer_files()
 
 
 PATHS_OF_OTHERS = """
