@@ -44,6 +44,10 @@ def add_command(commands: Any) -> None:
         "--live", action="store_true", help="follow a file that gsvc encode --live is writing, or is going to write"
     )
     parser.add_argument("--no-browser", action="store_true", help="open no browser: print the address, and only that")
+    parser.add_argument(
+        "--source-from", type=whole, default=0, metavar="K",
+        help="frame 0 of FILE is frame K of SOURCE, as after gsvc encode --frames K:",
+    )  # fmt: skip
     parser.add_argument("--port", type=whole, default=0, metavar="P", help="the port; default: one that is free")
 
 
@@ -94,6 +98,8 @@ def _watch(name: str, stream: "StreamBytes") -> NoReturn:
 def _check(arguments: Namespace) -> None:
     if not 0 <= arguments.port <= 65535:
         raise UsageError(f"--port is {arguments.port}; a port is a number from 1 to 65535")
+    if arguments.source_from < 0 or (arguments.source_from and arguments.source is None):
+        raise UsageError(f"--source-from is {arguments.source_from}; it is the number of a frame of SOURCE, 0 or more")
     waits = arguments.live and arguments.input != STDIO and not Path(arguments.input).exists()
     if not waits:
         check_input(arguments.input)
@@ -118,7 +124,7 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
         if arguments.source is not None:
             with open_video(arguments.source) as reader:
                 _check_fits(arguments, video, reader.format)
-    source = None if arguments.source is None else SourceFrames(arguments.source)
+    source = None if arguments.source is None else SourceFrames(arguments.source, arguments.source_from)
     if arguments.input == STDIO:
         return Pipe(sys.stdin.buffer), source
     return (GrowingFile if live else WholeFile)(Path(arguments.input)), source

@@ -9,8 +9,8 @@ import numpy as np
 from gsvc_ref.arrays import Frame
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
 
-MOST_KEPT: Final = 2 << 30
-"""Bytes of frames that are kept in a temporary file: 345 frames of 1920 × 1080, so that going back reads no video."""
+MOST_KEPT: Final = 1 << 30
+"""Bytes of frames that are kept in a temporary file: 172 frames of 1920 × 1080, so that going back reads no video."""
 
 
 class SourceFrames:
@@ -20,6 +20,8 @@ class SourceFrames:
     ----------
     name
         What `gsvc_ref.video.open_video` opens, more than once.
+    first
+        The number in the source of the frame that is given as frame 0.
     most_kept
         Bytes of frames that are kept on disk; what lies behind them is read again by who goes back.
 
@@ -29,8 +31,8 @@ class SourceFrames:
         The format of the source.
     """
 
-    def __init__(self, name: str, most_kept: int = MOST_KEPT) -> None:
-        self.name = name
+    def __init__(self, name: str, first: int = 0, most_kept: int = MOST_KEPT) -> None:
+        self.name, self._first = name, first
         self._reader: VideoReader = open_video(name)
         self.format: VideoFormat = self._reader.format
         self._frame_bytes = 3 * self.format.width * self.format.height * (1 if self.format.bit_depth == 8 else 2)
@@ -50,6 +52,7 @@ class SourceFrames:
         GsvcError
             The source cannot be read so far.
         """
+        number += self._first
         with self._lock:
             if number < self._kept_count:
                 self._kept.seek(number * self._frame_bytes)

@@ -118,6 +118,8 @@ def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys):
     assert told.startswith(f"{other} has 24x32 pixels and {stream} 32x24; only equal ones can be compared")
     assert refused(capsys, stream, "--port", "70000") == (2, "--port is 70000; a port is a number from 1 to 65535")
     assert refused(capsys, stream, "--colour")[0] == 2
+    assert refused(capsys, stream, "--source-from", "3")[0] == 2
+    assert refused(capsys, stream, clip, "--source-from", "-1")[0] == 2
 
 
 def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):

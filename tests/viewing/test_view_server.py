@@ -208,6 +208,11 @@ def test_frames_come_in_any_order_with_any_room(folder, room):
     source.close()
 
 
+def test_a_source_may_begin_later(folder, frames):
+    with closing(SourceFrames(str(folder / "clip.y4m"), first=1)) as source:
+        assert [source.samples(number) for number in (1, 0, 2)] == [frames[2].tobytes(), frames[1].tobytes(), None]
+
+
 def test_a_source_that_breaks_off_is_told(folder, frames):
     path = folder / "cut.y4m"
     path.write_bytes((folder / "clip.y4m").read_bytes()[:-10])
