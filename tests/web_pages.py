@@ -75,7 +75,7 @@ class Page:
 
     def drawn(self):
         """Wait for the first picture."""
-        self.wait_for_function("document.querySelector('#drawing dd')")
+        self.wait_for_function("() => document.querySelector('#drawing dd')")  # a function: pages may forbid eval
 
     def saved(self):
         """The name and the bytes of the file that the key for saving gives."""

@@ -47,8 +47,12 @@ globalThis.GSVC ??= {};
   }
 
   GSVC.CheckTab = class {
-    /** @param {function(): string} kind of the renderer to be judged */
-    constructor(root, kind) {
+    /**
+     * @param {HTMLElement} root
+     * @param {function(): string} kind of the renderer to be judged
+     * @param {boolean} served whether the server that the page came from has the vectors
+     */
+    constructor(root, kind, served) {
       Object.assign(this, { root, kind });
       this.button = element("button", { class: "primary", id: "run-check" }, "Check");
       this.stop = element("button", { id: "stop-check", hidden: "" }, "Stop");
@@ -56,9 +60,8 @@ globalThis.GSVC ??= {};
       const progress = { id: "check-progress", max: 1, value: 0, hidden: "", "aria-label": "Progress of the check" };
       this.bar = element("progress", progress);
       this.result = element("div", { id: "check-result" });
-      const served = location.protocol.startsWith("http");
       const intro = "Every answer of this decoder is compared with those that spec.md allows: the golden vectors. ";
-      const how = served ? "" : "A page opened from a disk may not look for them: choose their folder, or drop it here.";
+      const how = served ? "" : "They are not where this page may look for them: choose their folder, or drop it here.";
       const look = `button${served ? "" : " primary"}`;
       const folder = element("label", { class: look }, "Choose the folder vectors", this.choose);
       root.append(element("h2", {}, "Is it right?"), element("p", {}, intro, how),

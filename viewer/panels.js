@@ -13,7 +13,7 @@ globalThis.GSVC ??= {};
   const PROFILES = ["paper", "main"];
 
   /** The number of a frame among those that there are. */
-  const numbered = (n, frames) => (frames.length > 1 ? `${number(n)} of 0–${number(frames.length - 1)}` : `${n}`);
+  const numbered = (n, frames) => (frames.length > 1 ? `${number(n)} of 0–${number(frames.at(-1).number)}` : `${n}`);
 
   /** How samples that are not square are shown; null: they are, or it is unknown. */
   function aspect({ sample_aspect_numerator: wide, sample_aspect_denominator: high }) {
@@ -21,8 +21,8 @@ globalThis.GSVC ??= {};
     return ["samples", `${wide}:${high}, shown square`];
   }
 
-  /** Facts about a file with at least one frame. */
-  function fileFacts({ name, size, header, frames, fault }) {
+  /** Facts about a file with at least one frame; `psnr` has what was measured, if it has a source. */
+  function fileFacts({ name, size, header, frames, fault, source, psnr = [] }) {
     const rate = header.frame_rate_numerator / header.frame_rate_denominator;
     const seconds = frames.length / rate;
     const used = fault ? frames.reduce((sum, frame) => sum + frame.size, 0) : size;
@@ -39,10 +39,26 @@ globalThis.GSVC ??= {};
       ["level", `${header.level}: at most ${number(GSVC.LEVELS[header.level].pixels)} pixels, ` +
         `${number(GSVC.LEVELS[header.level].splats)} splats${header.flags & 2 ? ", and paced" : ""}`],
       ["source", `${CHROMA[header.chroma_format] ?? CHROMA[0]}${header.flags & 1 ? "; splats have checksums" : ""}`],
+      ...(source ? [["beside", source.name], ["PSNR", ...psnrInWords(frames, psnr)]] : []),
       ["profile", PROFILES[header.profile]],
       ...(header.profile === GSVC.MAIN ? mainTools(header) : paperTools(header)),
       aspect(header),
     ].filter(Boolean);
+  }
+
+  /** A PSNR; Infinity: the frames are the same. */
+  const decibels = (value) => (value === Infinity ? "identical" : `${number(value, 2)} dB`);
+
+  /** The mean of the frames that were measured and differ, as `gsvc compare` has it, and the least. */
+  function psnrInWords(frames, psnr) {
+    const found = [...psnr.entries()].filter(([, value]) => typeof value === "number");
+    const finite = found.filter(([, value]) => value < Infinity);
+    if (found.length === 0) return ["…"];
+    if (finite.length === 0) return ["identical"];
+    const mean = finite.reduce((sum, [, value]) => sum + value, 0) / finite.length;
+    const [at, least] = finite.reduce((low, one) => (one[1] < low[1] ? one : low));
+    const part = found.length < frames.length ? ` (${number(found.length)} frames so far)` : "";
+    return [`${decibels(mean)} on average, ${decibels(least)} in frame ${number(frames[at].number)}${part}`];
   }
 
   const lanes = (count) => `${count} ${count === 1 ? "lane" : "lanes"}`;
@@ -63,9 +79,11 @@ globalThis.GSVC ??= {};
     return `D ${number(step, 2)} (quantizer ${quantizer}), ${lanes(count)}${field}`;
   }
 
-  function frameFacts(frame, frames, rate) {
+  /** Facts about the frame at n; `psnr`: undefined if it was not measured, null if the source does not have it. */
+  function frameFacts(n, frames, rate, psnr) {
+    const frame = frames[n];
     const { type, splatCount, newCount, survivorCount, size, layers } = frame;
-    const before = type === "P" ? frames[frame.number - 1].splatCount : 0;
+    const before = type === "P" ? frames[n - 1].splatCount : 0;
     const gone = before - survivorCount;
     const facts = [
       ["number", `${numbered(frame.number, frames)}, at ${number(frame.number / rate, 2)} s`],
@@ -76,6 +94,7 @@ globalThis.GSVC ??= {};
     if (type === "P") {
       facts[2][1] += `: ${number(survivorCount)} kept, ${number(newCount)} new; ${number(gone)} gone`;
     }
+    if (psnr !== undefined) facts.push(["PSNR", psnr === null ? "the source has no such frame" : decibels(psnr)]);
     if (splatCount > 0) facts.push(["bits a splat", number((8 * size) / splatCount, 1)]);
     if (frame.coding) facts.push(["steps", codingInWords(frame.coding)]);
     for (const { layer, type: layerType, byteLength, coding } of layers) {
@@ -128,5 +147,5 @@ globalThis.GSVC ??= {};
     ];
   }
 
-  GSVC.panels = { numbered, fileFacts, frameFacts, showParts, splatFacts, placeFacts };
+  GSVC.panels = { numbered, decibels, fileFacts, frameFacts, showParts, splatFacts, placeFacts };
 }

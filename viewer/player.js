@@ -18,6 +18,11 @@ GSVC.Player = class {
     if (count > 0) this.seek(0);
   }
 
+  /** There are more frames by now. */
+  extend(count) {
+    this.count = count;
+  }
+
   seek(number) {
     if (this.count === 0) return;
     this.number = Math.min(Math.max(number, 0), this.count - 1);

@@ -185,13 +185,20 @@ globalThis.GSVC ??= {};
         Object.assign(style, { width: "100%", height: "100%", transform: "", imageRendering: "" });
         return { ...this.video, scale: scale * density, left, top };
       }
-      this.#sizePicture(width, height); // the frame's own pixels, enlarged or made smaller by the browser
+      this.#sizePicture(width, height);
+      this.place(this.picture);
+      return { ...this.video, scale: 1, left: 0, top: 0 };
+    }
+
+    /** Have a canvas with the frame's own pixels lie where the frame is seen, enlarged or made smaller by the browser. */
+    place({ style }) {
+      const { width, height } = this.video;
+      const { scale, left, top } = this.view;
       Object.assign(style, {
         width: `${width * scale}px`, height: `${height * scale}px`,
         transform: `translate(${-left * scale}px, ${-top * scale}px)`,
         imageRendering: scale * devicePixelRatio >= 1 ? "pixelated" : "auto",
       });
-      return { ...this.video, scale: 1, left: 0, top: 0 };
     }
 
     #sizePicture(width, height) {

@@ -151,7 +151,7 @@ globalThis.GSVC ??= {};
       this.stream = stream;
       this.at = new Map(); // frame number -> {index, x, y}
       this.first = 0; // it is in no frame before this one ...
-      this.end = stream.frames.length; // ... and in none from this one on, as far as is known
+      this.end = Infinity; // ... and in none from this one on, as far as is known
       this.#note(number, index);
     }
 

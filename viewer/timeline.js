@@ -1,5 +1,5 @@
 "use strict";
-// The bytes of each frame as a chart, over the slider that seeks.
+// The bytes of each frame as a chart, over the slider that seeks; gaps between frames stand in it.
 globalThis.GSVC ??= {};
 
 {
@@ -8,10 +8,19 @@ globalThis.GSVC ??= {};
   const TYPES = { I: "whole picture", P: "predicted", R: "repeated" };
 
   GSVC.Timeline = class {
-    /** @param {function(number)} onSeek takes the number of the frame that is asked for */
-    constructor(chart, slider, onSeek) {
-      Object.assign(this, { chart, slider, frames: [] });
+    /**
+     * @param {HTMLElement[]} charts the one that is drawn, and others above it with the same places
+     * @param {function(number)} onSeek takes the place of the frame that is asked for
+     * @param {function(number): string} more words about the frame at a place
+     */
+    constructor([chart, ...others], slider, onSeek, more = () => "") {
+      Object.assign(this, { chart, slider, more, frames: [], missingAtEnd: 0, number: 0 });
       slider.addEventListener("input", () => onSeek(slider.valueAsNumber));
+      for (const one of [chart, ...others]) this.#listen(one, onSeek);
+      new ResizeObserver(() => this.#draw()).observe(chart);
+    }
+
+    #listen(chart, onSeek) {
       const seek = (event) => onSeek(this.#frameAt(event.offsetX));
       chart.addEventListener("pointerdown", (event) => {
         chart.setPointerCapture(event.pointerId);
@@ -19,21 +28,26 @@ globalThis.GSVC ??= {};
       });
       chart.addEventListener("pointermove", (event) => {
         if (event.buttons & 1) seek(event);
-        const frame = this.frames[this.#frameAt(event.offsetX)];
-        chart.title = frame ? `frame ${frame.number}, ${frame.type}: ${GSVC.words.bytes(frame.size)}` : "";
+        const at = this.#frameAt(event.offsetX);
+        const frame = this.frames[at];
+        const told = frame ? `frame ${frame.number}, ${frame.type}: ${GSVC.words.bytes(frame.size)}${this.more(at)}` : "";
+        chart.title = told + (frame?.missing ? `; before it ${frame.missing} are missing` : "");
       });
-      new ResizeObserver(() => this.#draw()).observe(chart);
     }
 
-    setFrames(frames) {
+    /** Frames from now on; how many are missing behind the last one (null: nobody knows), and where they are shown. */
+    setFrames(frames, missingAtEnd = 0, number = 0) {
       this.frames = frames;
+      this.missingAtEnd = missingAtEnd;
       this.slider.max = Math.max(frames.length - 1, 0);
       this.slider.disabled = frames.length < 2;
       const counts = ["I", "P", "R"].map((type) => [type, frames.filter((frame) => frame.type === type).length]);
       const told = counts.filter(([, count]) => count > 0).map(([type, count]) => `${count} ${type} (${TYPES[type]})`);
       this.most = frames.reduce((most, { size }) => Math.max(most, size), 1);
-      this.chart.setAttribute("aria-label", `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes`);
-      this.show(0);
+      const missing = GSVC.words.missingInWords(frames, missingAtEnd, "; missing: ");
+      const label = `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes${missing}`;
+      this.chart.setAttribute("aria-label", label);
+      this.show(number);
     }
 
     show(number) {
@@ -41,13 +55,14 @@ globalThis.GSVC ??= {};
       this.slider.value = number;
       const frame = this.frames[number];
       if (frame) {
-        const told = `frame ${GSVC.panels.numbered(number, this.frames)}, ${TYPES[frame.type]}, ${frame.size} bytes`;
+        const told = `frame ${GSVC.panels.numbered(frame.number, this.frames)}, ${TYPES[frame.type]}, ${frame.size} bytes`;
         this.slider.setAttribute("aria-valuetext", told);
       }
       this.#draw();
     }
 
-    #place(number) {
+    /** How far across the frame at a place is. */
+    place(number) {
       const width = this.chart.clientWidth - 2 * PAD;
       return PAD + (this.frames.length > 1 ? (number / (this.frames.length - 1)) * width : 0);
     }
@@ -60,13 +75,26 @@ globalThis.GSVC ??= {};
     /** The frames that have a bar: where there are more than pixels, the largest of those that share one. */
     #bars(width) {
       const shared = Math.ceil(this.frames.length / Math.max(width, 1));
-      if (shared <= 1) return this.frames;
+      if (shared <= 1) return [...this.frames.entries()];
       const bars = [];
       for (let first = 0; first < this.frames.length; first += shared) {
-        const some = this.frames.slice(first, first + shared);
-        bars.push(some.reduce((largest, frame) => (frame.size > largest.size ? frame : largest)));
+        const some = [...this.frames.entries()].slice(first, first + shared);
+        bars.push(some.reduce((largest, one) => (one[1].size > largest[1].size ? one : largest)));
       }
       return bars;
+    }
+
+    /** The mark of a gap: a line with teeth. */
+    #gap(context, x, height) {
+      const colors = getComputedStyle(this.chart);
+      context.strokeStyle = colors.getPropertyValue("--bad");
+      context.lineWidth = 2;
+      context.beginPath();
+      context.moveTo(x, 0);
+      for (let y = 3, side = 1; y < height + 3; y += 4, side = -side) {
+        context.lineTo(x + 2.5 * side, Math.min(y, height));
+      }
+      context.stroke();
     }
 
     #draw() {
@@ -78,18 +106,21 @@ globalThis.GSVC ??= {};
       const context = chart.getContext("2d");
       context.scale(density, density);
       const colors = getComputedStyle(chart);
-      const gap = frames.length > 1 ? this.#place(1) - this.#place(0) : Infinity;
+      const gap = frames.length > 1 ? this.place(1) - this.place(0) : Infinity;
       const wide = Math.min(Math.max(gap * 0.8, 1), WIDEST);
-      for (const { number, type, size } of this.#bars(width)) {
+      for (const [number, { type, size }] of this.#bars(width)) {
         const high = Math.max((size / this.most) * (height - 1), 2);
         context.fillStyle = colors.getPropertyValue(`--frame-${type}`);
         context.globalAlpha = number === this.number ? 1 : 0.62;
-        context.fillRect(this.#place(number) - wide / 2, height - high, wide, high);
+        context.fillRect(this.place(number) - wide / 2, height - high, wide, high);
       }
       context.globalAlpha = 1;
       if (frames.length === 0) return;
+      const between = Math.min(gap, 2 * PAD) / 2;
+      frames.forEach(({ missing }, number) => missing && this.#gap(context, this.place(number) - between, height));
+      if (this.missingAtEnd !== 0) this.#gap(context, width - PAD / 2, height);
       context.fillStyle = colors.getPropertyValue("--ink");
-      context.fillRect(this.#place(this.number) - 0.75, 0, 1.5, height);
+      context.fillRect(this.place(this.number) - 0.75, 0, 1.5, height);
     }
   };
 }

@@ -53,20 +53,40 @@ globalThis.GSVC ??= {};
     limit: "The file asks for more than its level allows.",
   };
 
+  const MOST_RUNS = 6; // of missing frames that are listed
+
+  /** The numbers of frames that are missing, behind some words; nothing where none is. */
+  function missingInWords(frames, missingAtEnd, words = "") {
+    const runs = frames.filter((frame) => frame.missing).map(({ number: next, missing }) => [next - missing, next - 1]);
+    const next = (frames.at(-1)?.number ?? -1) + 1;
+    if (missingAtEnd > 0) runs.push([next, next + missingAtEnd - 1]);
+    const told = runs.map(([first, last]) => (first === last ? number(first) : `${number(first)} to ${number(last)}`));
+    if (told.length > 0) told[0] = `${runs.length === 1 && runs[0][0] === runs[0][1] ? "frame" : "frames"} ${told[0]}`;
+    if (told.length > MOST_RUNS) told.splice(MOST_RUNS, Infinity, `${number(runs.length - MOST_RUNS)} more runs`);
+    if (missingAtEnd === null) told.push(`what followed ${next === 0 ? "the header" : `frame ${number(next - 1)}`}`);
+    return told.length ? words + told.join(", ") : "";
+  }
+
   /**
    * What is wrong with a stream, as sentences.
    *
-   * @param {{kind: string, rule: string, bit: number}} fault
+   * @param {{kind: string, rule: string, bit: number}} fault the first one
    * @param {number} size of the file in bytes
-   * @param {number} frames how many are whole
+   * @param {Object} reading what was read of it
    */
-  function faultInWords({ kind, rule, bit }, size, frames) {
+  function faultInWords({ kind, rule, bit }, size, { frames, faultCount, missingAtEnd }) {
     const what = size === 0 ? "The file is empty." : RULES[rule] ?? KINDS[kind];
-    const rest = frames === 0 ? "No frame can be shown."
-      : frames === 1 ? "The frame before it is whole and is shown."
-        : `The ${number(frames)} frames before it are whole and are shown.`;
+    const behind = frames.filter((frame) => 8 * frame.byteOffset > bit).length;
+    const before = frames.length - behind;
+    const rest = frames.length === 0 ? "No frame can be shown."
+      : behind > 0 ? `The ${number(frames.length)} whole frames are shown, ${number(behind)} of them behind the damage.`
+        : before === 1 ? "The frame before it is whole and is shown."
+          : `The ${number(before)} frames before it are whole and are shown.`;
+    const missing = missingInWords(frames, missingAtEnd, "Missing: ");
     const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).`;
-    return [what, rest, where];
+    const others = faultCount < 2 ? [] : [faultCount === 2 ? "One more fault follows."
+      : `${number(faultCount - 1)} more faults follow.`];
+    return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), where, ...others];
   }
 
   /** An element with attributes and children; children that are texts stay texts. */
@@ -82,5 +102,5 @@ globalThis.GSVC ??= {};
     list.replaceChildren(...facts.flatMap(([term, ...told]) => [element("dt", {}, term), element("dd", {}, ...told)]));
   }
 
-  GSVC.words = { number, bytes, parameter, faultInWords, element, tell };
+  GSVC.words = { number, bytes, parameter, missingInWords, faultInWords, element, tell };
 }

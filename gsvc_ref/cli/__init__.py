@@ -20,6 +20,7 @@ from gsvc_ref.interrupts import termination_as_ctrl_c
 MODULES: Final = {
     "encode": "encode",
     "decode": "decode",
+    "view": "view",
     "info": "info",
     "dump": "dump",
     "compare": "compare",

@@ -18,12 +18,23 @@ globalThis.GSVC ??= {};
       this.before = this.there; // in the frame before
       this.baseCount = 0; // splats of the base
       this.last = 0; // the layer of the last chunk
+      this.lost = []; // layers that damage has taken
       this.frame = null; // the frame that chunks belong to
     }
 
     /** A copy that goes on behind the frame. */
     copy() {
       return Object.assign(new Layers(this.quality), this, { frame: null });
+    }
+
+    /**
+     * Behind damage some layers stay, by default those that the frame had before it; the others are lost: their chunks
+     * are skipped up to an `I`. Gives the numbers of those that stay.
+     */
+    interrupt(stay = [...this.there.keys()].filter((layer) => layer <= this.last)) {
+      this.there = new Map([...this.there].filter(([layer]) => stay.includes(layer)));
+      this.lost = [1, 2, 3].filter((layer) => !stay.includes(layer));
+      return stay;
     }
 
     /** How many bytes of splats it has. */
@@ -40,6 +51,7 @@ globalThis.GSVC ??= {};
       }
       this.baseCount = frame.parameters.length / 8;
       this.last = 0;
+      if (frame.type === "I") this.lost = [];
       this.frame = Object.assign(frame, { base: frame.parameters, chunks: [] });
       this.#show(this.there);
     }
@@ -74,12 +86,18 @@ globalThis.GSVC ??= {};
     read({ bit: chunkBit, payload: p }, byteLength, { header, limits }) {
       const layer = p.le(1);
       if (layer <= this.last || layer >= header.layer_count) throw new Fault("R-15.13-1", p.element);
-      this.last = layer;
-      if (layer > this.quality) return;
+      if (layer > this.quality) {
+        this.last = layer;
+        return;
+      }
       const type = String.fromCharCode(p.le(1));
       if (!"IPR".includes(type)) throw new Fault("R-3.2-1", p.element);
       const known = this.before.get(layer);
-      if (type !== "I" && !known) throw new Fault("R-15.13-2", p.element);
+      if (type !== "I" && !known) {
+        if (!this.lost.includes(layer)) throw new Fault("R-15.13-2", p.element);
+        this.last = layer;
+        return;
+      }
       const stated = header.flags & 1 ? p.le(4) : null;
       const checksumBit = p.element;
       const others = new Map([...this.there].filter(([number]) => number !== layer));
@@ -96,6 +114,8 @@ globalThis.GSVC ??= {};
       }
       if (stated !== null && stated !== parameterChecksum(parameters)) throw new Fault("R-6.4-3", checksumBit);
       this.there = there;
+      this.last = layer;
+      this.lost = this.lost.filter((other) => other !== layer);
       this.#show(there);
       this.frame.chunks.push({ layer, type, byteOffset: chunkBit / 8, byteLength, body });
     }
