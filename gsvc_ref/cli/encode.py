@@ -32,16 +32,21 @@ def add_command(commands: Any) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
-    parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
+    parser.add_argument(
+        "output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output; none with --dry-run"
+    )
     add_options(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Encode; 0, or 130 when it was interrupted."""
-    if arguments.json and arguments.output == STDIO:
+    if arguments.output is None and not arguments.dry_run:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
+    if arguments.json and arguments.output == STDIO and not arguments.dry_run:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
-    check_output(arguments.output, arguments.input)
+    if arguments.output is not None:
+        check_output(arguments.output, arguments.input)
     try:
         return _encode(arguments)
     except KeyboardInterrupt:
@@ -52,12 +57,18 @@ def run(arguments: Namespace) -> int:
 def _encode(arguments: Namespace) -> int:
     from gsvc_ref import IncompleteEncodeError, encode
     from gsvc_ref.cli.compilation import compilation_notice
-    from gsvc_ref.video import open_video
+    from gsvc_ref.encoder.reading_again import can_be_read_again
+    from gsvc_ref.video import Resampled, open_video
 
     settings = make_settings(arguments)
+    source = Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
+    if arguments.dry_run:
+        from gsvc_ref.cli.dry_run import dry_run
+
+        return dry_run(arguments, source, settings)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(COMMAND, silent=not talkative) as notice, open_video(arguments.input) as reader:
+    with compilation_notice(COMMAND, silent=not talkative) as notice, source.open_video() as reader:
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         shown = len(reader.notes)
@@ -65,9 +76,11 @@ def _encode(arguments: Namespace) -> int:
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
                 progress = progress_callback(display)
+                again = settings.goal is not None and can_be_read_again(arguments.input)
                 report = encode(
-                    reader, arguments.output, settings, live=arguments.live, jobs=arguments.jobs, progress=progress
-                )
+                    source if again else reader, arguments.output, settings,
+                    live=arguments.live, jobs=arguments.jobs, progress=progress,
+                )  # fmt: skip
         except IncompleteEncodeError as error:
             fault, report = error, error.report
         except OSError as error:

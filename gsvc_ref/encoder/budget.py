@@ -44,13 +44,13 @@ scenes ``pan`` and ``water`` with 160 and 640 splats."""
 MOST_STEPS: Final = 16
 """By how many eighths of an octave the D of a P-frame may differ from that of its I-frame, two octaves."""
 
-MOST_OCTAVES: Final = 2.0
+MOST_OCTAVES: Final = 0.15
 """Profile `paper`: the same of the number of splats."""
 
 MEMORY: Final = 0.9
 """What counts of a frame's bits, against those expected, when the next frame is done."""
 
-CHUNK_BITS: Final = 80
+CHUNK_BITS: Final = 60
 """Type, length, numbers and checksum of a chunk, about."""
 
 

@@ -414,7 +414,9 @@ class Settings:
             names = (*GOALS, "psnr", "quality", "layers", "layer_splats")
             first, *others = [name for name in names if getattr(self, name) not in (None, ())]
             if others:
-                raise UsageError(f"{first} is a goal for the whole clip, and {others[0]} says another: give one of them")
+                raise UsageError(
+                    f"{first} is a goal for the whole clip, and {others[0]} says another: give one of them"
+                )
 
     @property
     def goal(self) -> str | None:
@@ -442,7 +444,8 @@ class Settings:
 
     def most_splats(self, width: int, height: int) -> int:
         """Maximum number of splats of a frame of this size."""
-        if self.splats is None and (self.psnr is not None or self.quality is not None or self.layers):
+        holds_quality = self.psnr is not None or self.quality is not None or self.layers or self.goal is not None
+        if self.splats is None and holds_quality:
             return max(1, width * height // MIN_PIXELS_PER_SPLAT)
         if self.layer_splats:
             return replace(self, layer_splats=(), splats=self.layer_splats[-1]).splat_count(width, height)

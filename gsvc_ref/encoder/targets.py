@@ -29,7 +29,7 @@ from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import opened_output
-from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf, vmaf
+from gsvc_ref.metrics.libvmaf import MIN_SIDE, ffmpeg_with_libvmaf, vmaf
 from gsvc_ref.portable import log2, power, total
 from gsvc_ref.stream import decode
 from gsvc_ref.video import VideoReader
@@ -59,10 +59,10 @@ LEAST_APART: Final = 0.75
 GUESSED_FRAMES: Final = 25
 """Frames between two I-frames, for the guess alone."""
 
-MOST_SEARCHES: Final = 6
+MOST_SEARCHES: Final = 5
 """How often a clip is encoded at most to reach a mean quality."""
 
-NEAR: Final = {"mean_psnr": 0.1, "vmaf": 0.5}
+NEAR: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
 """A mean quality that is reached by at most so much more is not looked for any further."""
 
 QUALITY_SLOPE: Final = {"mean_psnr": 3.4, "vmaf": 10.0}
@@ -104,7 +104,9 @@ def encode_to_goal(
         passes = _Passes(opened, target, settings, jobs, executor, progress)
         by_size = settings.goal in ("bitrate", "size")
         report = _to_size(passes) if by_size else _to_quality(passes)
-    return replace(report, settings=settings, seconds=time.perf_counter() - passes.begin)
+    seconds = time.perf_counter() - passes.begin
+    stages = {**report.seconds_by_stage, "other passes": seconds - report.seconds}
+    return replace(report, settings=settings, seconds=seconds, seconds_by_stage=stages)
 
 
 class _Passes:
@@ -135,6 +137,8 @@ class _Passes:
         self.base = asked.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
         with opened() as reader:
             self.format = reader.format
+        if asked.vmaf is not None and min(self.format.width, self.format.height) < MIN_SIDE:
+            raise UsageError(f"a VMAF cannot be held: VMAF needs frames of at least {MIN_SIDE}x{MIN_SIDE} pixels")
         pixels = self.format.width * self.format.height
         self.most = max(1, pixels // MIN_PIXELS_PER_SPLAT) if asked.splats is None else asked.splats
         self.base.with_(splats=self.most).splat_count(self.format.width, self.format.height)  # refuses too many
@@ -345,8 +349,7 @@ def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float
     else:
         notes.append(
             f"it does not get larger with at most {passes.most:,} splats a frame, with which the mean PSNR is "
-            f"{report.mean_psnr:.2f} dB"
-            + ("; splats allows more" if asked.splats is None and asked.profile == "main" else "")
+            f"{report.mean_psnr:.2f} dB" + ("; splats (--splats) allows more" if asked.splats is None else "")
         )
     return notes
 
@@ -380,7 +383,7 @@ def _to_quality(passes: _Passes) -> EncodeReport:
     unit = " dB" if name == "mean_psnr" else ""
     notes = [f"asked for a mean {NAMES[name]} of {goal:g}{unit}, got {reached:.2f}{unit} with {best:,} splats a frame"]
     if not enough:
-        notes.append(f"more is not reached with at most {passes.most:,} splats a frame; splats allows more")
+        notes.append(f"more is not reached with at most {passes.most:,} splats a frame; splats (--splats) allows more")
     return replace(report, notes=[*report.notes, *notes])
 
 
