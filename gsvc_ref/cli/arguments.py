@@ -82,7 +82,8 @@ def amount(text: str) -> float:
     if match is None or float(match[1]) == 0:
         raise ArgumentTypeError(f"{text!r} is no amount above 0, such as 500k, 1.5M, 2Mi or 800000")
     power = "kMG".index(match[2].replace("K", "k")) + 1 if match[2] else 0
-    return float(match[1]) * (1024 if match[3] else 1000) ** power
+    unit: int = (1024 if match[3] else 1000) ** power
+    return float(match[1]) * unit
 
 
 def amount_of_bytes(text: str) -> int:

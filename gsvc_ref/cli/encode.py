@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -11,12 +12,12 @@ from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video import VideoReader
+    from gsvc_ref.video import Resampled, VideoReader
 
 COMMAND: Final = "gsvc encode"
 
@@ -69,9 +70,11 @@ def _encode(arguments: Namespace) -> int:
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
     with compilation_notice(COMMAND, silent=not talkative) as notice, source.open_video() as reader:
+        if can_be_read_again(arguments.input):
+            _look_at_first(source, reader, settings)
         if talkative:
             _introduce(arguments.input, reader, settings, out)
-        shown = len(reader.notes)
+        shown = list(reader.notes)
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -88,8 +91,9 @@ def _encode(arguments: Namespace) -> int:
                 say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
-            for note in report.notes[shown:]:
-                show(f"  note: {note}", file=out)
+            for note in report.notes:
+                if note not in shown:
+                    show(f"  note: {note}", file=out)
             if arguments.jobs > 1 and not report.interrupted and is_one_group(report):
                 show("  note: one group of pictures, so one process was at work; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
@@ -102,6 +106,18 @@ def _encode(arguments: Namespace) -> int:
         say(COMMAND, _interrupted(arguments.output, report))
         return EXIT_INTERRUPTED
     return 0
+
+
+def _look_at_first(source: "Resampled", reader: "VideoReader", settings: "Settings") -> None:
+    """Note on a reader that is open what is to be expected of its pictures, by the first one of another reader."""
+    from gsvc_ref.encoder.screen_content import screen_note
+
+    if settings.frames[0] > 0:
+        return
+    with suppress(GsvcError, OSError), source.open_video() as another:  # the encode will say it in its own words
+        first = next(another, None)
+        if first is not None and (note := screen_note(first, reader.format.peak, settings)) is not None:
+            reader.note(note)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

@@ -26,8 +26,11 @@ STAGES: Final = {
 """The stages of an encode in words."""
 
 GOALS: Final = {
-    "bitrate": "{:,.0f} bit/s", "size": "{:,} bytes", "mean_psnr": "a mean PSNR of {:g} dB", "vmaf": "a mean VMAF of {:g}"
-}  # fmt: skip
+    "bitrate": "{:,.0f} bit/s",
+    "size": "{:,} bytes",
+    "mean_psnr": "a mean PSNR of {:g} dB",
+    "vmaf": "a mean VMAF of {:g}",
+}
 """The goals of a whole clip in words."""
 
 FIT_SHARE: Final = 0.6

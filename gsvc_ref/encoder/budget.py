@@ -86,21 +86,21 @@ class BudgetCoder:
         The plan of each group by the number of its first frame.
     most
         No frame gets more splats.
+
+    Attributes
+    ----------
+    settings
+        The settings in use.
     """
 
     def __init__(self, coder: GroupCoder, video: VideoFormat, plans: Mapping[int, GroupPlan], most: int) -> None:
         assert isinstance(coder, MainFrameEncoder | FrameEncoder)
         self._coder: Any = coder
+        self.settings: Settings = coder.settings
         self._video, self._plans, self._most = video, plans, most
         self._plan: GroupPlan | None = None
         self._place = self._base = 0
         self._spent = self._seen = self._expected = 0.0
-
-    @property
-    def settings(self) -> Settings:
-        """The settings in use."""
-        settings: Settings = self._coder.settings
-        return settings
 
     @property
     def state(self) -> AnyState:
@@ -144,6 +144,7 @@ class BudgetCoder:
         else:
             encoded, bits = self._encode(*args)
         self._spent += bits
+        self.settings = self._coder.settings
         return encoded
 
     def _begin(self, plan: GroupPlan) -> None:
@@ -236,7 +237,7 @@ class BudgetCoder:
         """Encode a frame; with its bits."""
         before = self._coder.state
         encoded: EncodedFrame = self._coder.encode(*frame)
-        header = SequenceHeader(level=max(LEVELS), **header_fields(self._video), **self._coder.elements())
+        header = SequenceHeader(level=max(LEVELS), **{**header_fields(self._video), **self._coder.elements()})
         body = Writer()
         profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
         return encoded, 8.0 * len(body.getvalue()) + CHUNK_BITS

@@ -32,7 +32,7 @@ def can_be_read_again(source: Source) -> bool:
         return can_be_read_again(source[0])
     if hasattr(source, "read"):
         return False
-    return hasattr(source, "open_video") or iter(source) is not source  # type: ignore[arg-type]
+    return hasattr(source, "open_video") or iter(source) is not source
 
 
 @contextmanager
@@ -76,6 +76,7 @@ class _Reopened(VideoReader):
         return next(self._frames)
 
     def close(self) -> None:
+        """Release the source."""
         super().close()
         self._context.__exit__(None, None, None)
 
@@ -151,15 +152,16 @@ class Chosen(VideoReader):
         self.format, self.notes, self._reader, self._numbers = reader.format, reader.notes, reader, numbers
 
     def _read(self) -> Iterator[Frame]:
-        number = -1
-        for wanted in self._numbers:
-            while number < wanted:
-                frame = next(self._reader, None)
-                if frame is None:
-                    return
-                number += 1
-            yield frame
+        wanted = iter(self._numbers)
+        following = next(wanted, None)
+        for number, frame in enumerate(self._reader):
+            if following is None:
+                return
+            if number == following:
+                yield frame
+                following = next(wanted, None)
 
     def close(self) -> None:
+        """Release the source."""
         super().close()
         self._reader.close()

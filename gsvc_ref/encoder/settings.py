@@ -451,6 +451,12 @@ class Settings:
             return replace(self, layer_splats=(), splats=self.layer_splats[-1]).splat_count(width, height)
         return self.splat_count(width, height)
 
+    def told_splats(self, width: int, height: int) -> int | None:
+        """N for a frame of this size; None where it follows from a quality or another goal."""
+        if self.splats is None and (self.quality is not None or self.goal is not None):
+            return None
+        return None if self.psnr is not None or self.layers else self.most_splats(width, height)
+
     def counted_splats(self, width: int, height: int) -> int:
         """The maximum number of splats that the level counts in a frame of this size (R-5-2).
 

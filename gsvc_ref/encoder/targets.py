@@ -201,14 +201,14 @@ class _Stream:
 def _to_size(passes: _Passes) -> EncodeReport:
     """Encode to a bit rate or a size."""
     asked = passes.asked
-    with TemporaryFile() as file:
-        first = _first_octave(passes)
-        settings = passes.base.with_(splats=_splats(first))
-        report = passes.tried(passes.frames(), file, settings, "first pass")
+    settings = passes.base.with_(splats=_splats(_first_octave(passes)))
+    with TemporaryFile() as thrown_away:
+        report = passes.tried(passes.frames(), thrown_away, settings, "first pass")
     goal = _goal_bits(asked, report)
     fixed = 8.0 * report.file_bytes - sum(_bits(frame) for frame in report.frames)
     curves = _with_slopes(passes, _curves(report.frames, log2(settings.splats or 1)), goal - fixed)
     best: _Stream | None = None
+    file: IO[bytes]
     with _temporary_files() as new_file:
         for attempt in range(MOST_PASSES):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
@@ -342,9 +342,9 @@ def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float
         return notes
     if bits > goal:
         notes.append(
-            f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, --no-decisions, "
-            f"leaves out the log), and {len(report.frames)} frames take the rest with as few splats as can be; fewer "
-            "frames or a lower frame rate would help"
+            f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, "
+            f"--no-decisions, leaves out the log), and {len(report.frames)} frames take the rest with as few splats as "
+            "can be; fewer frames or a lower frame rate would help"
         )
     else:
         notes.append(
@@ -427,7 +427,7 @@ def _temporary_files() -> Iterator[Callable[[], IO[bytes]]]:
     files: list[IO[bytes]] = []
 
     def new() -> IO[bytes]:
-        files.append(TemporaryFile())
+        files.append(cast("IO[bytes]", TemporaryFile()))  # noqa: SIM115 (closed below)
         return files[-1]
 
     try:

@@ -1,7 +1,7 @@
 """Videos made smaller or larger, and at another frame rate, frame by frame.
 
-Frames are resampled by Pillow with Lanczos' kernel of three lobes, which is widened where a picture gets smaller, so that
-nothing aliases. Pictures of 8 bits are computed in Pillow's fixed-point numbers, deeper ones in binary32.
+Frames are resampled by Pillow with Lanczos' kernel of three lobes, which is widened where a picture gets smaller, so
+that nothing aliases. Pictures of 8 bits are computed in Pillow's fixed-point numbers, deeper ones in binary32.
 """
 
 from collections.abc import Iterator
@@ -217,12 +217,8 @@ def resampled(frame: Frame, width: int, height: int, peak: int) -> Frame:
     if frame.dtype == np.uint8:
         picture = Image.fromarray(np.ascontiguousarray(frame))
         return np.asarray(picture.resize((width, height), Image.Resampling.LANCZOS))
-    channels = [
-        np.asarray(
-            Image.fromarray(np.ascontiguousarray(frame[..., channel], np.float32)).resize(
-                (width, height), Image.Resampling.LANCZOS
-            )
-        )
-        for channel in range(3)
-    ]
-    return np.clip(np.rint(np.stack(channels, axis=-1)), 0, peak).astype(frame.dtype)
+    channels = []
+    for channel in range(3):
+        plane = Image.fromarray(np.ascontiguousarray(frame[..., channel], np.float32))
+        channels.append(np.asarray(plane.resize((width, height), Image.Resampling.LANCZOS)))
+    return np.asarray(np.clip(np.rint(np.stack(channels, axis=-1)), 0, peak), frame.dtype)
