@@ -11,7 +11,7 @@ import numpy as np
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.portable import log2
+from gsvc_ref.portable import log2, whole_power
 
 STEP: Final = 64 / 255
 """A sharp edge is a difference of two neighbouring pixels by this part of the peak, in luma..."""
@@ -94,7 +94,7 @@ class Sharpness:
 
 
 def screen_note(frame: Frame, peak: int, settings: Settings) -> str | None:
-    """What is to be expected of a frame (H, W, 3) u1 or u2 that looks like a screen, or None if it does not.
+    """What is to be expected of a frame (H, W, 3) u1 or u2 that looks like a screen, or None if nothing bad is.
 
     Parameters
     ----------
@@ -113,12 +113,12 @@ def screen_note(frame: Frame, peak: int, settings: Settings) -> str | None:
     if splats is None:
         return f"{look}: expect {needed} in an I-frame"
     if splats >= good:
-        return f"{look}: expect {GOOD:.0f} dB or more with {splats:,} splats"
+        return None
     expected = max(sharpness.expected_psnr(splats), 10.0)
     return f"{look}: expect {expected:.0f} dB, give or take 4, with {splats:,} splats, and {needed} (--splats, --psnr)"
 
 
 def _rounded(count: int) -> int:
     """A number with two digits that count."""
-    unit: int = 10 ** max(0, len(str(count)) - 2)
+    unit = round(whole_power(10.0, max(0, len(str(count)) - 2)))
     return round(count / unit) * unit

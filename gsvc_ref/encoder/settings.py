@@ -414,9 +414,7 @@ class Settings:
             names = (*GOALS, "psnr", "quality", "layers", "layer_splats")
             first, *others = [name for name in names if getattr(self, name) not in (None, ())]
             if others:
-                raise UsageError(
-                    f"{first} is a goal for the whole clip, and {others[0]} says another: give one of them"
-                )
+                raise UsageError(f"{first} is a goal of the whole clip, and {others[0]} is another: give one of them")
 
     @property
     def goal(self) -> str | None:

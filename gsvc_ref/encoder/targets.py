@@ -106,7 +106,11 @@ def encode_to_goal(
         report = _to_size(passes) if by_size else _to_quality(passes)
     seconds = time.perf_counter() - passes.begin
     stages = {**report.seconds_by_stage, "other passes": seconds - report.seconds}
-    return replace(report, settings=settings, seconds=seconds, seconds_by_stage=stages)
+    report = replace(report, settings=settings, seconds=seconds, seconds_by_stage=stages)
+    if passes.fault is not None:
+        fault = passes.fault
+        raise IncompleteEncodeError(fault.kind, fault.message, report, fault.rule, fault.bit) from fault
+    return report
 
 
 class _Passes:
@@ -120,6 +124,8 @@ class _Passes:
         Limits of log2 of the number of splats.
     begin
         When the first one began, by `time.perf_counter`.
+    fault
+        What ended the last pass early, if anything did.
     """
 
     def __init__(
@@ -134,6 +140,7 @@ class _Passes:
         self._opened, self.target, self.asked = opened, target, asked
         self._jobs, self._executor, self._progress = jobs, executor, progress
         self.begin = time.perf_counter()
+        self.fault: IncompleteEncodeError | None = None
         self.base = asked.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
         with opened() as reader:
             self.format = reader.format
@@ -177,7 +184,7 @@ class _Passes:
         try:
             report = self.run(reader, cast("Target", file), settings, step, led_by)
         except IncompleteEncodeError as error:
-            report = error.report
+            self.fault, report = error, error.report
         if report.interrupted:
             raise KeyboardInterrupt
         return report
@@ -253,7 +260,7 @@ def _first_octave(passes: _Passes) -> float:
     frames = max(1, min(ends) - start) if ends else GUESSED_FRAMES
     bits = 8.0 * asked.size if asked.size is not None else float((asked.bitrate or 1.0) * frames / video.frame_rate)
     keys = asked.key_frames
-    groups = -(-frames // keys) if isinstance(keys, int) else len(keys) if isinstance(keys, tuple) else 1
+    groups = -(-frames // keys) if isinstance(keys, int) else len({0, *keys}) if isinstance(keys, tuple) else 1
     splats = bits / (SPLAT_BITS * groups + LATER_BITS * max(0, frames - groups))
     return min(max(float(log2(max(splats, 1.0))) - FIRST_LOWER, passes.low + 2), passes.high)
 

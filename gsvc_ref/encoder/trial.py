@@ -26,7 +26,7 @@ from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.portable import log2
+from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import profile_of
@@ -229,7 +229,7 @@ def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: 
         header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
         body = Writer()
         profile_of(header).prepare(Writer, header, before, made.codes, made.state).write(body)
-        error = 0.0 if math.isinf(made.psnr) else 10 ** (-made.psnr / 10)
+        error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
         cost = FrameCost(number, made.codes.type, 8.0 * len(body.getvalue()) + CHUNK_BITS, error)
         splats = made.state.splats
         work = rendering_work(splats, video.width, video.height)
@@ -290,14 +290,18 @@ def _with_goal(
         factor = SIZE_RANGE if octave in (0.0, high) else 1 + TOLERANCE
         size = Range(reached / factor, reached, reached * factor)
         wide = abs(change) / 4
-        return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), round(2**octave)
+        return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), _splats(octave)
     if settings.mean_psnr is None:  # nobody knows how many splats a VMAF takes
-        return Range(size.low / 2, size.likely, size.high * 2), psnr, round(2**curve.octave)
+        return Range(size.low / 2, size.likely, size.high * 2), psnr, _splats(curve.octave)
     octave = curve.octave + (settings.mean_psnr - psnr.likely) / DB_PER_DOUBLING
     reached = float(curve.bits(np.array([octave]))[0]) / 8 + fixed
-    wide = SIZE_RANGE * 1.25 ** abs(octave - curve.octave)
+    wide = SIZE_RANGE * float(power(1.25, abs(octave - curve.octave)))
     size = Range(reached / wide, reached, reached * wide)
-    return size, Range(settings.mean_psnr, settings.mean_psnr, settings.mean_psnr + 0.5), round(2**octave)
+    return size, Range(settings.mean_psnr, settings.mean_psnr, settings.mean_psnr + 0.5), _splats(octave)
+
+
+def _splats(octave: float) -> int:
+    return max(1, round(float(power(2.0, octave))))
 
 
 def _groups(settings: Settings, frames: int) -> int:
