@@ -3,11 +3,18 @@
 import pytest
 from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 
+from gsvc_ref.encoder import trial
 from gsvc_ref.encoder.source_and_target import FrameSource
 from gsvc_ref.encoder.trial import FRAMES, PLACES, estimate
 from gsvc_ref.errors import GsvcError
 
 CLIP = waves(32, 24, 15)
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """However slow the machine is."""
+    monkeypatch.setattr(trial, "BUDGET_S", 1e9)
 
 
 def tried(frames, settings, **options):
