@@ -216,6 +216,7 @@ def _to_size(passes: _Passes) -> EncodeReport:
     curves = _with_slopes(passes, _curves(report.frames, log2(settings.splats or 1)), goal - fixed)
     best: _Stream | None = None
     file: IO[bytes]
+    bound = False
     with _temporary_files() as new_file:
         for attempt in range(MOST_PASSES):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
@@ -241,7 +242,7 @@ def _to_size(passes: _Passes) -> EncodeReport:
         assert best is not None
         if best.file is not None:
             passes.put(best.file)
-    return replace(best.report, notes=[*best.report.notes, *_size_notes(passes, best.report, goal, fixed)])
+    return replace(best.report, notes=[*best.report.notes, *_size_notes(passes, best.report, goal, fixed, bound)])
 
 
 def _goal_bits(asked: Settings, report: EncodeReport) -> float:
@@ -335,8 +336,8 @@ def _corrected(curves: list[GroupCurve], octaves: list[float], frames: list[Fram
     return corrected
 
 
-def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float) -> list[str]:
-    """What was asked and what came out, and what binds if these differ."""
+def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float, bound: bool) -> list[str]:
+    """What was asked and what came out, and what binds if these differ; `bound`: no group can do more."""
     bits = 8.0 * report.file_bytes
     asked = passes.asked
     if asked.size is not None:
@@ -347,7 +348,9 @@ def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float
     notes = [f"{sizes} ({100 * (bits / goal - 1):+.1f} %)"]
     if report.interrupted or abs(bits / goal - 1) <= TOLERANCE:
         return notes
-    if bits > goal:
+    if not bound:
+        notes.append(f"{MOST_PASSES} passes after the first came no nearer; another --seed or --key-frames may")
+    elif bits > goal:
         notes.append(
             f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, "
             f"--no-decisions, leaves out the log), and {len(report.frames)} frames take the rest with as few splats as "
