@@ -6,33 +6,28 @@ with one number of splats, and the first frames of each group, encoded again wit
 goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took corrects the
 curves, and another pass follows.
 
-For a mean PSNR or VMAF the clip is encoded with one number of splats after another, by a line over its logarithm.
+For a mean PSNR or VMAF see `mean_quality`.
 """
 
 import math
 import time
-from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from shutil import copyfileobj
 from tempfile import TemporaryFile
-from typing import IO, Final, cast
+from typing import IO, Final
 
 from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
-from gsvc_ref.encoder.encoder import LedBy, encode_once
+from gsvc_ref.encoder.mean_quality import to_quality
+from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen, readable_again
-from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress, Progress
-from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
+from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
 from gsvc_ref.errors import UsageError
-from gsvc_ref.files import opened_output
-from gsvc_ref.metrics.libvmaf import MIN_SIDE, ffmpeg_with_libvmaf, vmaf
+from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
 from gsvc_ref.portable import log2, power, total
-from gsvc_ref.stream import decode
-from gsvc_ref.video import VideoReader
 from gsvc_ref.video.format import FrameRate
 
 TOLERANCE: Final = 0.03
@@ -58,21 +53,6 @@ LEAST_APART: Final = 0.75
 
 GUESSED_FRAMES: Final = 25
 """Frames between two I-frames, for the guess alone."""
-
-MOST_SEARCHES: Final = 5
-"""How often a clip is encoded at most to reach a mean quality."""
-
-NEAR: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
-"""A mean quality that is reached by at most so much more is not looked for any further."""
-
-QUALITY_SLOPE: Final = {"mean_psnr": 3.4, "vmaf": 10.0}
-"""First guess of what twice the splats gain."""
-
-START: Final = {"mean_psnr": 33.0, "vmaf": 80.0}
-"""First guess of what the default number of splats reaches."""
-
-EQUAL_PSNR: Final = 100.0
-"""The PSNR that stands for that of a frame equal to its source in a mean that is to be reached, in dB."""
 
 
 def encode_to_goal(
@@ -101,9 +81,9 @@ def encode_to_goal(
     if settings.vmaf is not None and (why := ffmpeg_with_libvmaf()[1]) is not None:
         raise UsageError(f"a VMAF cannot be held: {why}")
     with readable_again(source, frame_rate) as opened:
-        passes = _Passes(opened, target, settings, jobs, executor, progress)
+        passes = Passes(opened, target, settings, jobs, executor, progress)
         by_size = settings.goal in ("bitrate", "size")
-        report = _to_size(passes) if by_size else _to_quality(passes)
+        report = _to_size(passes) if by_size else to_quality(passes)
     seconds = time.perf_counter() - passes.begin
     stages = {**report.seconds_by_stage, "other passes": seconds - report.seconds}
     report = replace(report, settings=settings, seconds=seconds, seconds_by_stage=stages)
@@ -111,89 +91,6 @@ def encode_to_goal(
         fault = passes.fault
         raise IncompleteEncodeError(fault.kind, fault.message, report, fault.rule, fault.bit) from fault
     return report
-
-
-class _Passes:
-    """The passes over a clip: what they share.
-
-    Attributes
-    ----------
-    base
-        The settings without a goal.
-    low, high
-        Limits of log2 of the number of splats.
-    begin
-        When the first one began, by `time.perf_counter`.
-    fault
-        What ended the last pass early, if anything did.
-    """
-
-    def __init__(
-        self,
-        opened: Callable[[], VideoReader],
-        target: Target,
-        asked: Settings,
-        jobs: int,
-        executor: Executor | None,
-        progress: OnProgress | None,
-    ) -> None:
-        self._opened, self.target, self.asked = opened, target, asked
-        self._jobs, self._executor, self._progress = jobs, executor, progress
-        self.begin = time.perf_counter()
-        self.fault: IncompleteEncodeError | None = None
-        self.base = asked.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
-        with opened() as reader:
-            self.format = reader.format
-        if asked.vmaf is not None and min(self.format.width, self.format.height) < MIN_SIDE:
-            raise UsageError(f"a VMAF cannot be held: VMAF needs frames of at least {MIN_SIDE}x{MIN_SIDE} pixels")
-        pixels = self.format.width * self.format.height
-        self.most = max(1, pixels // MIN_PIXELS_PER_SPLAT) if asked.splats is None else asked.splats
-        self.base.with_(splats=self.most).splat_count(self.format.width, self.format.height)  # refuses too many
-        self.low, self.high = 0.0, float(log2(self.most))
-
-    def frames(self) -> VideoReader:
-        """A new reader of the source."""
-        return self._opened()
-
-    def run(
-        self, reader: VideoReader, target: Target, settings: Settings, step: str, led_by: LedBy | None = None
-    ) -> EncodeReport:
-        """Encode once."""
-
-        def show(progress: Progress) -> None:
-            if self._progress is not None:
-                elapsed = time.perf_counter() - self.begin
-                self._progress(replace(progress, step=step, elapsed_s=elapsed))
-
-        with reader:
-            return encode_once(
-                reader, target, settings, None, self._jobs, self._executor, show if self._progress else None,
-                led_by=led_by,
-            )  # fmt: skip
-
-    def tried(
-        self, reader: VideoReader, file: IO[bytes], settings: Settings, step: str, led_by: LedBy | None = None
-    ) -> EncodeReport:
-        """Encode once to a temporary file; a fault of the source ends it early, as it will end the last pass.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            It was interrupted.
-        """
-        try:
-            report = self.run(reader, cast("Target", file), settings, step, led_by)
-        except IncompleteEncodeError as error:
-            self.fault, report = error, error.report
-        if report.interrupted:
-            raise KeyboardInterrupt
-        return report
-
-    def put(self, file: IO[bytes]) -> None:
-        """Put a stream from a temporary file in the target's place."""
-        file.seek(0)
-        with opened_output(self.target) as target:
-            copyfileobj(file, target)
 
 
 @dataclass(frozen=True)
@@ -205,10 +102,10 @@ class _Stream:
     file: IO[bytes] | None
 
 
-def _to_size(passes: _Passes) -> EncodeReport:
+def _to_size(passes: Passes) -> EncodeReport:
     """Encode to a bit rate or a size."""
     asked = passes.asked
-    settings = passes.base.with_(splats=_splats(_first_octave(passes)))
+    settings = passes.base.with_(splats=splats_of(_first_octave(passes)))
     with TemporaryFile() as thrown_away:
         report = passes.tried(passes.frames(), thrown_away, settings, "first pass")
     goal = _goal_bits(asked, report)
@@ -217,7 +114,7 @@ def _to_size(passes: _Passes) -> EncodeReport:
     best: _Stream | None = None
     file: IO[bytes]
     bound = False
-    with _temporary_files() as new_file:
+    with temporary_files() as new_file:
         for attempt in range(MOST_PASSES):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
             plans = _plans(curves, octaves)
@@ -253,7 +150,7 @@ def _goal_bits(asked: Settings, report: EncodeReport) -> float:
     return float(asked.bitrate * len(report.frames) / report.header.frame_rate)
 
 
-def _first_octave(passes: _Passes) -> float:
+def _first_octave(passes: Passes) -> float:
     """log2 of the number of splats of the first pass."""
     asked, video = passes.asked, passes.format
     start, stop = asked.frames
@@ -264,10 +161,6 @@ def _first_octave(passes: _Passes) -> float:
     groups = -(-frames // keys) if isinstance(keys, int) else len({0, *keys}) if isinstance(keys, tuple) else 1
     splats = bits / (SPLAT_BITS * groups + LATER_BITS * max(0, frames - groups))
     return min(max(float(log2(max(splats, 1.0))) - FIRST_LOWER, passes.low + 2), passes.high)
-
-
-def _splats(octave: float) -> int:
-    return max(1, round(float(power(2.0, octave))))
 
 
 def _bits(frame: FrameReport) -> float:
@@ -290,7 +183,7 @@ def _curves(frames: list[FrameReport], octave: float) -> list[GroupCurve]:
     return [GroupCurve(tuple(group), octave) for group in groups]
 
 
-def _with_slopes(passes: _Passes, curves: list[GroupCurve], bits: float) -> list[GroupCurve]:
+def _with_slopes(passes: Passes, curves: list[GroupCurve], bits: float) -> list[GroupCurve]:
     """The curves with slopes by the first frames of each group, encoded again with about as many splats as it needs."""
     octave = curves[0].octave
     planned = equal_slope(curves, max(bits, 0.0), passes.low, passes.high)
@@ -298,7 +191,7 @@ def _with_slopes(passes: _Passes, curves: list[GroupCurve], bits: float) -> list
     if abs(away) < LEAST_APART:
         away = LEAST_APART if away >= 0 and octave + LEAST_APART <= passes.high else -LEAST_APART
     other = min(max(octave + away, passes.low), passes.high)
-    splats = _splats(other)
+    splats = splats_of(other)
     offset = passes.base.frames[0]
     numbers = [frame.number for curve in curves for frame in curve.frames[:SAMPLED]]
     starts, place = [], 0
@@ -322,7 +215,7 @@ def _plans(curves: list[GroupCurve], octaves: list[float]) -> dict[int, GroupPla
     plans = {}
     for curve, octave in zip(curves, octaves, strict=True):
         bits = curve.frame_bits(octave)
-        plans[curve.frames[0].number] = GroupPlan(_splats(octave), total(bits), tuple(bits))
+        plans[curve.frames[0].number] = GroupPlan(splats_of(octave), total(bits), tuple(bits))
     return plans
 
 
@@ -336,7 +229,7 @@ def _corrected(curves: list[GroupCurve], octaves: list[float], frames: list[Fram
     return corrected
 
 
-def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float, bound: bool) -> list[str]:
+def _size_notes(passes: Passes, report: EncodeReport, goal: float, fixed: float, bound: bool) -> list[str]:
     """What was asked and what came out, and what binds if these differ; `bound`: no group can do more."""
     bits = 8.0 * report.file_bytes
     asked = passes.asked
@@ -362,86 +255,3 @@ def _size_notes(passes: _Passes, report: EncodeReport, goal: float, fixed: float
             f"{report.mean_psnr:.2f} dB" + ("; splats (--splats) allows more" if asked.splats is None else "")
         )
     return notes
-
-
-def _to_quality(passes: _Passes) -> EncodeReport:
-    """Encode to a mean PSNR or VMAF with few splats."""
-    name = str(passes.asked.goal)
-    goal = float(getattr(passes.asked, name))
-    default = passes.base.with_(splats=None).splat_count(passes.format.width, passes.format.height)
-    slope = QUALITY_SLOPE[name]
-    octave = float(log2(default)) + (goal - START[name]) / slope
-    tried: dict[int, tuple[float, EncodeReport, IO[bytes]]] = {}
-    with _temporary_files() as new_file:
-        for attempt in range(MOST_SEARCHES):
-            octave = min(max(octave, passes.low), passes.high)
-            splats = min(_splats(octave), passes.most)
-            if splats in tried:
-                break
-            file = new_file()
-            step = f"{NAMES[name]} {goal:g}, pass {attempt + 1}"
-            report = passes.tried(passes.frames(), file, passes.base.with_(splats=splats), step)
-            reached = _reached(passes, name, report, file)
-            tried[splats] = reached, report, file
-            if 0 <= reached - goal <= NEAR[name]:
-                break
-            octave = _next_octave(tried, goal + NEAR[name] / 2, slope)
-        enough = [number for number, (reached, _, _) in tried.items() if reached >= goal]
-        best = min(enough) if enough else max(tried, key=lambda number: tried[number][0])
-        reached, report, file = tried[best]
-        passes.put(file)
-    unit = " dB" if name == "mean_psnr" else ""
-    notes = [f"asked for a mean {NAMES[name]} of {goal:g}{unit}, got {reached:.2f}{unit} with {best:,} splats a frame"]
-    if not enough:
-        notes.append(f"more is not reached with at most {passes.most:,} splats a frame; splats (--splats) allows more")
-    return replace(report, notes=[*report.notes, *notes])
-
-
-NAMES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
-"""Measures of quality as people call them."""
-
-
-def _reached(passes: _Passes, name: str, report: EncodeReport, file: IO[bytes]) -> float:
-    """The mean quality of a stream."""
-    if name == "mean_psnr":
-        return sum(min(frame.psnr, EQUAL_PSNR) for frame in report.frames) / len(report.frames)
-    start = passes.base.frames[0]
-    numbers = tuple(range(start, start + len(report.frames)))
-    file.seek(0)
-    with Chosen(passes.frames(), numbers) as reader:
-        score = vmaf(reader, decode(file.read()), passes.format.frame_rate, passes.format.peak)
-    if score.mean is None:
-        raise UsageError(f"a VMAF cannot be held: {score.reason}")
-    return score.mean
-
-
-def _next_octave(tried: dict[int, tuple[float, EncodeReport, IO[bytes]]], goal: float, slope: float) -> float:
-    """log2 of the number of splats to be tried next, by the nearest number below the goal and the nearest above it."""
-    points = sorted((float(log2(number)), found[0]) for number, found in tried.items())
-    below = [point for point in points if point[1] < goal]
-    above = [point for point in points if point[1] >= goal]
-    if below and above:
-        (left, low), (right, high) = below[-1], above[0]
-        if right > left and high > low:
-            return left + (right - left) * (goal - low) / (high - low)
-    at, reached = above[0] if above else below[-1]
-    if len(points) > 1:
-        (left, low), (right, high) = points[0], points[-1]
-        slope = min(max((high - low) / (right - left), slope / 3), slope * 2)
-    return at + (goal - reached) / slope
-
-
-@contextmanager
-def _temporary_files() -> Iterator[Callable[[], IO[bytes]]]:
-    """What opens temporary files, which are closed and gone behind the block."""
-    files: list[IO[bytes]] = []
-
-    def new() -> IO[bytes]:
-        files.append(cast("IO[bytes]", TemporaryFile()))  # noqa: SIM115 (closed below)
-        return files[-1]
-
-    try:
-        yield new
-    finally:
-        for file in files:
-            file.close()
