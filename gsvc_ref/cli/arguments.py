@@ -83,6 +83,33 @@ def positive(text: str) -> float:
     return value
 
 
+def amount(text: str) -> float:
+    """A number above 0 with k, M or G for powers of 1000, or Ki, Mi or Gi for powers of 1024: ``500k`` is 500000."""
+    match = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)(?:([kKMG])(i?))?", text, re.ASCII)
+    if match is None or float(match[1]) == 0:
+        raise ArgumentTypeError(f"{text!r} is no amount above 0, such as 500k, 1.5M, 2Mi or 800000")
+    power = "kMG".index(match[2].replace("K", "k")) + 1 if match[2] else 0
+    unit: int = (1024 if match[3] else 1000) ** power
+    return float(match[1]) * unit
+
+
+def amount_of_bytes(text: str) -> int:
+    """The same, rounded to whole bytes, at least 1."""
+    return max(1, round(amount(text)))
+
+
+def scale(text: str) -> float | tuple[int, int]:
+    """``0.5`` is a factor, and ``640x360`` is (640, 360)."""
+    if "x" in text:
+        return size(text)
+    try:
+        return positive(text)
+    except ArgumentTypeError:
+        raise ArgumentTypeError(
+            f"{text!r} is neither a factor above 0, such as 0.5, nor a size, such as 640x360"
+        ) from None
+
+
 def whole(text: str) -> int:
     """An integer; its range is the concern of whoever uses it."""
     if not re.fullmatch(r"[+-]?\d{1,18}", text, re.ASCII):

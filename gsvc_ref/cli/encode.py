@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -14,12 +15,12 @@ from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_na
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
 from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder
-from gsvc_ref.errors import UsageError
+from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video import VideoReader
+    from gsvc_ref.video import Resampled, VideoReader
 
 COMMAND: Final = "gsvc encode"
 GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
@@ -37,7 +38,9 @@ def add_command(commands: Any) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
-    parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
+    parser.add_argument(
+        "output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output; none with --dry-run"
+    )
     add_options(parser)
     add_where_options(parser)
     add_force(parser)
@@ -45,12 +48,15 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: Namespace) -> int:
     """Encode; 0, or 130 when it was interrupted."""
-    if arguments.json and arguments.output == STDIO:
+    if arguments.output is None and not arguments.dry_run:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
+    if arguments.json and arguments.output == STDIO and not arguments.dry_run:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)
-    check_output(arguments.output, arguments.input)
-    check_stream_name(arguments.output, force=arguments.force)
-    check_page(arguments)
+    if arguments.output is not None:
+        check_output(arguments.output, arguments.input)
+        check_stream_name(arguments.output, force=arguments.force)
+        check_page(arguments)
     try:
         return _encode(arguments)
     except KeyboardInterrupt:
@@ -61,26 +67,36 @@ def run(arguments: Namespace) -> int:
 def _encode(arguments: Namespace) -> int:
     from gsvc_ref import IncompleteEncodeError, encode
     from gsvc_ref.cli.compilation import compilation_notice
-    from gsvc_ref.video import open_video
+    from gsvc_ref.encoder.reading_again import can_be_read_again
+    from gsvc_ref.video import Resampled, open_video
 
-    settings, resume = make_settings(arguments), resume_folder(arguments)
+    settings = make_settings(arguments)
+    source = Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
+    if arguments.dry_run:
+        from gsvc_ref.cli.dry_run import dry_run
+
+        return dry_run(arguments, source, settings)
+    resume = resume_folder(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
     with (
         compilation_notice(COMMAND, silent=not talkative) as notice,
-        open_video(arguments.input) as reader,
+        source.open_video() as reader,
         opened_executor(arguments) as (jobs, executor),
     ):
+        if can_be_read_again(arguments.input):
+            _look_at_first(source, reader, settings)
         if talkative:
             _introduce(arguments.input, reader, settings, out)
-        shown = len(reader.notes)
+        shown = list(reader.notes)
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
                 progress = progress_callback(display)
+                again = settings.goal is not None and can_be_read_again(arguments.input)
                 report = encode(
-                    reader, arguments.output, settings, live=arguments.live, jobs=jobs, executor=executor,
-                    resume=resume, progress=progress,
+                    source if again else reader, arguments.output, settings,
+                    live=arguments.live, jobs=jobs, executor=executor, resume=resume, progress=progress,
                 )  # fmt: skip
         except IncompleteEncodeError as error:
             fault, report = error, error.report
@@ -89,8 +105,9 @@ def _encode(arguments: Namespace) -> int:
                 say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
-            for note in report.notes[shown:]:
-                show(f"  note: {note}", file=out)
+            for note in report.notes:
+                if note not in shown:
+                    show(f"  note: {note}", file=out)
             if (jobs > 1 or resume) and not report.interrupted and is_one_group(report):
                 show(f"  note: one group of pictures, {ONE_GROUP[jobs > 1]}; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
@@ -104,6 +121,18 @@ def _encode(arguments: Namespace) -> int:
         say(COMMAND, _interrupted(arguments.output, report) + go_on + without_page(arguments))
         return EXIT_INTERRUPTED
     return write_page(arguments, report)
+
+
+def _look_at_first(source: "Resampled", reader: "VideoReader", settings: "Settings") -> None:
+    """Note on a reader that is open what is to be expected of its pictures, by the first one of another reader."""
+    from gsvc_ref.encoder.screen_content import screen_note
+
+    if settings.frames[0] > 0:
+        return
+    with suppress(GsvcError, OSError), source.open_video() as another:  # the encode will say it in its own words
+        first = next(another, None)
+        if first is not None and (note := screen_note(first, reader.format.peak, settings)) is not None:
+            reader.note(note)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

@@ -3,7 +3,17 @@
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Final
 
-from gsvc_ref.cli.arguments import finite, frame_range, key_frames, numbers_of, whole
+from gsvc_ref.cli.arguments import (
+    amount,
+    amount_of_bytes,
+    finite,
+    frame_range,
+    frame_rate,
+    key_frames,
+    numbers_of,
+    scale,
+    whole,
+)
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
@@ -11,7 +21,7 @@ if TYPE_CHECKING:
 OVERRIDES: Final = (
     "splats", "psnr", "quality", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
-    "paced", "profile", "layers", "layer_splats",
+    "paced", "profile", "layers", "layer_splats", "bitrate", "size", "mean_psnr", "vmaf",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -30,6 +40,22 @@ def add_options(parser: ArgumentParser) -> None:
     rate = parser.add_argument_group("rate and quality")
     rate.add_argument("--splats", type=whole, metavar="N", help="splats of a frame, or the most with --psnr")
     rate.add_argument("--psnr", type=finite, metavar="DB", help="as few bits as keep each frame at this PSNR")
+    rate.add_argument(
+        "--bitrate", type=amount, metavar="RATE",
+        help="bits per second of the whole file, as 500k (k, M, G are powers of 1000, Ki, Mi, Gi of 1024), within "
+        "3 %% where that is possible; the clip is encoded twice, and --splats is the most of a frame",
+    )  # fmt: skip
+    rate.add_argument(
+        "--size", type=amount_of_bytes, metavar="BYTES", help="the same by the bytes of the file, as 2M or 700Ki"
+    )
+    rate.add_argument(
+        "--psnr-mean", type=finite, metavar="DB", dest="mean_psnr",
+        help="this mean PSNR of all frames, with few splats: the clip is encoded up to five times",
+    )  # fmt: skip
+    rate.add_argument(
+        "--vmaf", type=finite, metavar="V",
+        help="this mean VMAF, as 93; the same way, with the extra bench",
+    )  # fmt: skip
     rate.add_argument(
         "--layers", type=numbers_of(finite), metavar="DB,DB,...",
         help="quality layers of profile main, at most 4: the PSNR with the base, with layer 1, ..., as 30,34,38; "
@@ -55,6 +81,13 @@ def add_options(parser: ArgumentParser) -> None:
     rate.add_argument("--color-codewords", type=whole, metavar="B", help="profile paper: codewords of a stage, 1..1024")
     frames = parser.add_argument_group("frames")
     frames.add_argument("--frames", type=frame_range, metavar="A:B", help="encode frames A to B-1 only")
+    frames.add_argument(
+        "--scale", type=scale, metavar="F|WxH", help="resample the pictures: by a factor, as 0.5, or to 640x360"
+    )
+    frames.add_argument(
+        "--fps", type=frame_rate, metavar="R",
+        help="another frame rate, as 12.5 or 30000/1001: at each time the frame that is shown then",
+    )  # fmt: skip
     frames.add_argument(
         "--key-frames", type=key_frames, metavar="auto|K|LIST",
         help="I-frames: auto (default; at cuts), every K frames, or listed as 0,12,40",
@@ -106,6 +139,11 @@ def add_options(parser: ArgumentParser) -> None:
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
+    other.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="write nothing: encode some frames, and say what time, size and quality the whole is likely to take",
+    )
     other.add_argument(
         "--report", metavar="PAGE.html",
         help="then write a page to look at: pictures, PSNR, bits, what x264 needs (gsvc report makes it later, too)",

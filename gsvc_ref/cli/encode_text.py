@@ -9,6 +9,7 @@ from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.files import display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import decibel, duration, plural, to_json
+from gsvc_ref.cli.time_left import GroupsTimeLeft, TimeLeft
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
@@ -24,6 +25,14 @@ STAGES: Final = {
 }
 """The stages of an encode in words."""
 
+GOALS: Final = {
+    "bitrate": "{:,.0f} bit/s",
+    "size": "{:,} bytes",
+    "mean_psnr": "a mean PSNR of {:g} dB",
+    "vmaf": "a mean VMAF of {:g}",
+}
+"""The goals of a whole clip in words."""
+
 FIT_SHARE: Final = 0.6
 """The share of a frame's time that its first stage takes, roughly, for the estimate of the time left."""
 
@@ -37,6 +46,8 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
             plural(goal, "splat") for goal in settings.layer_splats
         ]
         rate = f"{settings.layer_count} layers of {', '.join(goals)}"
+    elif settings.goal is not None:
+        rate = f"{GOALS[settings.goal].format(getattr(settings, settings.goal))} with at most {about}{splats} a frame"
     elif settings.psnr is not None:
         rate = f"at least {settings.psnr:g} dB with at most {about}{splats} a frame"
     elif settings.quality is not None:
@@ -62,15 +73,20 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     if not display.active:
         return None
     done = 0.0
-    side_by_side = False
+    side_by_side, step = False, ""
+    left, groups_left = TimeLeft(), GroupsTimeLeft()
 
     def show(progress: "Progress") -> None:
-        nonlocal done, side_by_side
+        nonlocal done, side_by_side, step, left, groups_left
+        if progress.step != step:  # another pass
+            step, done, side_by_side = progress.step, 0.0, False
+            left, groups_left = TimeLeft(), GroupsTimeLeft()
         if progress.stage == "groups":
             side_by_side, done = True, progress.frame + 1
-            of_all = f"/{progress.frame_count}" if progress.frame_count else ""
-            groups = f"{plural(progress.iteration, 'group')} of pictures in work"
-            display.update(f"{progress.frame + 1}{of_all} frames  {groups}", done, progress.frame_count)
+            seconds = groups_left.update(progress.frame + 1, progress.elapsed_s, progress.frame_count)
+            work = f"{plural(progress.iteration, 'group')} of pictures in work"
+            text = f"{progress.frame + 1}{_of_all(progress)} frames  {work}{_pace(progress, groups_left.rate)}"
+            display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds)
             return
         if side_by_side:  # it reads ahead
             return
@@ -81,13 +97,30 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
             done = max(done, progress.frame + share * FIT_SHARE)
         elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
             done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
-        of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+        seconds = None
+        if progress.stage != "detect":
+            part = max(0.0, done - progress.frame)
+            seconds = left.update(progress.frame, part, progress.elapsed_s, progress.frame_count)
         quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
         steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
-        text = f"frame {progress.frame + 1}{of_all}  {STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
-        display.update(text, done, progress.frame_count)
+        stage = f"{STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
+        text = f"frame {progress.frame + 1}{_of_all(progress)}  {stage}{_pace(progress, left.rate)}"
+        display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds)
 
     return show
+
+
+def _of_all(progress: "Progress") -> str:
+    return f"/{progress.frame_count}" if progress.frame_count else ""
+
+
+def _pace(progress: "Progress", rate: float) -> str:
+    """Frames per second, where nobody can say how long it will take."""
+    return f"  {rate:.3g} frames/s" if progress.frame_count is None and rate else ""
+
+
+def _with_step(step: str, text: str) -> str:
+    return f"{step}: {text}" if step else text
 
 
 def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:

@@ -25,8 +25,10 @@ from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
-from gsvc_ref.video import VideoReader
+from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate
+
+LedBy = Callable[[GroupCoder, VideoFormat], GroupCoder]
 
 MOST_JOBS: Final = 1024
 """Maximum number of groups of pictures that are encoded at the same time."""
@@ -113,11 +115,37 @@ def encode(
         raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    with opened_source(source, frame_rate) as reader, opened_keeper(resume, reader, chosen) as keeper:
+    if chosen.goal is not None:
+        from gsvc_ref.encoder.targets import encode_to_goal
+
+        if resume is not None:
+            raise UsageError(f"{chosen.goal} takes several passes, which cannot be gone on with: drop it or resume")
+        return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
+    return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
+
+
+def encode_once(
+    source: Source,
+    target: Target,
+    settings: Settings,
+    frame_rate: FrameRate | None = None,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: OnProgress | None = None,
+    *,
+    live: bool = False,
+    resume: str | Path | None = None,
+    led_by: LedBy | None = None,
+) -> EncodeReport:
+    """Encode with settings that have no goal for the whole clip; parameters, results and errors are those of `encode`.
+
+    `led_by` gives a coder in place of the one that it is given, which is to lead that from frame to frame.
+    """
+    with opened_source(source, frame_rate) as reader, opened_keeper(resume, reader, settings) as keeper:
         report = completed(
             target,
             lambda file, interrupts: _Encode(
-                reader, file, chosen, progress, interrupts, jobs, executor, keeper, live=live
+                reader, file, settings, progress, interrupts, jobs, executor, keeper, led_by, live=live
             ),
             live=live,
         )
@@ -153,7 +181,8 @@ class _Encode(Encoding[Frame]):
         interrupts: Interrupts,
         jobs: int,
         executor: Executor | None,
-        keeper: Keeper | None,
+        keeper: Keeper | None = None,
+        led_by: LedBy | None = None,
         *,
         live: bool,
     ) -> None:
@@ -176,6 +205,8 @@ class _Encode(Encoding[Frame]):
         if settings.layer_count > 1:
             make = LayeredFrameEncoder
         coder = make(settings, video.width, video.height, video.bit_depth)
+        if led_by is not None:
+            coder = led_by(coder, video)
         super().__init__(file, video, coder, level, progress, interrupts, live=live, least_level=unforeseen)
         start, stop = settings.frames
         self.times = SourceTimes(reader, start, stop, least_delay=live or settings.low_latency)

@@ -36,6 +36,8 @@ class Progress:
         frame decoded last.
     elapsed_s
         Seconds since the encode began.
+    step
+        With a goal for the whole clip, what this pass over it is for.
     """
 
     frame: int
@@ -45,6 +47,7 @@ class Progress:
     iterations: int
     psnr: float | None
     elapsed_s: float
+    step: str = ""
 
 
 OnProgress = Callable[[Progress], None]

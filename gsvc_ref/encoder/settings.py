@@ -56,6 +56,9 @@ ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_code
 REACHING: Final = {"iterations": (1, MAX_ITERATIONS), **ELEMENTS}
 """The limits of the names of `Settings.with_` that are no fields: they reach into `intra` and `inter`."""
 
+GOALS: Final = {"bitrate": (1, 1e12), "size": (1, 2**53), "mean_psnr": (1, 100), "vmaf": (1, 100)}
+"""The goals of a whole clip, each with its limits, of which an encode has one at most."""
+
 OF_ONE_PROFILE: Final[dict[str, ProfileName]] = {
     **dict.fromkeys((*REACHING, "entropy_precision"), "paper"),
     **dict.fromkeys(("quality", "layers", "layer_splats", "main_intra", "main_inter"), "main"),
@@ -173,6 +176,12 @@ class Settings:
         None: one for PIXELS_PER_SPLAT pixels, and with `psnr` or `quality` up to one for MIN_PIXELS_PER_SPLAT.
     psnr
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
+    bitrate, size
+        Bits per second of the whole stream, or its bytes, which `encode` comes to within 3 % of by encoding at least
+        twice (`gsvc_ref.encoder.targets`); `splats` is then the most of a frame. None: the size is what comes out.
+    mean_psnr, vmaf
+        The mean PSNR in dB of all frames, or their mean VMAF, which is reached with as few splats as are found to do,
+        by encoding several times. None: the same.
     quality
         Profile `main`: the step D of all codes, from 0, the coarsest, to 79, the finest; 8 more halve D. Frames have
         `quantizer` 79 - `quality`. Without `splats`, as many splats go with it as are worth their bits at this D.
@@ -216,6 +225,10 @@ class Settings:
     main_inter: InterSettings = field(default_factory=InterSettings.quick)
     splats: int | None = None
     psnr: float | None = None
+    bitrate: float | None = None
+    size: int | None = None
+    mean_psnr: float | None = None
+    vmaf: float | None = None
     quality: int | None = None
     key_frames: KeyFrames = "auto"
     low_latency: bool = False
@@ -239,6 +252,7 @@ class Settings:
         _check_range("splats", self.splats, 1, 1 << 22)
         _check_range("psnr", self.psnr, 1, 100)
         _check_range("quality", self.quality, 0, QUANTIZERS - 1)
+        self._check_goals()
         _check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
         _check_range("seed", self.seed, 0, 2**63 - 1)
@@ -392,6 +406,21 @@ class Settings:
             if others:
                 raise UsageError(f"{name} says how good each layer is, and so does {others[0]}; give one of them")
 
+    def _check_goals(self) -> None:
+        """Refuse more than one of the goals of a whole clip, or one beside another."""
+        for name, (low, high) in GOALS.items():
+            _check_range(name, getattr(self, name), low, high)
+        if self.goal is not None:
+            names = (*GOALS, "psnr", "quality", "layers", "layer_splats")
+            first, *others = [name for name in names if getattr(self, name) not in (None, ())]
+            if others:
+                raise UsageError(f"{first} is a goal of the whole clip, and {others[0]} is another: give one of them")
+
+    @property
+    def goal(self) -> str | None:
+        """The name of the goal of GOALS that is given, if one is."""
+        return next((name for name in GOALS if getattr(self, name) is not None), None)
+
     @property
     def layer_count(self) -> int:
         """The number of layers of a frame, with the base."""
@@ -413,11 +442,18 @@ class Settings:
 
     def most_splats(self, width: int, height: int) -> int:
         """Maximum number of splats of a frame of this size."""
-        if self.splats is None and (self.psnr is not None or self.quality is not None or self.layers):
+        holds_quality = self.psnr is not None or self.quality is not None or self.layers or self.goal is not None
+        if self.splats is None and holds_quality:
             return max(1, width * height // MIN_PIXELS_PER_SPLAT)
         if self.layer_splats:
             return replace(self, layer_splats=(), splats=self.layer_splats[-1]).splat_count(width, height)
         return self.splat_count(width, height)
+
+    def told_splats(self, width: int, height: int) -> int | None:
+        """N for a frame of this size; None where it follows from a quality or another goal."""
+        if self.splats is None and (self.quality is not None or self.goal is not None):
+            return None
+        return None if self.psnr is not None or self.layers else self.most_splats(width, height)
 
     def counted_splats(self, width: int, height: int) -> int:
         """The maximum number of splats that the level counts in a frame of this size (R-5-2).

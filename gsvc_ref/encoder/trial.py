@@ -1,0 +1,329 @@
+"""What an encode would take, by some frames of it: a trial.
+
+At up to three places of the clip a frame is encoded as an I-frame, and those behind it as P-frames. Size and quality of
+the whole follow from these, and a range, which is wider where the places differ.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import islice
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref.arrays import Frame
+from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.encoder.budget import CHUNK_BITS
+from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
+from gsvc_ref.encoder.frame import FrameEncoder
+from gsvc_ref.encoder.groups import GroupCoder
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
+from gsvc_ref.encoder.screen_content import screen_note
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import GsvcError
+from gsvc_ref.portable import log2, power
+from gsvc_ref.rendering import rendering_work
+from gsvc_ref.stream.formats import header_fields
+from gsvc_ref.stream.profiles import profile_of
+from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
+
+PLACES: Final = 3
+"""Where frames are encoded: at the beginning, after a third and after two thirds."""
+
+FRAMES: Final = 5
+"""The frames of a place, the first of them an I-frame."""
+
+BUDGET_S: Final = 8.0
+"""No place is begun, and no P-frame but the first, after so many seconds; reading has as many."""
+
+FIXED_BYTES: Final = 420
+"""Header, index, end chunk, and the log of what was decided, and..."""
+
+LOG_BYTES: Final = 10
+"""...what the log takes for each frame, about."""
+
+SIZE_RANGE: Final = 1.6
+"""The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ."""
+
+TIME_RANGE: Final = 1.5
+"""The same of the time."""
+
+PSNR_BELOW, PSNR_ABOVE = 2.5, 1.0
+"""The mean PSNR is likely to be from so many dB below the estimate, since P-frames get worse as they go on, to so many
+above it."""
+
+PASSES: Final = {"bitrate": 2.3, "size": 2.3, "mean_psnr": 4.0, "vmaf": 4.5}
+"""The time of an encode with a goal for the whole clip, in encodes."""
+
+TOLERANCE: Final = 0.03
+"""How near the size comes to a goal, where that can be reached."""
+
+DB_PER_DOUBLING: Final = 3.4
+"""What twice the splats gain, in dB, where a goal needs other numbers of splats than were tried."""
+
+
+_COLOR: Final = ColorDescription(2, 2, 0, full_range=True, chroma_location=0)
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a number is likely to be, and its likely limits."""
+
+    low: float
+    likely: float
+    high: float
+
+    def times(self, factor: float) -> "Range":
+        """All three multiplied."""
+        return Range(self.low * factor, self.likely * factor, self.high * factor)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an encode would take.
+
+    Attributes
+    ----------
+    format
+        The format of the source.
+    frames
+        The number of frames; None if the source does not tell.
+    frames_tried
+        The number of frames that were encoded.
+    seconds, file_bytes, bits_per_pixel, mean_psnr
+        Of the whole; without a number of frames, seconds and bytes are those of one second of the video.
+    splats
+        The number of splats of an I-frame.
+    level
+        The level that the stream needs, by the frames tried.
+    notes
+        Sentences on the source, and on what to expect.
+    """
+
+    format: VideoFormat
+    frames: int | None
+    frames_tried: int
+    seconds: Range
+    file_bytes: Range
+    bits_per_pixel: Range
+    mean_psnr: Range
+    splats: int
+    level: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A frame that was encoded."""
+
+    cost: FrameCost
+    seconds: float
+    psnr: float
+    splats: int
+    work: int
+
+
+def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 1) -> Estimate:
+    """Encode some frames of a source, and say what the whole is likely to take.
+
+    Parameters
+    ----------
+    opened
+        Gives a new reader of the source; it is called once.
+    settings
+        Those of the encode.
+    jobs
+        The number of groups of pictures that the encode is to have in work.
+
+    Raises
+    ------
+    GsvcError
+        The source cannot be read, or has no frames.
+    UsageError
+        The settings do not fit the source.
+    """
+    with opened() as reader:
+        video = reader.format
+        count = _frame_count(video, settings)
+        base = settings.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
+        coder = _coder(base, video)
+        _warm_up(base)
+        places: list[list[_Tried]] = []
+        begin = time.perf_counter()
+        first: Frame | None = None
+        for frames in _places(reader, settings.frames[0], count):
+            if first is None:
+                first = frames[0]
+            elif time.perf_counter() - begin > BUDGET_S:
+                break
+            places.append(_tried(coder, frames, video, begin + BUDGET_S))
+            coder = coder.for_group()
+        if first is None:
+            raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
+        notes = list(reader.notes)
+    note = screen_note(first, video.peak, settings)
+    return _whole(places, video, count, settings, jobs, [*notes, *([note] if note else [])])
+
+
+def _frame_count(video: VideoFormat, settings: Settings) -> int | None:
+    start, stop = settings.frames
+    ends = [end for end in (video.frame_count, stop) if end is not None]
+    return max(1, min(ends) - start) if ends else None
+
+
+def _coder(settings: Settings, video: VideoFormat) -> GroupCoder:
+    make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+    if settings.layer_count > 1:
+        make = LayeredFrameEncoder
+    return make(settings, video.width, video.height, video.bit_depth)
+
+
+def _warm_up(settings: Settings) -> None:
+    """Load or compile the kernels, so that their time does not count."""
+    alone = replace(settings, splats=4, psnr=None, quality=None, layers=(), layer_splats=())
+    coder = _coder(alone, VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
+    picture = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(16, 16, 3)
+    for number in range(2):
+        coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, _say_nothing)
+
+
+def _say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
+    """Where nobody watches."""
+
+
+def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list[Frame]]:
+    """The frames of each place, as far as they are read within BUDGET_S."""
+    begin = time.perf_counter()
+    frames = islice(reader, start, None)
+    at = 0
+    for place in range(PLACES):
+        wanted = 0 if count is None else place * count // PLACES
+        if place and (count is None or count < PLACES * FRAMES):
+            return
+        while at < wanted:
+            if next(frames, None) is None or time.perf_counter() - begin > BUDGET_S:
+                return
+            at += 1
+        taken = list(islice(frames, FRAMES if count is None else min(FRAMES, count)))
+        at += len(taken)
+        if not taken:
+            return
+        yield taken
+
+
+def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: float) -> list[_Tried]:
+    """The frames of a place, encoded."""
+    tried = []
+    for number, frame in enumerate(frames):
+        if number > 1 and time.perf_counter() > end:
+            break
+        begin, before = time.perf_counter(), coder.state
+        is_equal = number > 0 and np.array_equal(frame, frames[number - 1])
+        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, _say_nothing)
+        seconds = time.perf_counter() - begin
+        header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
+        body = Writer()
+        profile_of(header).prepare(Writer, header, before, made.codes, made.state).write(body)
+        error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
+        cost = FrameCost(number, made.codes.type, 8.0 * len(body.getvalue()) + CHUNK_BITS, error)
+        splats = made.state.splats
+        work = rendering_work(splats, video.width, video.height)
+        tried.append(_Tried(cost, seconds, min(made.psnr, 100.0), len(splats), work))
+    return tried
+
+
+def _whole(
+    places: list[list[_Tried]], video: VideoFormat, count: int | None, settings: Settings, jobs: int, notes: list[str]
+) -> Estimate:
+    """What follows from the frames that were tried."""
+    frames = max(1, round(video.frame_rate)) if count is None else count
+    groups = _groups(settings, frames)
+    later = frames - groups
+    bits = [groups * place[0].cost.bits + later * _later([one.cost.bits for one in place]) for place in places]
+    seconds = [groups * place[0].seconds + later * _later([one.seconds for one in place]) for place in places]
+    quality = [_mean([one.psnr for one in place[-2:]]) for place in places]
+    fixed = FIXED_BYTES + LOG_BYTES * frames if settings.decisions else FIXED_BYTES // 4
+    size = _range(bits, SIZE_RANGE).times(1 / 8)
+    size = Range(size.low + fixed, size.likely + fixed, size.high + fixed)
+    psnr = Range(min(quality) - PSNR_BELOW, _mean(quality), max(quality) + PSNR_ABOVE)
+    splats = round(_mean([place[0].splats for place in places]))
+    if settings.goal is not None and splats:
+        inter = later * _mean([_later([one.cost.bits for one in place]) for place in places])
+        intra = groups * _mean([place[0].cost.bits for place in places])
+        costs = FrameCost(0, "I", intra, 0.0), FrameCost(1, "P", inter, 0.0)
+        curve = GroupCurve(costs, float(log2(splats)))
+        size, psnr, splats = _with_goal(curve, settings, video, frames, fixed, size, psnr)
+    share = PASSES.get(settings.goal or "", 1.0) / min(jobs, groups)
+    every = [one for place in places for one in place]
+    needed = round(1.1 * max(one.splats for one in every))
+    if settings.profile == "paper":
+        needed = settings.counted_splats(video.width, video.height)
+    return Estimate(
+        format=video,
+        frames=count,
+        frames_tried=len(every),
+        seconds=_range(seconds, TIME_RANGE).times(share),
+        file_bytes=size,
+        bits_per_pixel=size.times(8 / (video.width * video.height * frames)),
+        mean_psnr=psnr,
+        splats=splats,
+        level=level_for(video.width, video.height, splats=needed, work=max(one.work for one in every)),
+        notes=tuple(notes),
+    )
+
+
+def _with_goal(
+    curve: GroupCurve, settings: Settings, video: VideoFormat, frames: int, fixed: int, size: Range, psnr: Range
+) -> tuple[Range, Range, int]:
+    """Size, PSNR and number of splats with which a goal of the whole clip is likely to be met."""
+    if settings.goal in ("bitrate", "size"):
+        goal = 8.0 * settings.size if settings.size else float((settings.bitrate or 1.0) * frames / video.frame_rate)
+        high = float(log2(settings.most_splats(video.width, video.height)))
+        octave = same_for_all([curve], max(goal - 8 * fixed, 1.0), 0.0, high)
+        change = DB_PER_DOUBLING * (octave - curve.octave)
+        reached = (float(curve.bits(np.array([octave]))[0]) + 8 * fixed) / 8
+        factor = SIZE_RANGE if octave in (0.0, high) else 1 + TOLERANCE
+        size = Range(reached / factor, reached, reached * factor)
+        wide = abs(change) / 4
+        return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), _splats(octave)
+    if settings.mean_psnr is None:  # nobody knows how many splats a VMAF takes
+        return Range(size.low / 2, size.likely, size.high * 2), psnr, _splats(curve.octave)
+    octave = curve.octave + (settings.mean_psnr - psnr.likely) / DB_PER_DOUBLING
+    reached = float(curve.bits(np.array([octave]))[0]) / 8 + fixed
+    wide = SIZE_RANGE * float(power(1.25, abs(octave - curve.octave)))
+    size = Range(reached / wide, reached, reached * wide)
+    return size, Range(settings.mean_psnr, settings.mean_psnr, settings.mean_psnr + 0.5), _splats(octave)
+
+
+def _splats(octave: float) -> int:
+    return max(1, round(float(power(2.0, octave))))
+
+
+def _groups(settings: Settings, frames: int) -> int:
+    """The number of groups of pictures; with ``auto`` one, since nobody has looked for cuts."""
+    keys = settings.key_frames
+    if isinstance(keys, int):
+        return -(-frames // keys)
+    if isinstance(keys, tuple):
+        return len({0, *(key for key in keys if key < frames)})
+    return 1
+
+
+def _later(values: Sequence[float]) -> float:
+    """The mean of the last two of what the frames of a place took, without the I-frame if there is another."""
+    return _mean(values[1:][-2:] or values)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _range(values: Sequence[float], factor: float) -> Range:
+    """The mean, and limits that are further away where the values differ."""
+    likely = _mean(values)
+    return Range(min(min(values), likely) / factor, likely, max(max(values), likely) * factor)
