@@ -113,6 +113,14 @@ class BudgetCoder:
         """Whether the first frame of the stream decides something for all groups."""
         return bool(self._coder.decides_first)
 
+    def decided(self) -> tuple[int, ...]:
+        """What that is, behind the first frame of the stream."""
+        return tuple(self._coder.decided())
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take it from another coder of the stream."""
+        self._coder.decide(decided)
+
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
         elements: dict[str, Any] = self._coder.elements()

@@ -60,15 +60,12 @@ class _Reopened(VideoReader):
         self._context = opened_source(source, frame_rate)
         self._reader = self._context.__enter__()
         self.format, self.notes = self._reader.format, self._reader.notes
-
-    @property
-    def frame_time(self) -> Fraction | None:
-        """The time of the frame given last, if the source tells one."""
-        time: Fraction | None = getattr(self._reader, "frame_time", None)
-        return time
+        self.take_times(self._reader)
 
     def _read(self) -> Iterator[Frame]:
-        yield from self._reader
+        for frame in self._reader:
+            self.take_times(self._reader)
+            yield frame
 
     def __next__(self) -> Frame:  # what a caller's frames raise is passed on as it is
         if self._frames is None:
@@ -86,14 +83,14 @@ class _Kept:
 
     def __init__(self, reader: VideoReader, file: IO[bytes]) -> None:
         self.reader = reader
-        self._file, self._times = file, list[Fraction | None]()
+        self._file, self._times = file, list[tuple[Fraction | None, Fraction | None]]()
         self._fault: Exception | None = None
         self._is_whole = False
         video = reader.format
         self._size = video.width * video.height * 3 * video.dtype.itemsize
 
-    def frame(self, number: int) -> tuple[Frame, Fraction | None] | None:
-        """A frame and its time, or None behind the last one; read from the source if it has not been before."""
+    def frame(self, number: int) -> tuple[Frame, tuple[Fraction | None, Fraction | None]] | None:
+        """A frame with its `frame_time` and `end_time`, or None behind the last; from the source if it is new."""
         if number < len(self._times):
             video = self.reader.format
             self._file.seek(number * self._size)
@@ -118,7 +115,7 @@ class _Kept:
             )
         self._file.seek(number * self._size)
         self._file.write(np.ascontiguousarray(frame).tobytes())
-        self._times.append(getattr(self.reader, "frame_time", None))
+        self._times.append((self.reader.frame_time, self.reader.end_time))
         return frame, self._times[-1]
 
 
@@ -129,12 +126,12 @@ class _KeptReader(VideoReader):
         super().__init__()
         self._kept = kept
         self.format, self.notes = kept.reader.format, kept.reader.notes
-        self.frame_time: Fraction | None = None
+        self.time_base = kept.reader.time_base
 
     def _read(self) -> Iterator[Frame]:
         number = 0
         while (found := self._kept.frame(number)) is not None:
-            frame, self.frame_time = found
+            frame, (self.frame_time, self.end_time) = found
             yield frame
             number += 1
 

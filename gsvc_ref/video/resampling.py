@@ -79,14 +79,11 @@ class ScaledReader(_Passing):
         if (width, height) != (video.width, video.height):
             self.note(f"scaled from {video.width}x{video.height} to {width}x{height} by Lanczos' kernel")
 
-    @property
-    def frame_time(self) -> Fraction | None:
-        """The time in seconds of the frame given last; None where frames are evenly spaced."""
-        time: Fraction | None = getattr(self._reader, "frame_time", None)
-        return time
+        self.take_times(reader)
 
     def _read(self) -> Iterator[Frame]:
         for frame in self._reader:
+            self.take_times(self._reader)
             yield resampled(frame, self.format.width, self.format.height, self.format.peak)
 
 
@@ -123,7 +120,6 @@ class FrameRateReader(_Passing):
         if count is not None:
             count = -(-count * rate // video.frame_rate)
         self.format = replace(video, frame_rate=rate, frame_count=None if count is None else int(count))
-        self.frame_time: Fraction | None = None  # evenly spaced
         if rate != video.frame_rate:
             done = "left out" if rate < video.frame_rate else "repeated"
             self.note(f"from {video.frame_rate} to {rate} frames per second: frames are {done}, and none is blended")
@@ -133,7 +129,7 @@ class FrameRateReader(_Passing):
         shown: Frame | None = None
         begin = end = Fraction(0)
         for number, frame in enumerate(self._reader):
-            time = getattr(self._reader, "frame_time", None)
+            time = self._reader.frame_time
             at = Fraction(number) / self._reader.format.frame_rate if time is None else time
             if shown is None:
                 begin = at

@@ -55,6 +55,10 @@ class VideoReader(ABC):
         """Release the source, which ends the iteration; harmless when called twice."""
         self._frames = iter(())
 
+    def take_times(self, other: "VideoReader") -> None:
+        """Take the times of the frame that another reader gave last, which is the one to give next."""
+        self.frame_time, self.end_time, self.time_base = other.frame_time, other.end_time, other.time_base
+
     def note(self, sentence: str) -> None:
         """Add a sentence to the notes, once."""
         if sentence not in self.notes:
