@@ -24,7 +24,7 @@ MAY_UNPICKLE = {
     ROOT / "gsvc_lab" / "benchmarks" / "cluster.py",
 }
 """The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
-does. The others read what the machines of a cluster send each other: there each may run any code on the others anyway."""
+does. The others read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
 """It drives a browser of this machine through pipes, in an event loop."""
