@@ -1,7 +1,8 @@
 """Several coders on one clip, point by point, with an estimate of the time left; what was measured survives Ctrl-C."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -9,9 +10,11 @@ from typing import Final
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.codecs import CODECS, Codec
 from gsvc_lab.bench.coders import MAIN, PAPER, SLOW, WIDER, Coder
+from gsvc_lab.bench.elsewhere import MadePoint, submit_point
 from gsvc_lab.bench.ffmpeg import FfmpegError
 from gsvc_lab.bench.measure import Curve, Point, codec_point, gsvc_point, point_notes
 from gsvc_lab.bench.planes import PlanarClip
+from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
 
 MOST_POINTS: Final = len(WIDER)
@@ -144,7 +147,13 @@ class _Estimate:
 
 
 def measure(
-    clip: PlanarClip, entries: Sequence[Entry], points: int, folder: Path, threads: int | None, on_point: OnPoint
+    clip: PlanarClip,
+    entries: Sequence[Entry],
+    points: int,
+    folder: Path,
+    threads: int | None,
+    on_point: OnPoint,
+    executor: Executor | None = None,
 ) -> Measured:
     """Measure each coder at several qualities, in turns from coarse to fine, so that an early end leaves whole curves.
 
@@ -162,10 +171,13 @@ def measure(
         Threads to compute with; None: all.
     on_point
         Called before each point.
+    executor
+        Measures the points of GSVC, all of them asked for at once; None: they are measured here, one by one.
     """
     found = Measured(clip, {entry.label: [] for entry in entries}, {entry.label: {} for entry in entries})
     turns = [(entry, number) for number in range(points) for entry in entries]
     found.planned = len(turns)
+    asked = {} if executor is None else _asked(executor, clip, turns, points, threads)
     estimate = _Estimate()
     try:
         for place, (entry, number) in enumerate(turns):
@@ -175,7 +187,7 @@ def measure(
             on_point(f"{place + 1}/{len(turns)} {entry.label}", *estimate.whole(left))
             begin = time.perf_counter()
             try:
-                made, notes = _point(clip, entry, number, points, folder, threads)
+                made, notes = _point(clip, entry, number, points, folder, threads, asked)
             except FfmpegError as error:
                 found.missing[entry.label] = str(error)
                 continue
@@ -184,17 +196,42 @@ def measure(
             found.notes[entry.label] |= dict.fromkeys(notes)
     except KeyboardInterrupt:
         found.interrupted = True
+        for future in asked.values():
+            future.cancel()
     return found
 
 
+Asked = Mapping[tuple[str, int], "Future[MadePoint]"]
+"""Points that an executor was asked for, by the label of their coder and their number."""
+
+
+def _asked(
+    executor: Executor, clip: PlanarClip, turns: Sequence[tuple[Entry, int]], points: int, threads: int | None
+) -> Asked:
+    """Ask for all points of GSVC."""
+    return {
+        (entry.label, number): submit_point(
+            executor, clip, entry.coder, _settings(entry.coder, clip, number, points, threads)
+        )
+        for entry, number in turns
+        if isinstance(entry.coder, Coder)
+    }
+
+
+def _settings(coder: Coder, clip: PlanarClip, number: int, points: int, threads: int | None) -> Settings:
+    """The settings of a point."""
+    area = clip.format.width * clip.format.height
+    return coder.settings(splats=max(1, area // middle(WIDER, points)[number]), threads=threads)
+
+
 def _point(
-    clip: PlanarClip, entry: Entry, number: int, points: int, folder: Path, threads: int | None
-) -> tuple[Point, Sequence[str]]:
+    clip: PlanarClip, entry: Entry, number: int, points: int, folder: Path, threads: int | None, asked: Asked
+) -> MadePoint:
     """One point of a coder, and what a reader must know of it."""
+    if (task := asked.get((entry.label, number))) is not None:
+        return task.result()
     if isinstance(entry.coder, Coder):
-        area = clip.format.width * clip.format.height
-        splats = max(1, area // middle(WIDER, points)[number])
-        return gsvc_point(clip, entry.coder.settings(splats=splats, threads=threads), folder)
+        return gsvc_point(clip, _settings(entry.coder, clip, number, points, threads), folder)
     value = middle(entry.coder.values, points)[number]
     variant = entry.coder.variants[entry.variant]
     made, coded = codec_point(clip, entry.coder, variant, value, folder, threads)

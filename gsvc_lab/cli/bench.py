@@ -3,6 +3,7 @@
 import shlex
 import tempfile
 from argparse import ArgumentTypeError, Namespace
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,6 +16,8 @@ from gsvc_ref.cli.text import print_json, show, table
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from gsvc_lab.bench.planes import PlanarClip
     from gsvc_lab.bench.runner import Entry, Measured
 
@@ -55,6 +58,11 @@ def add_command(commands: Any) -> None:
         "--points", type=whole, default=POINTS, metavar="P", help=f"points of a curve, 2 to 6 (default: {POINTS})"
     )
     parser.add_argument("-o", "--output", metavar="PAGE", help="the page to write (default: CLIP's name-bench.html)")
+    parser.add_argument(
+        "--scheduler", metavar="tcp://HOST:8786",
+        help="measure the points of GSVC at the same time on the workers of this scheduler of dask (extra cluster; "
+        "docs/cluster.md), whose seconds are then on the page; other codecs run here",
+    )  # fmt: skip
     parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with (default: all)")
     parser.add_argument("--json", action="store_true", help="print all points and BD-rates as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -87,6 +95,7 @@ def run(arguments: Namespace) -> int:
         tempfile.TemporaryDirectory(prefix="gsvc-bench-") as name,
         compilation_notice(COMMAND, silent=silent),
         ProgressDisplay(quiet=arguments.quiet) as display,
+        _executor(arguments.scheduler) as executor,
     ):
         clip = _load(arguments, Path(name))
         if not silent:
@@ -96,8 +105,11 @@ def run(arguments: Namespace) -> int:
                 f"{arguments.points} points of {', '.join(entry.name for entry in entries)}"
             )
         display.status("loading kernels")
-        _warm_up(entries, Path(name))
-        measured = runner.measure(clip, entries, arguments.points, Path(name), arguments.threads, display.update)
+        if executor is None:
+            _warm_up(entries, Path(name))
+        measured = runner.measure(
+            clip, entries, arguments.points, Path(name), arguments.threads, display.update, executor
+        )
     if not measured.count:
         say(COMMAND, "interrupted before the first point; nothing was written")
         return EXIT_INTERRUPTED
@@ -110,6 +122,15 @@ def run(arguments: Namespace) -> int:
         say(COMMAND, f"interrupted; {page} has {measured.count} of {measured.planned} points")
         return EXIT_INTERRUPTED
     return 0
+
+
+def _executor(scheduler: str | None) -> "AbstractContextManager[Executor | None]":
+    """The workers of a scheduler; None without one."""
+    if scheduler is None:
+        return nullcontext()
+    from gsvc_ref.encoder.cluster import opened_cluster
+
+    return opened_cluster(scheduler)
 
 
 def _load(arguments: Namespace, folder: Path) -> "PlanarClip":
@@ -136,6 +157,7 @@ def _command(arguments: Namespace, page: str) -> str:
     words += ["--whole"] if arguments.whole else ["--size", f"{arguments.size[0]}x{arguments.size[1]}"]
     words += ["--points", str(arguments.points)]
     words += ["--threads", str(arguments.threads)] if arguments.threads is not None else []
+    words += ["--scheduler", arguments.scheduler] if arguments.scheduler is not None else []
     return shlex.join([*words, "-o", page])
 
 

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 TEXT_DECODERS: Final = ("ansi", "bintext", "xbin", "idf")
 """FFmpeg draws text files as pictures with these; nobody means that."""
+MAX_RATE_DENOMINATOR: Final = 1001
+"""A mean frame rate is rounded to a fraction with at most this denominator, which is that of 30000/1001."""
+
 RANGES: Final = {1: False, 2: True}
 """AVColorRange as full_range."""
 CENTRED_CHROMA: Final = ("mjpeg", "mpeg1video")
@@ -64,6 +67,12 @@ def import_av() -> Any:
 
 def _fair_ratio(ratio: Fraction | None) -> Fraction | None:
     return ratio if ratio and ratio > 0 and max(ratio.numerator, ratio.denominator) <= MAX_RATIO_TERM else None
+
+
+def _mean_rate(times: np.ndarray[Any, Any], unit: Fraction) -> Fraction | None:
+    """Frames per second on average, from the first time to the last; None if there is no time between them."""
+    span = int(times[-1]) - int(times[0])
+    return ((len(times) - 1) / (span * unit)).limit_denominator(MAX_RATE_DENOMINATOR) if span > 0 else None
 
 
 class LibavReader(VideoReader):
@@ -179,24 +188,26 @@ class LibavReader(VideoReader):
         )
 
     def _find_rate(self) -> Fraction:
-        """The frame rate: that which all time stamps keep to, or else the mean."""
+        """The frame rate: that which all time stamps keep to, or else their mean."""
         rates = [_fair_ratio(self._stream.average_rate), _fair_ratio(self._stream.guessed_rate)]
+        if self._times is not None:
+            times, unit = self._times
+            rates.append(_fair_ratio(_mean_rate(times, unit)))
         known = [rate for rate in rates if rate is not None]
         if not known:
             self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
             return Fraction(25)
         if self._times is None:
             return known[0]
-        times, unit = self._times
         kept = next((rate for rate in known if is_even(times, unit, rate)), None)
         if kept is None:
             self._is_uneven = True
             self.time_base = unit
             self.note(
-                f"frames of {self._name} are not evenly spaced in time ({float(known[0]):.5g} per second on average); "
+                f"frames of {self._name} are not evenly spaced in time ({float(known[-1]):.5g} per second on average); "
                 f"their time stamps go along with them"
             )
-        return kept or known[0]
+        return kept or known[-1]
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
         """The format of one picture as its own tags say."""

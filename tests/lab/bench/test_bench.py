@@ -1,9 +1,11 @@
 """``gsvc bench``: names, turns, the estimate, what Ctrl-C leaves, the page, and the whole on three tiny frames."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from html_pages import parsed
 
@@ -33,7 +35,7 @@ def entries(*names):
 def made_up(calls, fail=()):
     """In place of the coders: a point of a line that is twice as high in bits for GSVC."""
 
-    def point(clip, entry, number, points, folder, threads):
+    def point(clip, entry, number, points, folder, threads, asked):
         calls.append((entry.name, number))
         if (entry.name, number) in fail:
             raise fail[entry.name, number]
@@ -77,6 +79,20 @@ def test_a_coder_that_fails_is_left_out_and_told(clip, tmp_path, monkeypatch):
     assert "note: AVC (libx264), slow could not be run: no such <encoder>" in bench.describe(
         found, entries("gsvc", "x264")
     )
+
+
+def test_points_of_an_executor_are_those_that_are_measured_here(clip, tmp_path):
+    """All of them are asked for at once; the codec's are measured here."""
+    clip.path.write_bytes(np.random.default_rng(0).integers(0, 256, 3 * clip.frame_bytes, np.uint8).tobytes())
+    here = runner.measure(clip, entries("gsvc"), 2, tmp_path, 1, lambda *step: None)
+    with ThreadPoolExecutor(1) as executor:
+        there = runner.measure(clip, entries("gsvc"), 2, tmp_path, 1, lambda *step: None, executor)
+    names = ("setting", "bytes", "psnr", "ms_ssim")
+    ours, theirs = ([[getattr(point, name) for name in names] for point in found.points["GSVC main, quick"]]
+                    for found in (here, there))  # fmt: skip
+    assert ours == theirs
+    assert there.count == 2
+    assert any("workers of a cluster" in note for note in there.notes["GSVC main, quick"])
 
 
 def test_the_estimate_counts_what_is_left():
