@@ -24,7 +24,7 @@ def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> 
     silent = arguments.quiet or arguments.json
     with compilation_notice(COMMAND, silent=silent), ProgressDisplay(quiet=silent) as display:
         display.status("encoding some frames to see")
-        found = estimate(source.open_video, settings, arguments.jobs)
+        found = estimate(source.open_video, settings, arguments.jobs or 1)
     if arguments.json:
         print_json({"input": arguments.input, "settings": to_json(settings), **to_json(found)})
     else:

@@ -57,7 +57,7 @@ def opened_executor(arguments: Namespace) -> Iterator[tuple[int, Executor | None
         yield 1 if jobs is None else jobs, None
         return
     from gsvc_ref.encoder.cluster import opened_cluster
-    from gsvc_ref.encoder.encoder import MOST_JOBS
+    from gsvc_ref.encoder.encode_video import MOST_JOBS
 
     with opened_cluster(arguments.scheduler) as cluster:
         yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster

@@ -11,7 +11,7 @@ in `encoding`. `side_by_side` has `groups` of pictures encoded by an executor, s
 """
 
 from gsvc_ref.encoder.effects import Effects
-from gsvc_ref.encoder.encoder import encode
+from gsvc_ref.encoder.encode_video import encode
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.writing import write

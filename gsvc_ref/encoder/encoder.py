@@ -1,11 +1,11 @@
-"""Encoding: source frames in, a `.gsvc` stream out, one frame after the other."""
+"""One encode: source frames in, a `.gsvc` stream out, one frame after the other."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
@@ -20,7 +20,7 @@ from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.resume import GroupInWork, Keeper, about_encode
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.side_by_side import SideBySide
-from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source, same_file
+from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source
 from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
@@ -29,99 +29,7 @@ from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate
 
 LedBy = Callable[[GroupCoder, VideoFormat], GroupCoder]
-
-MOST_JOBS: Final = 1024
-"""Maximum number of groups of pictures that are encoded at the same time."""
-
-
-def encode(
-    source: Source,
-    target: Target,
-    settings: Settings | None = None,
-    *,
-    frame_rate: FrameRate | None = None,
-    live: bool = False,
-    jobs: int = 1,
-    executor: Executor | None = None,
-    resume: str | Path | None = None,
-    progress: OnProgress | None = None,
-) -> EncodeReport:
-    """Encode a video.
-
-    Whatever ends it early after at least one complete frame, the frames so far become a valid stream in the target's
-    place. Only a target that cannot be written leaves what stood there before.
-
-    Parameters
-    ----------
-    source
-        A path to anything `gsvc_ref.video.open_video` reads, ``-`` for y4m from standard input, ``scene:NAME`` or a
-        Scene of `gsvc_lab.scenes`, an open VideoReader, an array (T, H, W, 3) of R'G'B', u1 for 8 bits or u2 for 16, or
-        an iterable of such frames (H, W, 3). For other depths, or to say what the colours are, a pair of frames and
-        their VideoFormat.
-    target
-        A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
-        folder, ``.NAME.NUMBER.part``, and its own name when it is complete and on the disk: at every moment it
-        is the old file or the new one, also if the process is killed.
-    settings
-        Settings.quick() if not given.
-    frame_rate
-        Of arrays: frames per second, 25 if not given; a whole number, a Fraction, or a decimal number.
-    live
-        Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
-        can be decoded up to its last complete frame. Its header does not tell the number of frames.
-    jobs
-        The number of groups of pictures that are encoded at the same time, 1 to MOST_JOBS; above 1 each in a process
-        of its own, with one thread unless `settings.threads` says more. The bytes do not depend on it. Each process
-        takes about a second to start, and imports the main module: a script encodes under
-        ``if __name__ == "__main__"``. Frames are read ahead, at most 256 MiB of them for each job, and at most two
-        groups for each and one more.
-    executor
-        Encodes the groups in place of these processes, `jobs` at the same time: any Executor whose workers can import
-        gsvc_ref, such as that of a cluster (`gsvc_ref.encoder.cluster`). It stays open.
-    resume
-        A folder in which each group of pictures is kept as soon as it is done, and from which those are taken that an
-        earlier encode has kept there. The bytes are those of an encode that nothing has ended. The folder is removed
-        when the stream is complete. It is made if need be; for instance ``OUT.gsvc.resume``.
-    progress
-        Called now and then with the place where the encode is.
-
-    Returns
-    -------
-    The report; its `interrupted` is True if Ctrl-C stopped the encode after at least one complete frame.
-
-    Raises
-    ------
-    GsvcError
-        The source cannot be read, or has no frames.
-    UsageError
-        The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
-        Or `jobs` is out of its range. Or `resume` has groups of another source, other settings, or other code.
-    IncompleteEncodeError
-        One of these two came after at least one complete frame; its `report` is about the frames that were saved.
-    OSError
-        The target cannot be written; what stood under its name still does, unless `live`.
-    ChildProcessError
-        A process that encodes was killed, and so was the next one that got its frames; it has a note if frames were
-        saved.
-    ConnectionError
-        The scheduler of a cluster went away, or its workers died of the same frames; with a note as well.
-    Exception
-        Exceptions of the caller's frames or of `progress` pass through, with a note if frames were saved.
-    """
-    chosen = Settings.quick() if settings is None else settings
-    if not isinstance(chosen, Settings):
-        raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...), slow or paper")
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
-        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
-    if same_file(source, target):
-        raise UsageError(f"{target} is the source itself; give the stream another name")
-    if chosen.goal is not None:
-        from gsvc_ref.encoder.targets import encode_to_goal
-
-        if resume is not None:
-            raise UsageError(f"{chosen.goal} takes several passes, which cannot be gone on with: drop it or resume")
-        return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
-    return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
+"""What gives a coder that leads another one, of a source with a format."""
 
 
 def encode_once(

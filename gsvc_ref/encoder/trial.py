@@ -35,7 +35,7 @@ from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 PLACES: Final = 3
 """Where frames are encoded: at the beginning, after a third and after two thirds."""
 
-FRAMES: Final = 5
+TRIED_FRAMES: Final = 5
 """The frames of a place, the first of them an I-frame."""
 
 BUDGET_S: Final = 8.0
@@ -203,13 +203,13 @@ def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list
     at = 0
     for place in range(PLACES):
         wanted = 0 if count is None else place * count // PLACES
-        if place and (count is None or count < PLACES * FRAMES):
+        if place and (count is None or count < PLACES * TRIED_FRAMES):
             return
         while at < wanted:
             if next(frames, None) is None or time.perf_counter() - begin > BUDGET_S:
                 return
             at += 1
-        taken = list(islice(frames, FRAMES if count is None else min(FRAMES, count)))
+        taken = list(islice(frames, TRIED_FRAMES if count is None else min(TRIED_FRAMES, count)))
         at += len(taken)
         if not taken:
             return

@@ -5,7 +5,7 @@ from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 
 from gsvc_ref.encoder import trial
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.encoder.trial import FRAMES, PLACES, estimate
+from gsvc_ref.encoder.trial import TRIED_FRAMES, PLACES, estimate
 from gsvc_ref.errors import GsvcError
 
 CLIP = waves(32, 24, 15)
@@ -28,7 +28,7 @@ def tried(frames, settings, **options):
 def test_the_whole_is_within_what_was_said(settings):
     said = tried(CLIP, settings)
     report, data = encoded(CLIP, settings)
-    assert said.frames_tried == PLACES * FRAMES
+    assert said.frames_tried == PLACES * TRIED_FRAMES
     assert said.file_bytes.low <= len(data) <= said.file_bytes.high
     assert said.mean_psnr.low <= report.mean_psnr <= said.mean_psnr.high
     assert said.level == report.header.level
@@ -54,7 +54,7 @@ def test_without_a_length_it_is_about_a_second():
     video = video_format(32, 24)
     said = estimate(lambda: FrameSource(CLIP, video), fast(splats=10))
     assert said.frames is None
-    assert said.frames_tried == FRAMES
+    assert said.frames_tried == TRIED_FRAMES
 
 
 def test_a_source_without_frames_is_refused():

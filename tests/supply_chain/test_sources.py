@@ -26,6 +26,9 @@ MAY_UNPICKLE = {
 """The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
 does. The others read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
+MAY_SERVE = {ROOT / "gsvc_ref" / "viewing" / "server.py"}
+"""It gives the viewer to a browser of this machine, on the loopback interface alone."""
+
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
 """It drives a browser of this machine through pipes, in an event loop."""
 
@@ -43,11 +46,18 @@ def calls(tree: ast.Module) -> Iterator[ast.Call]:
 
 
 def forbidden(
-    source: str, *, may_evaluate: bool = False, may_wait: bool = False, may_unpickle: bool = False
+    source: str,
+    *,
+    may_evaluate: bool = False,
+    may_wait: bool = False,
+    may_unpickle: bool = False,
+    may_serve: bool = False,
 ) -> list[str]:
     """What a source does that it may not."""
     tree = ast.parse(source)
-    refused = (UNPICKLING | NETWORK) - ({"asyncio"} if may_wait else set()) - ({"pickle"} if may_unpickle else set())
+    refused = (UNPICKLING | NETWORK) - {
+        *(["asyncio"] if may_wait else []), *(["pickle"] if may_unpickle else []), *(["http"] if may_serve else [])
+    }  # fmt: skip
     found = [f"imports {name}" for name in imported(tree) if name in refused]
     for call in calls(tree):
         if isinstance(call.func, ast.Name) and call.func.id in EVALUATING and not may_evaluate:
@@ -67,11 +77,12 @@ def test_sources() -> None:
             may_evaluate=path in MAY_EVALUATE,
             may_wait=path in MAY_WAIT,
             may_unpickle=path in MAY_UNPICKLE,
+            may_serve=path in MAY_SERVE,
         )
         for path in SOURCES
     }
     assert {str(path.relative_to(ROOT)): faults for path, faults in found.items() if faults} == {}
-    assert set(SOURCES) > MAY_EVALUATE | MAY_WAIT | MAY_UNPICKLE
+    assert set(SOURCES) > MAY_EVALUATE | MAY_WAIT | MAY_UNPICKLE | MAY_SERVE
 
 
 @pytest.mark.parametrize(
