@@ -153,9 +153,9 @@ def _cards(data: ReportData) -> str:
         some = f"; {len(psnrs)} of {count} frames" if len(psnrs) < count else ""
         cards.append(Figure("PSNR, mean", *_decibels(data.mean_psnr), span + some))
     if data.ms_ssim is not None:
-        cards.append(Figure("MS-SSIM, mean", f"{data.ms_ssim:.4f}", "", "identical frames: 1"))
+        cards.append(Figure("MS-SSIM, mean", f"{data.ms_ssim:.4f}", "", "1 for identical frames"))
     if data.vmaf is not None:
-        cards.append(Figure("VMAF, mean", f"{data.vmaf:.1f}", "", "identical frames: 97 to 100"))
+        cards.append(Figure("VMAF, mean", f"{data.vmaf:.1f}", "", "97 to 100 for identical frames"))
     cards += [
         Figure("Video", f"{data.width} × {data.height}", "", f"{data.bit_depth} bits, {_rate(data)} frames/s"),
         Figure(

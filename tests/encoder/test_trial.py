@@ -5,7 +5,7 @@ from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 
 from gsvc_ref.encoder import trial
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.encoder.trial import TRIED_FRAMES, PLACES, estimate
+from gsvc_ref.encoder.trial import PLACES, TRIED_FRAMES, estimate
 from gsvc_ref.errors import GsvcError
 
 CLIP = waves(32, 24, 15)
