@@ -426,7 +426,10 @@ def reconstructed(functions: dict[str, Any], stream: bytes, quality: int) -> dic
     return found
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.element)
+@pytest.mark.parametrize(
+    "row",
+    [pytest.param(row, id=row.element, marks=[pytest.mark.exhaustive] if row.quality else []) for row in ROWS],
+)
 def test_values(row: Row) -> None:
     for value in row.values:
         data = row.stream(value)

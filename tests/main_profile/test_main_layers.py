@@ -130,6 +130,7 @@ def test_a_layer_without_a_chunk_behind_a_p_frame_is_gone() -> None:
     assert len(ours[0]) == 3  # the frame of the layer at fault is there without it
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("checksums", [False, True])
 def test_some_damages(checksums: bool) -> None:
     header = SequenceHeader(
