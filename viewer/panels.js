@@ -22,9 +22,10 @@ globalThis.GSVC ??= {};
   }
 
   /** Facts about a file with at least one frame; `psnr` has what was measured, if it has a source. */
-  function fileFacts({ name, size, header, frames, fault, source, psnr = [] }) {
+  function fileFacts({ name, size, header, frames, times, fault, source, psnr = [] }) {
     const rate = header.frame_rate_numerator / header.frame_rate_denominator;
-    const seconds = frames.length / rate;
+    const seconds = times?.at(-1) ?? frames.length / rate;
+    const spaced = times ? "not evenly spaced" : `at ${number(rate, 3)} a second`;
     const used = fault ? frames.reduce((sum, frame) => sum + frame.size, 0) : size;
     const told = header.frame_count > frames.length ? ` of ${number(header.frame_count)}` : ""; // the others are lost
     const pixels = header.width * header.height * frames.length;
@@ -33,7 +34,7 @@ globalThis.GSVC ??= {};
       ["name", name],
       ["size", bytes(size)],
       ["picture", `${header.width} × ${header.height}, ${header.bit_depth} bits`],
-      ["frames", `${number(frames.length)}${told} at ${number(rate, 3)} a second: ${number(seconds, 2)} s`],
+      ["frames", `${number(frames.length)}${told} ${spaced}: ${number(seconds, 2)} s`],
       ["of these", `${number(count("I"))} I, ${number(count("P"))} P, ${number(count("R"))} R`],
       ["rate", `${number((8 * used) / pixels, 4)} bits a pixel, ${number(used / 125 / seconds, 1)} kbit/s`],
       ["level", `${header.level}: at most ${number(GSVC.LEVELS[header.level].pixels)} pixels, ` +
@@ -79,14 +80,14 @@ globalThis.GSVC ??= {};
     return `D ${number(step, 2)} (quantizer ${quantizer}), ${lanes(count)}${field}`;
   }
 
-  /** Facts about the frame at n; `psnr`: undefined if it was not measured, null if the source does not have it. */
-  function frameFacts(n, frames, rate, psnr) {
+  /** Facts about the frame at n, shown at `time`; `psnr`: undefined if it was not measured, null if the source lacks it. */
+  function frameFacts(n, frames, time, psnr) {
     const frame = frames[n];
     const { type, splatCount, newCount, survivorCount, size, layers } = frame;
     const before = type === "P" ? frames[n - 1].splatCount : 0;
     const gone = before - survivorCount;
     const facts = [
-      ["number", `${numbered(frame.number, frames)}, at ${number(frame.number / rate, 2)} s`],
+      ["number", `${numbered(frame.number, frames)}, at ${number(time, 2)} s`],
       ["type", element("span", { class: `key ${type}` }), ` ${TYPES[type]}`],
       ["splats", `${number(splatCount)}`],
       ["bytes", `${number(size)}, from byte ${number(frame.byteOffset)}`],

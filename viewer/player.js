@@ -8,13 +8,14 @@ GSVC.Player = class {
    * @param {function()} changed playing has begun or ended
    */
   constructor(show, changed) {
-    Object.assign(this, { show, changed, count: 0, number: 0, rate: 25, speed: 1, loop: true, playing: false, tick: 0 });
+    Object.assign(this, { show, changed, count: 0, number: 0, rate: 25, times: null, speed: 1 });
+    Object.assign(this, { loop: true, playing: false, tick: 0 });
   }
 
-  /** Begin with the first of so many frames, so many a second. */
-  load(count, rate) {
+  /** Begin with the first of so many frames, so many a second, or at the `times` that GSVC.timesOf says. */
+  load(count, rate, times = null) {
     this.pause();
-    Object.assign(this, { count, rate });
+    Object.assign(this, { count, rate, times });
     if (count > 0) this.seek(0);
   }
 
@@ -56,15 +57,22 @@ GSVC.Player = class {
     this.changed();
   }
 
+  /** Milliseconds for which frame n is shown, at least one: it may be told to take none. */
+  #length(n) {
+    const seconds = this.times ? this.times[n + 1] - this.times[n] : 1 / this.rate;
+    return Math.max(1, (1000 * seconds) / this.speed);
+  }
+
   /** Shows the frame whose time has come; frames are left out where drawing is too slow for them. */
   #tick(now) {
-    const length = 1000 / (this.rate * this.speed);
-    this.due ??= now + length; // when the next frame is to be seen
+    this.due ??= now + this.#length(this.number); // when the next frame is to be seen
     if (now >= this.due) {
-      const frames = 1 + Math.floor((now - this.due) / length);
-      let next = this.number + frames;
-      if (next >= this.count && this.loop) next %= this.count;
-      const due = this.due + frames * length;
+      let next = this.number;
+      let due = this.due;
+      while (now >= due && (this.loop || next < this.count - 1)) {
+        next = (next + 1) % this.count;
+        due += this.#length(next);
+      }
       this.seek(next);
       this.due = due;
       if (next >= this.count - 1 && !this.loop) this.pause();

@@ -40,13 +40,14 @@ globalThis.GSVC ??= {};
   const beside = new GSVC.Beside($("screen"), (canvas) => screen.place(canvas), sourceFailed);
 
   function showFrame(n) {
-    const { stream, comparison } = state.file;
+    const { stream, times, comparison } = state.file;
     const frame = stream.frames[n];
+    const time = times?.[n] ?? frame.number / player.rate;
     screen.setFrame(stream.frame(n));
     beside.frame(n);
     timeline.show(n);
     $("place").textContent = `${GSVC.panels.numbered(frame.number, stream.frames)}, ${frame.type}`;
-    tell($("frame"), GSVC.panels.frameFacts(n, stream.frames, player.rate, comparison?.psnr[n]));
+    tell($("frame"), GSVC.panels.frameFacts(n, stream.frames, time, comparison?.psnr[n]));
     GSVC.panels.showParts($("parts"), $("parts-legend"), frame);
     if (comparison) curve.show(comparison.psnr, stream.frames, n);
     look.again();
@@ -140,7 +141,8 @@ globalThis.GSVC ??= {};
     if (frames.length === 0) return;
     state.file?.comparison?.end();
     const stream = { frames, frame: reading.seeker() };
-    state.file = { input, reading, stream, comparison: null };
+    const times = input.live ? null : GSVC.timesOf(reading);
+    state.file = { input, reading, stream, times, comparison: null };
     look.begin(stream);
     document.title = `${input.name} – GSVC viewer`;
     compare();
@@ -151,7 +153,7 @@ globalThis.GSVC ??= {};
     enableMoves();
     timeline.setFrames(frames, reading.missingAtEnd);
     screen.setVideo(header.width, header.height, header.bit_depth);
-    player.load(frames.length, header.frame_rate_numerator / header.frame_rate_denominator);
+    player.load(frames.length, header.frame_rate_numerator / header.frame_rate_denominator, state.file.times);
     if (!input.live && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
   }
 
@@ -164,9 +166,9 @@ globalThis.GSVC ??= {};
   }
 
   function tellFile() {
-    const { input: { name, source }, reading: { header, frames, faults: [fault], size }, comparison } = state.file;
+    const { input: { name, source }, reading: { header, frames, faults: [fault], size }, times, comparison } = state.file;
     const psnr = comparison?.psnr;
-    tell($("file"), GSVC.panels.fileFacts({ name, size, header, frames, fault, source: comparison && source, psnr }));
+    tell($("file"), GSVC.panels.fileFacts({ name, size, header, frames, times, fault, source: comparison && source, psnr }));
   }
 
   function enableMoves() {

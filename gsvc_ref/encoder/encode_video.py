@@ -100,6 +100,6 @@ def encode(
         from gsvc_ref.encoder.targets import encode_to_goal  # which few encodes need
 
         if resume is not None:
-            raise UsageError(f"{chosen.goal} takes several passes, which cannot be gone on with: drop it or resume")
+            raise UsageError(f"{chosen.goal} takes several passes, with which resume cannot go on: drop one of the two")
         return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
     return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
