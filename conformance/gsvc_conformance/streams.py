@@ -5,7 +5,9 @@ They are those of gsvc_ref's Hypothesis strategy `streams`, made from seeds.
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,6 +41,7 @@ def write_streams(
     *,
     wishes: Wishes = ANYTHING,
     pictures: bool = True,
+    executor: Executor | None = None,
 ) -> None:
     """Write `count` streams of a seed, and index.json.
 
@@ -59,6 +62,8 @@ def write_streams(
         What each stream has to have.
     pictures
         Whether the files of frames are written, which take nearly all of the time.
+    executor
+        Makes the streams, all asked for at once; None: they are made here. The files are the same.
 
     Raises
     ------
@@ -71,24 +76,35 @@ def write_streams(
     if any(folder.iterdir()):  # index.json would not list what an earlier call wrote
         raise UsageError(f"{folder} is not empty: give a new folder, or remove this one first")
     entries: list[dict[str, Any]] = []
+    make = partial(files_of, seed, wishes=wishes, pictures=pictures)
+    made: Iterable[Made] = map(make, range(count)) if executor is None else executor.map(make, range(count))
+    streams = iter(made)
     for number in range(count):
         on_stream(number)
-        stream = stream_of(seed, number, wishes)
-        name = f"stream-{seed}-{number:04}"
-        expected = {**reconstruct_stream(stream.data)._asdict(), **(_pictures(stream.data) if pictures else {})}
-        (folder / f"{name}.gsvc").write_bytes(stream.data)
-        for part in PARTS:
-            if part in expected:
-                (folder / f"{name}.{part}.npy").write_bytes(npy(np.asarray(expected[part])))
-        entries.append(
-            {
-                "name": name,
-                "sha256": hashlib.sha256(stream.data).hexdigest(),
-                "header": stream.header.arguments,
-                "elements": {element: times for element, (_, _, times) in used(stream.data).items()},
-            }
-        )
+        files, entry = next(streams)
+        for name, data in files.items():
+            (folder / name).write_bytes(data)
+        entries.append(entry)
     (folder / "index.json").write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+
+
+Made = tuple[dict[str, bytes], dict[str, Any]]
+"""The files of a stream by their names, and what index.json says of it."""
+
+
+def files_of(seed: int, number: int, *, wishes: Wishes = ANYTHING, pictures: bool = True) -> Made:
+    """Make a stream of a seed; this is what a worker is asked to do."""
+    stream = stream_of(seed, number, wishes)
+    name = f"stream-{seed}-{number:04}"
+    expected = {**reconstruct_stream(stream.data)._asdict(), **(_pictures(stream.data) if pictures else {})}
+    files = {f"{name}.{part}.npy": npy(np.asarray(expected[part])) for part in PARTS if part in expected}
+    entry = {
+        "name": name,
+        "sha256": hashlib.sha256(stream.data).hexdigest(),
+        "header": stream.header.arguments,
+        "elements": {element: times for element, (_, _, times) in used(stream.data).items()},
+    }
+    return {f"{name}.gsvc": stream.data, **files}, entry
 
 
 def _pictures(stream: bytes) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -102,7 +103,8 @@ def test_written_streams(tmp_path):
     begun = []
     write_streams(7, 3, tmp_path / "a", begun.append)
     assert begun == [0, 1, 2]
-    write_streams(7, 2, tmp_path / "b")
+    with ThreadPoolExecutor(2) as executor:  # as a cluster makes them
+        write_streams(7, 2, tmp_path / "b", executor=executor)
     index = json.loads((tmp_path / "a" / "index.json").read_text())
     assert len(index) == 3
     for entry in index:

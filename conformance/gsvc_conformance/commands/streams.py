@@ -2,6 +2,7 @@
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -11,6 +12,8 @@ from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from gsvc_ref.testing.random_streams import Wishes
 
 ELEMENTS: Final = {
@@ -39,6 +42,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--seed", type=count, default=0, metavar="S", help="a number from 0 (default: 0)")
     parser.add_argument("--count", type=times, default=10, metavar="K", help="how many streams (default: 10)")
     parser.add_argument("--without-frames", action="store_true", help="write no frames, which take most of the time")
+    parser.add_argument(
+        "--scheduler", metavar="tcp://HOST:8786",
+        help="make them on the workers of this scheduler of dask (pip install 'gsvc_ref[cluster]'); same bytes",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="show no progress")
     wishes = parser.add_argument_group("what every stream has", "what is left out is drawn")
     wishes.add_argument("--size", type=size, metavar="WxH", help="pixels of a frame, such as 64x48")
@@ -88,6 +95,15 @@ def wishes_of(arguments: Namespace) -> "Wishes":
     )  # fmt: skip
 
 
+def opened_executor(scheduler: str | None) -> "AbstractContextManager[Executor | None]":
+    """The workers of a scheduler; None without one."""
+    if scheduler is None:
+        return nullcontext()
+    from gsvc_ref.encoder.cluster import opened_cluster
+
+    return opened_cluster(scheduler)
+
+
 def run(arguments: Namespace) -> int:
     """Write them; 0.
 
@@ -99,7 +115,7 @@ def run(arguments: Namespace) -> int:
     from gsvc_conformance.streams import write_streams
 
     wishes = wishes_of(arguments)
-    with ProgressDisplay(quiet=arguments.quiet) as display:
+    with ProgressDisplay(quiet=arguments.quiet) as display, opened_executor(arguments.scheduler) as executor:
         display.status("getting ready; the first run compiles kernels, half a minute")
 
         def on_stream(number: int) -> None:
@@ -107,7 +123,7 @@ def run(arguments: Namespace) -> int:
 
         write_streams(
             arguments.seed, arguments.count, arguments.folder, on_stream,
-            wishes=wishes, pictures=not arguments.without_frames,
+            wishes=wishes, pictures=not arguments.without_frames, executor=executor,
         )  # fmt: skip
     show(f"{plural(arguments.count, 'stream')} in {arguments.folder}")
     return 0
