@@ -23,7 +23,8 @@ globalThis.GSVC ??= {};
         end += frames;
       }
       return end > MOST_FRAMES || p.at !== 8 * payload.length ? null : { ticks, first, end, runs };
-    } catch {
+    } catch (fault) {
+      if (!(fault instanceof GSVC.Fault)) throw fault;
       return null; // it ends inside of an element
     }
   }

@@ -3,7 +3,6 @@
 import shlex
 import tempfile
 from argparse import ArgumentTypeError, Namespace
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,11 +12,10 @@ from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import print_json, show, table
+from gsvc_ref.cli.where import opened_workers
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from gsvc_lab.bench.planes import PlanarClip
     from gsvc_lab.bench.runner import Entry, Measured
 
@@ -95,7 +93,7 @@ def run(arguments: Namespace) -> int:
         tempfile.TemporaryDirectory(prefix="gsvc-bench-") as name,
         compilation_notice(COMMAND, silent=silent),
         ProgressDisplay(quiet=arguments.quiet) as display,
-        _executor(arguments.scheduler) as executor,
+        opened_workers(arguments.scheduler) as executor,
     ):
         clip = _load(arguments, Path(name))
         if not silent:
@@ -122,15 +120,6 @@ def run(arguments: Namespace) -> int:
         say(COMMAND, f"interrupted; {page} has {measured.count} of {measured.planned} points")
         return EXIT_INTERRUPTED
     return 0
-
-
-def _executor(scheduler: str | None) -> "AbstractContextManager[Executor | None]":
-    """The workers of a scheduler; None without one."""
-    if scheduler is None:
-        return nullcontext()
-    from gsvc_ref.encoder.cluster import opened_cluster
-
-    return opened_cluster(scheduler)
 
 
 def _load(arguments: Namespace, folder: Path) -> "PlanarClip":

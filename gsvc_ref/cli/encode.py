@@ -2,7 +2,6 @@
 
 import sys
 from argparse import Namespace
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -15,16 +14,16 @@ from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_na
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
 from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video import Resampled, VideoReader
+    from gsvc_ref.video import VideoReader
 
 COMMAND: Final = "gsvc encode"
 GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
-ONE_GROUP: Final = ("so none was kept before the end", "so one process was at work")
+"""What is said of an interrupted encode with ``--resume``."""
 
 
 def add_command(commands: Any) -> None:
@@ -85,7 +84,7 @@ def _encode(arguments: Namespace) -> int:
         opened_executor(arguments) as (jobs, executor),
     ):
         if can_be_read_again(arguments.input):
-            _look_at_first(source, reader, settings)
+            _look_at_first(reader, settings)
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         shown = list(reader.notes)
@@ -109,7 +108,8 @@ def _encode(arguments: Namespace) -> int:
                 if note not in shown:
                     show(f"  note: {note}", file=out)
             if (jobs > 1 or resume) and not report.interrupted and is_one_group(report):
-                show(f"  note: one group of pictures, {ONE_GROUP[jobs > 1]}; --key-frames K makes more", file=out)
+                so = "one process was at work" if jobs > 1 else "none was kept before the end"
+                show(f"  note: one group of pictures, so {so}; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
@@ -123,16 +123,14 @@ def _encode(arguments: Namespace) -> int:
     return write_page(arguments, report)
 
 
-def _look_at_first(source: "Resampled", reader: "VideoReader", settings: "Settings") -> None:
-    """Note on a reader that is open what is to be expected of its pictures, by the first one of another reader."""
+def _look_at_first(reader: "VideoReader", settings: "Settings") -> None:
+    """Note what is to be expected of the pictures, by the first one."""
     from gsvc_ref.encoder.screen_content import screen_note
 
-    if settings.frames[0] > 0:
+    if settings.frames[0] > 0 or (first := reader.peek()) is None:
         return
-    with suppress(GsvcError, OSError), source.open_video() as another:  # the encode will say it in its own words
-        first = next(another, None)
-        if first is not None and (note := screen_note(first, reader.format.peak, settings)) is not None:
-            reader.note(note)
+    if (note := screen_note(first, reader.format.peak, settings)) is not None:
+        reader.note(note)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

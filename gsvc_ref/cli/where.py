@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from gsvc_ref.cli.files import STDIO
@@ -41,6 +41,21 @@ def resume_folder(arguments: Namespace) -> Path | None:
     if arguments.output == STDIO or (path.exists() and not path.is_file()):
         raise UsageError("--resume keeps what is done beside the output, which must be a file")
     return path.with_name(f"{path.name}.resume")
+
+
+def opened_workers(scheduler: str | None) -> AbstractContextManager[Executor | None]:
+    """The workers of a scheduler of dask, as an executor; None without one.
+
+    Raises
+    ------
+    UsageError
+        There is no such scheduler, or a worker of it cannot be used.
+    """
+    if scheduler is None:
+        return nullcontext()
+    from gsvc_ref.encoder.cluster import opened_cluster
+
+    return opened_cluster(scheduler)
 
 
 @contextmanager

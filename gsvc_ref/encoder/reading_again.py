@@ -15,6 +15,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.plugins import source_by_prefix
 from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate
+from gsvc_ref.video.stream import PassingReader
 
 MOST_KEPT: Final = 1 << 32
 """The most bytes of frames that are kept in a temporary file, 690 frames of 1920x1080 with 8 bits."""
@@ -52,7 +53,7 @@ def readable_again(source: Source, frame_rate: FrameRate | None) -> Iterator[Cal
         yield lambda: _KeptReader(kept)
 
 
-class _Reopened(VideoReader):
+class _Reopened(PassingReader):
     """A source that is opened now, and closed with this reader or behind its last frame."""
 
     def __init__(self, source: Source, frame_rate: FrameRate | None) -> None:
@@ -66,11 +67,6 @@ class _Reopened(VideoReader):
         for frame in self._reader:
             self.take_times(self._reader)
             yield frame
-
-    def __next__(self) -> Frame:  # what a caller's frames raise is passed on as it is
-        if self._frames is None:
-            self._frames = self._read()
-        return next(self._frames)
 
     def close(self) -> None:
         """Release the source."""
@@ -119,7 +115,7 @@ class _Kept:
         return frame, self._times[-1]
 
 
-class _KeptReader(VideoReader):
+class _KeptReader(PassingReader):
     """One pass over frames that are kept."""
 
     def __init__(self, kept: _Kept) -> None:
@@ -134,11 +130,6 @@ class _KeptReader(VideoReader):
             frame, (self.frame_time, self.end_time) = found
             yield frame
             number += 1
-
-    def __next__(self) -> Frame:  # what a caller's frames raise is passed on as it is
-        if self._frames is None:
-            self._frames = self._read()
-        return next(self._frames)
 
 
 class Chosen(VideoReader):

@@ -15,6 +15,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.files import NamingWriter, check_parent, opened_output, still_named, try_lock
 from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
 from gsvc_ref.video.format import FrameRate, array_format, check_frame
+from gsvc_ref.video.stream import PassingReader
 
 Frame = NDArray[np.unsignedinteger[Any]]
 Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat] | Iterable[Frame]
@@ -24,7 +25,7 @@ DEFAULT_FRAME_RATE: Final = 25
 """Frames per second of arrays for which none is given."""
 
 
-class FrameSource(VideoReader):
+class FrameSource(PassingReader):
     """A source of frames that the caller has; what they raise is passed on as it is."""
 
     def __init__(self, frames: Iterable[Frame], video: VideoFormat) -> None:
@@ -38,11 +39,6 @@ class FrameSource(VideoReader):
             except UsageError as error:
                 raise UsageError(f"frame {number}: {error}") from None
             yield np.array(frame)  # the caller may fill the same array again
-
-    def __next__(self) -> Frame:
-        if self._frames is None:
-            self._frames = self._read()
-        return next(self._frames)
 
 
 @contextmanager

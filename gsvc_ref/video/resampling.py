@@ -14,7 +14,7 @@ import numpy as np
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video.format import MAX_DIMENSION, MAX_PIXELS, FrameRate, exact_frame_rate
-from gsvc_ref.video.stream import VideoReader
+from gsvc_ref.video.stream import PassingReader, VideoReader
 
 Scale = float | tuple[int, int]
 """A factor, or width and height in pixels."""
@@ -25,12 +25,11 @@ MOST_FACTOR: Final = 16.0
 LEAST_FACTOR: Final = 1 / 256
 """Minimum factor of a size, and of a frame rate."""
 
-
 LONGEST: Final = 3600
 """A frame is repeated for at most so many seconds: times that are damaged may be years apart."""
 
 
-class _Passing(VideoReader):
+class _Changed(PassingReader):
     """A reader that changes what another one gives, and closes it."""
 
     def __init__(self, reader: VideoReader) -> None:
@@ -39,18 +38,13 @@ class _Passing(VideoReader):
         self.format = reader.format
         self.notes = reader.notes
 
-    def __next__(self) -> Frame:  # what the other reader raises is passed on as it is
-        if self._frames is None:
-            self._frames = self._read()
-        return next(self._frames)
-
     def close(self) -> None:
         """Release the source."""
         super().close()
         self._reader.close()
 
 
-class ScaledReader(_Passing):
+class ScaledReader(_Changed):
     """The frames of another reader at another size; each must be read once, in order.
 
     Parameters
@@ -87,7 +81,7 @@ class ScaledReader(_Passing):
             yield resampled(frame, self.format.width, self.format.height, self.format.peak)
 
 
-class FrameRateReader(_Passing):
+class FrameRateReader(_Changed):
     """The frames of another reader at another frame rate: at each time the frame that is shown then, none is blended.
 
     A frame is shown from its own time until that of the next one. Times are those of the reader, where it tells them

@@ -45,6 +45,7 @@ class VideoReader(ABC):
         self.end_time: Fraction | None = None
         self.time_base: Fraction | None = None
         self._frames: Iterator[Frame] | None = None
+        self._peeked: Frame | Exception | None = None
         self._delivered = 0
 
     @abstractmethod
@@ -53,7 +54,7 @@ class VideoReader(ABC):
 
     def close(self) -> None:
         """Release the source, which ends the iteration; harmless when called twice."""
-        self._frames = iter(())
+        self._frames, self._peeked = iter(()), None
 
     def take_times(self, other: "VideoReader") -> None:
         """Take the times of the frame that another reader gave last, which is the one to give next."""
@@ -69,7 +70,23 @@ class VideoReader(ABC):
             self._frames = self._read()
         return self
 
+    def peek(self) -> Frame | None:
+        """The frame that comes next, and still comes after this; None if none does, or a fault in its place."""
+        if self._peeked is None:
+            try:
+                self._peeked = next(self, None)
+            except Exception as error:
+                self._peeked = error
+        return None if isinstance(self._peeked, Exception) else self._peeked
+
     def __next__(self) -> Frame:
+        peeked, self._peeked = self._peeked, None
+        if isinstance(peeked, Exception):
+            raise peeked
+        return self._advance() if peeked is None else peeked
+
+    def _advance(self) -> Frame:
+        """Read the next frame."""
         if self._frames is None:
             self._frames = self._read()
         try:
@@ -85,6 +102,15 @@ class VideoReader(ABC):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+class PassingReader(VideoReader):
+    """A reader of frames that the caller or another reader gives; what these raise is passed on as it is."""
+
+    def _advance(self) -> Frame:
+        if self._frames is None:
+            self._frames = self._read()
+        return next(self._frames)
 
 
 class Times(Protocol):

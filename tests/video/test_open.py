@@ -14,7 +14,7 @@ import pytest
 
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import PartialFile
-from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
+from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader, encode_png, open_video, open_writer
 
 VIDEO = VideoFormat(6, 4, Fraction(25), 8, "444", ColorDescription(1, 1, 1, False, 0))
 FRAME = np.full((4, 6, 3), 90, np.uint8)
@@ -235,3 +235,25 @@ def test_formats_are_checked(change, message):
 def test_colour_code_points_are_checked(codes):
     with pytest.raises(UsageError, match=r"H\.273"):
         ColorDescription(*codes)
+
+
+def test_the_next_frame_can_be_looked_at_before_it_comes():
+    """Also twice; its time is told with it, a fault comes in its place, and behind the end there is none."""
+
+    class Counting(VideoReader):
+        def _read(self):
+            for number in range(2):
+                self.frame_time = Fraction(number)
+                yield np.full((1, 1, 3), number, np.uint8)
+            raise GsvcError("malformed", "broken")
+
+    reader = Counting()
+    for number in range(2):
+        assert reader.peek()[0, 0, 0] == reader.peek()[0, 0, 0] == number
+        assert reader.frame_time == number
+        assert next(reader)[0, 0, 0] == number
+    assert reader.peek() is None
+    with pytest.raises(GsvcError, match="broken"):
+        next(reader)
+    assert reader.peek() is None
+    assert list(reader) == []

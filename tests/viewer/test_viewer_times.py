@@ -1,4 +1,4 @@
-"""When the viewer shows frames: chunks `t` of sound, faulty and damaged streams say what they say to `Stream.times`."""
+"""When the viewer shows frames: chunks `t` of sound, faulty and cut-off streams say what they say to `Stream.times`."""
 
 import base64
 
@@ -9,7 +9,6 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 import web_pages
 
 import gsvc_ref
-from gsvc_ref.testing import join_chunks, split_chunks
 
 FOLDER = web_pages.VECTORS / "core" / "reconstruct_stream"
 
@@ -22,10 +21,9 @@ TOLD = """(data) => {
 
 
 def streams():
-    """Those with time stamps among the vectors, by their names; and one of them with a damaged frame."""
+    """Those with time stamps among the vectors, by their names; and one of them cut off."""
     found = {path.parent.name: path.read_bytes() for path in sorted(FOLDER.glob("*time_stamps*/*.gsvc"))}
-    chunks = split_chunks(found["time_stamps_of_all_frames"])
-    return {**found, "damaged": join_chunks(chunks, prefix=found["time_stamps_of_all_frames"][:10])[:-30]}
+    return {**found, "cut off": found["time_stamps_of_all_frames"][:-30]}
 
 
 def test_times_are_those_of_the_reference(viewer):

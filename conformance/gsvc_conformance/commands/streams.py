@@ -2,7 +2,6 @@
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -12,8 +11,6 @@ from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import plural, show
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from gsvc_ref.testing.random_streams import Wishes
 
 ELEMENTS: Final = {
@@ -95,15 +92,6 @@ def wishes_of(arguments: Namespace) -> "Wishes":
     )  # fmt: skip
 
 
-def opened_executor(scheduler: str | None) -> "AbstractContextManager[Executor | None]":
-    """The workers of a scheduler; None without one."""
-    if scheduler is None:
-        return nullcontext()
-    from gsvc_ref.encoder.cluster import opened_cluster
-
-    return opened_cluster(scheduler)
-
-
 def run(arguments: Namespace) -> int:
     """Write them; 0.
 
@@ -113,9 +101,10 @@ def run(arguments: Namespace) -> int:
         No stream has what is asked for, or the folder is not empty.
     """
     from gsvc_conformance.streams import write_streams
+    from gsvc_ref.cli.where import opened_workers
 
     wishes = wishes_of(arguments)
-    with ProgressDisplay(quiet=arguments.quiet) as display, opened_executor(arguments.scheduler) as executor:
+    with ProgressDisplay(quiet=arguments.quiet) as display, opened_workers(arguments.scheduler) as executor:
         display.status("getting ready; the first run compiles kernels, half a minute")
 
         def on_stream(number: int) -> None:
