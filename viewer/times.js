@@ -5,7 +5,7 @@ globalThis.GSVC ??= {};
 {
   const PREFIX_SIZE = 10; // bytes in front of the first chunk
   const MOST_RUNS = 4096; // of a chunk
-  const MOST_KEPT = 2 ** 16; // runs of a stream
+  const MOST_KEPT = 2 ** 16; // runs of a stream, and those that came with the last of them
   const MOST_FRAMES = 2 ** 32;
 
   /** What a chunk's payload says; null if it breaks R-6.11-1. */
@@ -22,7 +22,7 @@ globalThis.GSVC ??= {};
         runs.push({ first: end, end: end + frames, length: length / ticks });
         end += frames;
       }
-      return end > MOST_FRAMES || p.at !== 8 * payload.length ? null : { ticks, first, end, runs };
+      return end > MOST_FRAMES || p.at !== 8 * payload.length ? null : { ticks, first, runs };
     } catch (fault) {
       if (!(fault instanceof GSVC.Fault)) throw fault;
       return null; // it ends inside of an element
@@ -48,9 +48,9 @@ globalThis.GSVC ??= {};
         const found = readTimes(bytes.subarray(payload.begin, payload.end));
         const next = frames[n]?.number ?? MOST_FRAMES;
         const holds = found && found.first >= Math.max(told, next) && (ticks ?? found.ticks) === found.ticks;
-        if (holds && runs.length + found.runs.length <= MOST_KEPT) {
+        if (holds && runs.length < MOST_KEPT) {
           runs.push(...found.runs);
-          [told, ticks] = [found.end, found.ticks];
+          [told, ticks] = [runs.at(-1)?.end ?? 0, found.ticks];
         }
       }
       at = payload.end + 4;

@@ -206,6 +206,8 @@ globalThis.GSVC ??= {};
     timeline.setFrames(reading.frames, reading.missingAtEnd, player.number);
     offerLayers(reading.header.layer_count ?? 1, reading.quality);
     state.file.input = ofBytes(input, reading.bytes);
+    state.file.times = player.times = GSVC.timesOf(reading);
+    tellFile();
   }
 
   // ---- the source

@@ -34,7 +34,7 @@ UNCOVERED: Final[dict[str, str]] = {
         "binds a program that joins streams, and no operation does: tests/stream/test_concatenation.py checks gsvc_ref",
     ),
     "R-6.10-8": "binds a program that cuts streams; no operation does: tests/stream/test_cutting.py checks gsvc_ref",
-    "R-6.11-4": "binds a program that joins streams, and no operation does",
+    "R-6.11-4": "binds a program that joins streams, no operation: tests/encoder/test_time_stamps.py checks gsvc_ref",
     "15-1": "says why the steps are what they are; (15-4) and (15-10) make them",
     "R-13-5": "says what is right above the level of a claim: `conformance/gsvc_conformance/runner.py` decides by it",
     "R-13-6": "binds those who state a verdict: `conformance/gsvc_conformance/results.py` writes it",

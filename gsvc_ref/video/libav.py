@@ -23,6 +23,7 @@ from gsvc_ref.video.format import (
 )
 from gsvc_ref.video.libav_probe import (
     Orientation,
+    interlaced,
     is_even,
     lost_tracks,
     lost_with_picture,
@@ -317,7 +318,7 @@ class LibavReader(VideoReader):
                 f"{expected[0]}x{expected[1]} with {expected[2]}: scale the video to one size and depth first",
             )
         if picture.interlaced_frame:
-            self.note(f"{self._name} is interlaced; its frames are read as if progressive")
+            self.note(interlaced(self._name))
         if orientation(picture) not in (self._turned, None):
             self.note(f"{self._name} changes its display matrix at frame {number}; frames are turned as the first one")
 

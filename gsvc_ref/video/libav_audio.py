@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video.libav_probe import open_container
+from gsvc_ref.video.libav_probe import codec_name, open_container
 
 LEAD_S: Final = 0.1
 """Seconds by which sound may begin before the pictures: encoders put a packet in front that a decoder warms up with."""
@@ -71,7 +71,7 @@ class Sound:
     @property
     def codecs(self) -> list[str]:
         """The codec of each track, as FFmpeg calls it."""
-        return [track.codec_context.codec.canonical_name for track in self._tracks]
+        return [codec_name(track) for track in self._tracks]
 
     def add_to(self, container: Any, name: str) -> None:
         """Add the tracks to a container that is being written under a name.

@@ -115,9 +115,18 @@ def lost_tracks(container: Any, stream: av.VideoStream, name: str) -> list[str]:
 
 def _tracks(streams: Any) -> str:
     """Number and codecs of tracks, as ``2 tracks: aac, opus``."""
-    contexts = [stream.codec_context for stream in streams]
-    names = dict.fromkeys(context.codec.canonical_name if context else "unknown" for context in contexts)
-    return f"{_count(len(streams), 'track')}: {', '.join(names)}"
+    return f"{_count(len(streams), 'track')}: {', '.join(dict.fromkeys(map(codec_name, streams)))}"
+
+
+def codec_name(stream: Any) -> str:
+    """The codec of a track, as FFmpeg calls it; ``unknown`` where FFmpeg has no decoder."""
+    context = stream.codec_context
+    return str(context.codec.canonical_name) if context else "unknown"
+
+
+def interlaced(name: str) -> str:
+    """A sentence about a source with interlaced pictures."""
+    return f"{name} is interlaced; its frames are read as if progressive"
 
 
 def _count(number: int, noun: str) -> str:
@@ -134,7 +143,7 @@ def lost_with_picture(picture: av.VideoFrame, name: str) -> list[str]:
             f"matrix are kept"
         )
     if picture.interlaced_frame:
-        notes.append(f"{name} is interlaced; its frames are read as if progressive")
+        notes.append(interlaced(name))
     return notes
 
 

@@ -134,7 +134,9 @@ class FrameRateReader(_Changed):
             while shown is not None and begin + given * step < at:
                 yield shown
                 given += 1
-            shown, end = frame, at + 1 / self._reader.format.frame_rate
+            end_time = self._reader.end_time
+            shown = frame
+            end = at + 1 / self._reader.format.frame_rate if end_time is None else min(end_time, at + LONGEST)
         while shown is not None and begin + given * step < end:
             yield shown
             given += 1

@@ -71,7 +71,7 @@ class Viewing:
             video = self.source.format
             source = {
                 "name": _text(Path(self.source.name).name), "width": video.width, "height": video.height,
-                "bits": video.bit_depth, "frames": video.frame_count,
+                "bits": video.bit_depth,
             }  # fmt: skip
         return {"name": _text(self.name), "live": self.stream.live, "source": source}
 

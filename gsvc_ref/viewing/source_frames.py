@@ -7,6 +7,7 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from gsvc_ref.arrays import Frame
+from gsvc_ref.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
 
 MOST_KEPT: Final = 1 << 30
@@ -40,6 +41,7 @@ class SourceFrames:
         self._kept: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115  (until `close`)
         self._kept_count = 0
         self._next = 0  # the number of the frame that the reader gives next
+        self._fault: GsvcError | None = None  # what the reader gives in its place
         self._lock = threading.Lock()
 
     def samples(self, number: int) -> bytes | None:
@@ -59,10 +61,10 @@ class SourceFrames:
                 return self._kept.read(self._frame_bytes)
             if number < self._next:
                 self._reader.close()
-                self._reader, self._next = open_video(self.name), 0
+                self._reader, self._next, self._fault = open_video(self.name), 0, None
             data = None
             while self._next <= number:
-                frame = next(self._reader, None)
+                frame = self._read()
                 if frame is None:
                     return None
                 if self._next == number or self._is_kept_next():
@@ -70,6 +72,16 @@ class SourceFrames:
                     self._keep(data)
                 self._next += 1
             return data
+
+    def _read(self) -> Frame | None:
+        """The next frame of the reader, which tells a fault once only."""
+        if self._fault is not None:
+            raise self._fault
+        try:
+            return next(self._reader, None)
+        except GsvcError as error:
+            self._fault = error
+            raise
 
     def _is_kept_next(self) -> bool:
         return self._next == self._kept_count < self._room

@@ -7,14 +7,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
-from gsvc_ref.bitstream.chunks import END_TYPE
+from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE, END_TYPE
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.files import try_lock
 
 PIECE: Final = 1 << 16
 """Bytes that are handed on at a time."""
-END_SIZE: Final = 14
-"""Bytes of an end chunk: type, length, two numbers of 4 bytes, checksum (spec.md 6.8)."""
 QUIET_S: Final = 3.0
 """Seconds without growth after which a file that nobody holds the lock of is taken for ended."""
 
@@ -107,7 +105,7 @@ class GrowingFile(WholeFile):
         size = self.size()
         if size != self._last_size:
             self._last_size, self._grown = size, time.monotonic()
-        complete = is_end(self.read(max(size - END_SIZE, 0), END_SIZE))
+        complete = is_end(self.read(max(size - END_CHUNK_SIZE, 0), END_CHUNK_SIZE))
         if size == 0 or not (complete or time.monotonic() - self._grown >= self._quiet):
             return False
         with suppress(OSError), self.path.open("rb") as file:
@@ -119,9 +117,9 @@ class GrowingFile(WholeFile):
 def is_end(tail: bytes) -> bool:
     """Whether bytes are an end chunk with the right checksum."""
     return (
-        len(tail) == END_SIZE
+        len(tail) == END_CHUNK_SIZE
         and tail[0] == END_TYPE
-        and tail[1] == END_SIZE - 6
+        and tail[1] == END_CHUNK_SIZE - 6
         and crc32c(tail[:-4]) == int.from_bytes(tail[-4:], "little")
     )
 

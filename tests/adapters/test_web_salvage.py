@@ -44,6 +44,7 @@ READ = """
     backwards: checksums(whole, forwards.toReversed()),
     pieces: checksums(pieces, forwards),
     same: JSON.stringify([pieces.frames, pieces.faults]) === JSON.stringify([whole.frames, whole.faults]),
+    unknown: whole.missingAtEnd === null,
     missing: whole.frames.reduce((sum, { missing = 0 }) => sum + missing, whole.missingAtEnd),
     faults: whole.faultCount,
   };
@@ -104,6 +105,7 @@ def test_what_is_left_is_that_of_the_reference(page):
         assert answer["numbers"] == numbers
         assert answer["forwards"] == answer["backwards"] == answer["pieces"] == checksums
         assert answer["same"]
+        assert answer["unknown"] == (missing is None)
         assert missing is None or answer["missing"] == missing
     assert sum(answer["faults"] > 0 for answer in found) > 20
     assert sum(answer["missing"] > 0 for answer in found) > 5

@@ -74,10 +74,15 @@ def test_damaged_times_do_not_repeat_a_frame_for_years():
         list(reader)
 
 
-def test_times_that_go_back_give_frames_in_order():
+def test_frames_whose_times_go_back_are_not_shown():
     reader = FrameRateReader(Timed(numbered(3), [Fraction(0), Fraction(1), Fraction(1, 2)]), 2)
-    frames = shown(reader)
-    assert frames == sorted(frames)
+    assert shown(reader) == [0, 0]
+
+
+def test_the_last_frame_is_shown_to_its_end():
+    source = Timed(numbered(2), [Fraction(0), Fraction(1)])
+    source.end_time = Fraction(3)
+    assert shown(FrameRateReader(source, 2)) == [0, 0, 1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("bit_depth", [8, 10, 16])

@@ -9,6 +9,9 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 import web_pages
 
 import gsvc_ref
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.times import write_times
+from gsvc_ref.testing import OVERVIEW_HEADER, join_chunks, overview_frames, split_chunks, write_stream
 
 FOLDER = web_pages.VECTORS / "core" / "reconstruct_stream"
 
@@ -20,10 +23,18 @@ TOLD = """(data) => {
 }"""
 
 
+def stamped(*times):
+    """A stream of three frames with such chunks before the first one."""
+    data = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
+    header, *rest = split_chunks(data)
+    return join_chunks([header, *[(b"t", write_times(*each)) for each in times], *rest], prefix=data[:PREFIX_SIZE])
+
+
 def streams():
     """Those with time stamps among the vectors, by their names; and one of them cut off."""
     found = {path.parent.name: path.read_bytes() for path in sorted(FOLDER.glob("*time_stamps*/*.gsvc"))}
-    return {**found, "cut off": found["time_stamps_of_all_frames"][:-30]}
+    empty = stamped((1000, 4, []), (1000, 1, [(1, 400)]))  # the first says nothing of frames
+    return {**found, "of no frame, then of one": empty, "cut off": found["time_stamps_of_all_frames"][:-30]}
 
 
 def test_times_are_those_of_the_reference(viewer):
