@@ -52,7 +52,12 @@ class Measuring(Executor):
     run_s = RUN_S
 
     def __init__(self) -> None:
-        self.groups: list[list[Task]] = []
+        self._tasks: dict[int, list[Task]] = {}  # by the number of the group's first frame
+
+    @property
+    def groups(self) -> list[list[Task]]:
+        """The tasks of each group, in the order of the clip."""
+        return [self._tasks[first] for first in sorted(self._tasks)]
 
     def submit(self, function: Any, /, *arguments: Any, **options: Any) -> "Future[Any]":
         """Call a function of a coder and frames."""
@@ -62,9 +67,9 @@ class Measuring(Executor):
         result = function(*arguments, **options)
         seconds = time.process_time() - begin
         returned = pickle.dumps(result)
-        if arguments[1][0][1] == "I":
-            self.groups.append([])
-        self.groups[-1].append(Task(seconds, len(arguments[1]), len(sent), len(returned)))
+        _, kind, number = arguments[1][0]
+        first = number if kind == "I" else max(known for known in self._tasks if known <= number)
+        self._tasks.setdefault(first, []).append(Task(seconds, len(arguments[1]), len(sent), len(returned)))
         future: Future[Any] = Future()
         future.set_result(pickle.loads(returned))
         return future

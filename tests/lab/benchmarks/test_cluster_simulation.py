@@ -59,5 +59,12 @@ def test_what_is_measured_is_what_a_worker_is_sent():
     assert first.sent > second.sent > second.returned
 
 
+def test_tasks_of_groups_that_take_turns_stay_with_their_groups():
+    made = Measuring()
+    for kinds, first in (("I", 0), ("I", 10), ("PP", 1), ("I", 20), ("PPP", 11), ("P", 3), ("P", 21)):
+        made.submit(_pair, "coder", [(b"x", kind, first + place) for place, kind in enumerate(kinds)])
+    assert [[task.frames for task in group] for group in made.groups] == [[1, 2, 1], [1, 3], [1, 1]]
+
+
 def _pair(coder, frames):
     return coder, len(frames)
