@@ -2,7 +2,8 @@
 
 The tasks of a clip are made here, one after the other, and measured: seconds, and bytes each way. A film is made of
 groups drawn from those, and its tasks are played through: the first free worker gets the next task of the longest group
-that has none in work, as in `gsvc_ref.encoder.side_by_side`, and all bytes go over the one link of the command.
+that has none in work, groups are read ahead of the one to be written next, both as in `gsvc_ref.encoder.side_by_side`,
+and all bytes go over the one link of the command.
 """
 
 import argparse
@@ -103,12 +104,12 @@ def simulated(film: list[list[Task]], workers: int, link: float) -> Simulated:
     unread = deque(enumerate(film))
     now = sender = receiver = 0.0
     idle_since: float | None = None
-    free, moved, there = workers, 0, 0
+    free, moved, written = workers, 0, 0
+    done: set[int] = set()  # groups that are encoded, and wait for those before them to be written
     while unread or waiting or ends:
-        while unread and there < ahead:
+        while unread and unread[0][0] - written < ahead:
             number, tasks = unread.popleft()
             heappush(waiting, (-sum(task.frames for task in tasks), number, deque(tasks)))
-            there += 1
         while free and waiting:
             _, number, left = heappop(waiting)
             task = left.popleft()
@@ -127,7 +128,10 @@ def simulated(film: list[list[Task]], workers: int, link: float) -> Simulated:
         if left:
             heappush(waiting, (-sum(task.frames for task in left), number, left))
         else:
-            there -= 1
+            done.add(number)
+            while written in done:
+                done.remove(written)
+                written += 1
     return Simulated(now, 0.0 if idle_since is None else now - idle_since, moved)
 
 

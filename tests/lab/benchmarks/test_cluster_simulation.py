@@ -36,6 +36,12 @@ def test_groups_are_read_only_so_far_ahead():
     assert simulated(film(*[1] * ahead, 5), 2, FREE).seconds == pytest.approx(2 + 10)
 
 
+def test_groups_are_read_as_those_before_are_written_in_order():
+    """Here the last one is not read before the first is written, though one worker has long had nothing to do."""
+    ahead = GROUPS_AHEAD * 2 + 1
+    assert simulated(film(6, *[1] * ahead), 2, FREE).seconds == pytest.approx(12 + 2)
+
+
 @pytest.mark.parametrize("workers", [1, 10, 1000])
 def test_the_link_is_shared_by_all(workers):
     """Both ways at the same time: the slower one counts, and the other once more at the beginning or at the end."""
