@@ -108,6 +108,9 @@ def run(arguments: Namespace) -> int:
         measured = runner.measure(
             clip, entries, arguments.points, Path(name), arguments.threads, display.update, executor
         )
+    if not measured.count and not measured.interrupted:
+        reasons = "; ".join(f"{name}: {why}" for name, why in measured.missing.items())
+        raise UsageError(f"no coder could be run: {reasons}")
     if not measured.count:
         say(COMMAND, "interrupted before the first point; nothing was written")
         return EXIT_INTERRUPTED

@@ -81,6 +81,18 @@ def test_a_coder_that_fails_is_left_out_and_told(clip, tmp_path, monkeypatch):
     )
 
 
+def test_a_page_of_no_coder_is_not_written(tmp_path, monkeypatch, capsys):
+    fail = {("gsvc", 0): ffmpeg.FfmpegError("no such encoder"), ("gsvc-slow", 0): ffmpeg.FfmpegError("nor this one")}
+    monkeypatch.setattr(runner, "_point", made_up([], fail))
+    monkeypatch.setattr(bench, "_warm_up", lambda entries, folder: None)
+    monkeypatch.chdir(tmp_path)
+    words = ["scene:cut", "--frames", "0:1", "--size", "32x32", "--points", "2", "--codecs", "gsvc,gsvc-slow"]
+    assert main(["bench", *words]) == 2
+    said = "no coder could be run: GSVC main, quick: no such encoder; GSVC main, slow: nor this one"
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_points_of_an_executor_are_those_that_are_measured_here(clip, tmp_path):
     """All of them are asked for at once; the codec's are measured here."""
     clip.path.write_bytes(np.random.default_rng(0).integers(0, 256, 3 * clip.frame_bytes, np.uint8).tobytes())
