@@ -89,7 +89,7 @@ class PlanarClip:
 
 
 def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
-    """Frames of a video file, as its own planes where it is 8-bit 4:2:0 of limited range.
+    """Frames of a video file, as its own planes where it is 8-bit 4:2:0 of limited range, and no picture is turned.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     with open_video(path) as reader:
         video = reader.format
         plain = (video.chroma_format, video.bit_depth, video.color.full_range) == ("420", 8, False)
-        if not (plain and path.is_file() and ffmpeg.available()):
+        if reader.is_turned or not (plain and path.is_file() and ffmpeg.available()):
             return from_reader(reader, _titled(path, start), target, frames, crop, start)
     part = _part(video, crop, path.name)
     ffmpeg.run(

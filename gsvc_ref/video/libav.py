@@ -178,7 +178,7 @@ class LibavReader(VideoReader):
         if turned is None:
             self.note(f"{self._name} asks players to rotate it by {first.rotation} degrees; frames are as coded")
         elif turned != self._turned:
-            self._turned = turned
+            self._turned, self.is_turned = turned, True
             self.note(f"{self._name} is {turned}, as its display matrix says")
         width, height = video.width, video.height
         if self._turned.swapped:

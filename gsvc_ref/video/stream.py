@@ -29,6 +29,8 @@ class VideoReader(ABC):
         When the frame given last ends; None if that is not known.
     time_base
         A unit of which `frame_time` is a multiple, in seconds; None if there is none that is known.
+    is_turned
+        Whether frames are rotated or mirrored from how they are coded, since the source asks for it.
 
     Raises
     ------
@@ -44,6 +46,7 @@ class VideoReader(ABC):
         self.frame_time: Fraction | None = None
         self.end_time: Fraction | None = None
         self.time_base: Fraction | None = None
+        self.is_turned = False
         self._frames: Iterator[Frame] | None = None
         self._peeked: Frame | Exception | None = None
         self._delivered = 0

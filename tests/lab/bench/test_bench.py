@@ -8,15 +8,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from html_pages import parsed
+from video.odd_clips import write_clip
 
-from gsvc_lab.bench import ffmpeg, runner
+from gsvc_lab.bench import ffmpeg, planes, runner
 from gsvc_lab.bench.measure import Point
 from gsvc_lab.bench.page import bench_html
 from gsvc_lab.bench.planes import PlanarClip
 from gsvc_lab.cli import bench
 from gsvc_ref.cli import main
 from gsvc_ref.errors import UsageError
-from gsvc_ref.video import ColorDescription, VideoFormat
+from gsvc_ref.metrics import psnr
+from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 
 needs_ffmpeg = pytest.mark.skipif(not ffmpeg.available(), reason="needs imageio-ffmpeg")
 
@@ -152,6 +154,21 @@ def test_what_cannot_be_is_refused_before_work(tmp_path, monkeypatch, capsys, wo
     assert main(["bench", *words]) == 2
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@needs_ffmpeg
+@pytest.mark.parametrize("degrees", [0, 90, 180])
+def test_pictures_of_phones_are_upright(tmp_path, degrees):
+    """Their planes are as coded, and their display matrix says how they are held."""
+    source = tmp_path / "a.mp4"
+    write_clip(source, rotation=degrees, times=[0, 40])
+    clip = planes.from_file(source, tmp_path / "clip.yuv", 9)
+    assert (clip.note == "the file's own planes") == (degrees == 0)
+    with open_video(source) as reader:
+        assert reader.is_turned == (degrees != 0)
+        for shown, frame in zip(clip.frames(), reader, strict=True):
+            assert psnr(shown, frame, 255) > 25
+            assert psnr(np.ascontiguousarray(shown[::-1, ::-1]), frame, 255) < 15
 
 
 @needs_ffmpeg
