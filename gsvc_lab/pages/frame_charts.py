@@ -39,8 +39,10 @@ class _Band:
         """Frame numbers below the plot, and a dashed line at every I-frame."""
         bottom = height - BOTTOM
         parts = [f'<path class="axis" d="M{LEFT} {bottom}H{self.right}"/>']
-        index_of = {frame.number: index for index, frame in enumerate(self.frames)}
-        for tick in nice_ticks(self.frames[0].number, self.frames[-1].number, tick_count(self.width) + 3):
+        index_of = {
+            number: index for index, frame in enumerate(self.frames) for number in range(frame.number, frame.last + 1)
+        }
+        for tick in nice_ticks(self.frames[0].number, self.frames[-1].last, tick_count(self.width) + 3):
             if (index := index_of.get(round(tick))) is not None and abs(tick - round(tick)) < 1e-6:
                 x = self.middle(index)
                 parts.append(

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_lab.pages import pictures
-from gsvc_lab.pages.charts import Axis, Scale, color_classes, nice_ticks, share_bar
-from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData
+from gsvc_lab.pages.charts import LEFT, RIGHT, WIDTH, Axis, Scale, color_classes, nice_ticks, share_bar
+from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData, condensed
 from gsvc_lab.pages.frame_charts import bits_chart, psnr_chart
 from gsvc_lab.pages.report import report_html, write_report
 from gsvc_ref.errors import UsageError
@@ -105,6 +105,16 @@ def test_every_number_stands_on_the_page():
         expected.append(f"{frame.psnr:.2f}" if math.isfinite(frame.psnr) else "identical")
     expected += [f"{bits:,}" for bits in data.bits_by_attribute.values()]
     assert [words for words in expected if words not in text] == []
+
+
+def test_a_long_film_has_its_frame_numbers():
+    """Of 5,000 frames eleven share a mark, and few round numbers are the first of eleven."""
+    chart = wide(psnr_chart(condensed([record(number, psnr=31.0) for number in range(5000)]), 31.0))
+    ticks = re.findall(r'<text class="tick" x="([\d.]+)" y="[\d.]+" text-anchor="middle">(\d+)</text>', chart)
+    assert [int(number) for _, number in ticks] == [*range(0, 5000, 500)]
+    step = (WIDTH - RIGHT - LEFT) / 455
+    for x, number in ticks:
+        assert float(x) == pytest.approx(LEFT + step * (int(number) // 11 + 0.5), abs=0.06)
 
 
 def test_derived_numbers():
