@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from gsvc_lab.bench.coders import Coder
 from gsvc_lab.bench.measure import Point, gsvc_point, warm_up
 from gsvc_lab.bench.planes import PlanarClip
+from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
 
 MadePoint = tuple[Point, Sequence[str]]
@@ -28,4 +29,5 @@ def point_here(clip: PlanarClip, planes: bytes, coder: Coder, settings: Settings
         path = folder / "clip.yuv"
         path.write_bytes(planes)
         made, notes = gsvc_point(replace(clip, path=path), settings, folder)
-    return made, (*notes, "encoded and decoded on workers of a cluster, whose seconds these are")
+    threads = "all threads" if settings.threads is None else plural(settings.threads, "thread")
+    return made, (*notes, f"encoded and decoded on workers of a cluster with {threads} each, whose seconds these are")

@@ -168,7 +168,7 @@ def measure(
     folder
         Folder for files, which are overwritten.
     threads
-        Threads to compute with; None: all.
+        Threads to compute with; None: all, and one for each point that an executor measures.
     on_point
         Called before each point.
     executor
@@ -208,10 +208,11 @@ Asked = Mapping[tuple[str, int], "Future[MadePoint]"]
 def _asked(
     executor: Executor, clip: PlanarClip, turns: Sequence[tuple[Entry, int]], points: int, threads: int | None
 ) -> Asked:
-    """Ask for all points of GSVC."""
+    """Ask for all points of GSVC, each with one thread if nothing else is asked for: several may share a machine."""
+    each = 1 if threads is None else threads
     return {
         (entry.label, number): submit_point(
-            executor, clip, entry.coder, _settings(entry.coder, clip, number, points, threads)
+            executor, clip, entry.coder, _settings(entry.coder, clip, number, points, each)
         )
         for entry, number in turns
         if isinstance(entry.coder, Coder)

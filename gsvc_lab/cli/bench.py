@@ -61,7 +61,9 @@ def add_command(commands: Any) -> None:
         help="measure the points of GSVC at the same time on the workers of this scheduler of dask (extra cluster; "
         "docs/cluster.md), whose seconds are then on the page; other codecs run here",
     )  # fmt: skip
-    parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with (default: all)")
+    parser.add_argument(
+        "--threads", type=whole, metavar="T", help="threads to compute with (default: all; with --scheduler one)"
+    )
     parser.add_argument("--json", action="store_true", help="print all points and BD-rates as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 

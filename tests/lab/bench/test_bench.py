@@ -8,7 +8,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from html_pages import parsed
-from video.odd_clips import write_clip
 
 from gsvc_lab.bench import ffmpeg, planes, runner
 from gsvc_lab.bench.measure import Point
@@ -106,7 +105,18 @@ def test_points_of_an_executor_are_those_that_are_measured_here(clip, tmp_path):
                     for found in (here, there))  # fmt: skip
     assert ours == theirs
     assert there.count == 2
-    assert any("workers of a cluster" in note for note in there.notes["GSVC main, quick"])
+    assert any("workers of a cluster with 1 thread each" in note for note in there.notes["GSVC main, quick"])
+
+
+@pytest.mark.parametrize(("threads", "each"), [(None, 1), (3, 3)])
+def test_a_point_of_a_worker_has_one_thread_if_no_number_is_given(clip, monkeypatch, threads, each):
+    """Workers of one machine would else take all of its cores, each of them."""
+    monkeypatch.setattr(runner, "submit_point", lambda executor, clip, coder, settings: settings.threads)
+    (gsvc,) = entries("gsvc")
+    assert runner._asked(None, clip, [(gsvc, 0), (gsvc, 1)], 2, threads) == {
+        (gsvc.label, 0): each,
+        (gsvc.label, 1): each,
+    }
 
 
 def test_the_estimate_counts_what_is_left():
@@ -160,6 +170,9 @@ def test_what_cannot_be_is_refused_before_work(tmp_path, monkeypatch, capsys, wo
 @pytest.mark.parametrize("degrees", [0, 90, 180])
 def test_pictures_of_phones_are_upright(tmp_path, degrees):
     """Their planes are as coded, and their display matrix says how they are held."""
+    pytest.importorskip("av")
+    from video.odd_clips import write_clip
+
     source = tmp_path / "a.mp4"
     write_clip(source, rotation=degrees, times=[0, 40])
     clip = planes.from_file(source, tmp_path / "clip.yuv", 9)
