@@ -1,5 +1,6 @@
 """The contents of the page about a `.gsvc` file: of the file, its source, and the encode, as far as they are known."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -224,7 +225,7 @@ def _of_the_encode(wanted: Wanted, note: str | None, found: Material) -> list[st
     if wanted.source is None and wanted.encoded is None:
         notes.append(
             "the file does not tell its PSNR; with the source there are PSNR, MS-SSIM, VMAF and the differences: "
-            f"gsvc report {wanted.file.name} SOURCE"
+            f"gsvc report {shlex.quote(wanted.file.name)} SOURCE"
         )
     return notes
 
@@ -315,5 +316,5 @@ def _preview_note(width: int, height: int, count: int) -> str:
 
 def _hint(wanted: Wanted) -> list[str]:
     """Commands that show more of the file."""
-    file = str(wanted.file)
+    file = shlex.quote(str(wanted.file))
     return [f"gsvc view {file}", f"gsvc info {file} --decisions", f"gsvc decode {file} decoded.y4m"]

@@ -1,6 +1,7 @@
 """The page about any file: one pass over file and source, damage, layers, x264 at equal PSNR, and the commands."""
 
 import math
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -82,6 +83,15 @@ def test_the_file_alone_has_bits_and_pictures_but_no_psnr(coded):
     told = report_data(Wanted(file, encoded=report, threads=1))
     assert told.mean_psnr == pytest.approx(report.mean_psnr)
     assert "Where the time went" in report_html(told)
+
+
+def test_commands_to_copy_have_names_as_a_shell_wants_them(coded, tmp_path):
+    file = tmp_path / "it's $mine.gsvc"
+    file.write_bytes(coded[1].read_bytes())
+    data = report_data(Wanted(file, threads=1))
+    assert [shlex.split(line)[2] for line in data.hint] == [str(file)] * 3
+    (line,) = [note.partition(": ")[2] for note in data.notes if "gsvc report" in note]
+    assert shlex.split(line) == ["gsvc", "report", file.name, "SOURCE"]
 
 
 def test_the_preview_and_the_pictures_are_bounded(coded, monkeypatch):
