@@ -21,12 +21,8 @@ from gsvc_lab.pages.tables import html_table
 from gsvc_ref.cli.text import plural
 from gsvc_ref.files import write_text
 
-CHARTS: Final = {
-    "psnr": "PSNR of R′G′B′, dB",
-    "ms_ssim": "MS-SSIM, −10 log₁₀(1 − MS-SSIM), dB",
-    "vmaf": "VMAF",
-}
-"""The metrics that have a chart, with the names of their axes."""
+CHARTS: Final = ("psnr", "ms_ssim", "vmaf")
+"""The metrics that have a chart."""
 
 TERMS: Final = ("GSVC", "splat", "N", "bits/pixel", "PSNR", "MS-SSIM", "VMAF", "BD-rate", "x264", "CRF", "QP")
 
@@ -117,7 +113,7 @@ def _quality(curves: Sequence[Curve], metric: str, colors: dict[str, int]) -> st
     heading = f"<h2>{WORDS[metric]} over the rate</h2>"
     if not series:
         return f'{heading}<p class="caption">It could not be measured here.</p>'
-    x, y = Axis("bits/pixel", _number, log=True), Axis(CHARTS[metric], _number)
+    x, y = Axis("bits/pixel", _number, log=True), Axis(METRICS[metric], _number)
     text = "Left is smaller, higher is better; the axis of the rate is logarithmic."
     return f'{heading}<p class="caption">{text}</p>{plot(series, x, y, f"{WORDS[metric]} over bits per pixel")}'
 
@@ -127,7 +123,7 @@ def _seconds(curves: Sequence[Curve], colors: dict[str, int]) -> str:
     series = _series(curves, colors, lambda one: one.encoding_seconds, lambda one: one.psnr)
     if not series:
         return ""
-    x, y = Axis("encoding, s/frame", _number, log=True), Axis(CHARTS["psnr"], _number)
+    x, y = Axis("encoding, s/frame", _number, log=True), Axis(METRICS["psnr"], _number)
     text = (
         "Wall time of an encode over its frames. That of codecs is the whole program from its start, that of GSVC is "
         "in a process that has started; kernels were compiled before."

@@ -31,7 +31,6 @@ WORDS: Final = {
         "A score from 0 to 100 that was trained on what people say of videos; some 90 and more count as excellent."
     ),
     "bits/pixel": "Bits of the file for each pixel of all frames; a raw video of 8 bits has 24.",
-    "level": "How much work and memory a stream may ask of its decoder, 1 to 5.",
     "layer": (
         "A file may hold several qualities: a base that can be decoded alone, and layers that each add splats to it."
     ),
