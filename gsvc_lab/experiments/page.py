@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_lab.experiments.results import text_columns
-from gsvc_lab.pages.narrow import narrow
+from gsvc_lab.pages.narrow import twin_source, write_twin
 from gsvc_lab.pages.page import document
 from gsvc_lab.pages.tables import Markup, html_table
 from gsvc_ref.cli.text import duration, plural
@@ -32,14 +32,8 @@ def page(records: Sequence[dict[str, Any]], twins: Collection[str] = ()) -> str:
 
 def write_narrow(records: Sequence[dict[str, Any]], folder: Path) -> set[str]:
     """Write the twins for phones of the figures in a folder; the names of those that have one."""
-    made = set()
-    for name in (name for record in records for name in record["figures"]):
-        figure = folder / f"{name}.svg"
-        twin = narrow(figure.read_text(encoding="utf-8")) if figure.is_file() else None
-        if twin is not None:
-            (folder / f"{name}-narrow.svg").write_text(twin, encoding="utf-8")
-            made.add(name)
-    return made
+    figures = {name: folder / f"{name}.svg" for record in records for name in record["figures"]}
+    return {name for name, figure in figures.items() if figure.is_file() and write_twin(figure)}
 
 
 def _overview(records: Sequence[dict[str, Any]]) -> str:
@@ -75,8 +69,7 @@ def _section(made: dict[str, Any], twins: Collection[str]) -> str:
 def _figure(name: str, caption: str, has_twin: bool) -> str:
     image = f'<img class="drawn" src="{name}.svg" alt="{escape(caption)}">'
     if has_twin:
-        twin = f'<source media="(max-width: 640px)" srcset="{name}-narrow.svg">'
-        image = f'<picture class="twin">{twin}{image}</picture>'
+        image = f'<picture class="twin">{twin_source(name)}{image}</picture>'
     return f'<figure><div class="scroll">{image}</div><figcaption>{escape(caption)}</figcaption></figure>'
 
 

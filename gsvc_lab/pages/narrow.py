@@ -8,6 +8,7 @@ import html
 import re
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Final, NamedTuple
 
 WIDTH: Final = 300.0
@@ -53,6 +54,20 @@ class Window(NamedTuple):
     top: float
     width: float
     height: float
+
+
+def write_twin(figure: Path) -> bool:
+    """Write the narrow form of a figure ``NAME.svg`` beside it, as ``NAME-narrow.svg``; False where it has none."""
+    twin = narrow(figure.read_text(encoding="utf-8"))
+    if twin is None:
+        return False
+    figure.with_name(f"{figure.stem}-narrow.svg").write_text(twin, encoding="utf-8")
+    return True
+
+
+def twin_source(name: str) -> str:
+    """What lets a ``picture`` of ``NAME.svg`` be the narrow one on phones; the name as it stands in the page."""
+    return f'<source media="(max-width: 640px)" srcset="{name}-narrow.svg">'
 
 
 def narrow(svg: str) -> str | None:

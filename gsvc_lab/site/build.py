@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final
 
-from gsvc_lab.pages.narrow import narrow
+from gsvc_lab.pages.narrow import twin_source, write_twin
 from gsvc_lab.site import glance
 from gsvc_lab.site.browser import browser
 from gsvc_lab.site.document import FENCED, SYNTAX, Part, element_names, parts_of, targets_of
@@ -70,19 +70,15 @@ DRAWN: Final = re.compile(r'<img src="([^"]+)\.svg"[^>]*>')
 
 def _write_twins(folder: Path, targets: Iterable[str]) -> set[str]:
     """Write the figures for phones beside those that have several columns; the names of these without suffix."""
-    made = set()
-    for target in targets:
-        if target.endswith(".svg") and (twin := narrow((folder / target).read_text(encoding="utf-8"))) is not None:
-            name = target.removesuffix(".svg")
-            (folder / f"{name}-narrow.svg").write_text(twin, encoding="utf-8")
-            made.add(name)
-    return made
+    return {
+        target.removesuffix(".svg") for target in targets if target.endswith(".svg") and write_twin(folder / target)
+    }
 
 
 def _figure(image: re.Match[str], twins: Collection[str]) -> str:
     """A figure that phones show in its narrow form, or else large enough to be read, to be moved sideways."""
     if image[1] in twins:
-        return f'<picture><source media="(max-width: 640px)" srcset="{image[1]}-narrow.svg">{image[0]}</picture>'
+        return f"<picture>{twin_source(image[1])}{image[0]}</picture>"
     return f'<span class="figure" tabindex="0">{image[0]}</span>'
 
 
