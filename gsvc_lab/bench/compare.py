@@ -11,7 +11,8 @@ from gsvc_lab.bench.measure import METRICS, Curve
 WORDS: Final = {"psnr": "PSNR", "psnr_y": "PSNR of Y′", "ms_ssim": "MS-SSIM", "vmaf": "VMAF"}
 
 Ratios = dict[str, dict[str, float | None]]
-"""Bits of GSVC over those of a coder at equal quality, by coder and metric; None where no clip gives a number."""
+"""Bits of a test over those of its anchor at equal quality, by the one of them that names the row, and by metric; None
+where no clip gives a number."""
 
 
 @dataclass(frozen=True)

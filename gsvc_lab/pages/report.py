@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from gsvc_lab.pages.charts import color_classes, decibels, share_bar, thousands
-from gsvc_lab.pages.data import FRAME_TYPES, Figure, ReportData, condensed
+from gsvc_lab.pages.data import FRAME_TYPES, MAX_MARKS, Figure, ReportData, condensed
 from gsvc_lab.pages.frame_charts import STATES, bits_chart, choices_chart, mark_symbol, psnr_chart
 from gsvc_lab.pages.gallery import pictures_section, preview_section
 from gsvc_lab.pages.glossary import WORDS, glossary
@@ -194,9 +194,8 @@ def _quality(data: ReportData) -> str:
 
 def _means(data: ReportData) -> str:
     """A sentence on marks that stand for several frames; nothing where each stands for one."""
-    first = condensed(data.frames)[0]
-    count = first.last - first.number + 1
-    return f" Each mark is the mean of {count} frames." if first.through is not None else ""
+    count = -(-len(data.frames) // MAX_MARKS)
+    return f" Each mark is the mean of {count} frames." if count > 1 else ""
 
 
 def _attributes(data: ReportData) -> dict[str, int]:
