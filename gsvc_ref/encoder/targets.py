@@ -128,7 +128,13 @@ def _to_size(passes: Passes) -> EncodeReport:
             else:
                 name = "second pass" if attempt == 0 else "correcting the size"
                 file = new_file()
-                made = passes.tried(passes.frames(), file, settings, name, led_by)
+                try:
+                    made = passes.tried(passes.frames(), file, settings, name, led_by)
+                except KeyboardInterrupt:
+                    if best is None:
+                        raise
+                    best = replace(best, report=replace(best.report, interrupted=True))
+                    break
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), file)
             best = stream if best is None or stream.distance < best.distance else best
             bound = all(at in (passes.low, passes.high) for at in octaves)
