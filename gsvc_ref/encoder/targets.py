@@ -33,8 +33,8 @@ from gsvc_ref.video.format import FrameRate
 TOLERANCE: Final = 0.03
 """A stream that is as near to its goal, in parts of it, is left as it is."""
 
-MOST_PASSES: Final = 3
-"""How often a stream is encoded at most after the first pass, to come near enough."""
+STEPS: Final = ("second pass", "correcting the size", "correcting the size again")
+"""What the passes after the first one are for; no more follow, near enough or not."""
 
 SPLAT_BITS: Final = 33.0
 """Bits of an I-frame for each splat, and..."""
@@ -115,7 +115,7 @@ def _to_size(passes: Passes) -> EncodeReport:
     file: IO[bytes]
     bound = False
     with temporary_files() as new_file:
-        for attempt in range(MOST_PASSES):
+        for attempt, step in enumerate(STEPS):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
             plans = _plans(curves, octaves)
             most = max(plan.splats for plan in plans.values())
@@ -123,13 +123,12 @@ def _to_size(passes: Passes) -> EncodeReport:
             settings = passes.base.with_(splats=most)
             led_by = partial(BudgetCoder, plans=plans, most=most)
             if attempt == 0 and is_file(passes.target):
-                made = passes.run(passes.frames(), passes.target, settings, "second pass", led_by)
+                made = passes.run(passes.frames(), passes.target, settings, step, led_by)
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), None)
             else:
-                name = "second pass" if attempt == 0 else "correcting the size"
                 file = new_file()
                 try:
-                    made = passes.tried(passes.frames(), file, settings, name, led_by)
+                    made = passes.tried(passes.frames(), file, settings, step, led_by)
                 except KeyboardInterrupt:
                     if best is None:
                         raise
@@ -248,7 +247,7 @@ def _size_notes(passes: Passes, report: EncodeReport, goal: float, fixed: float,
     if report.interrupted or abs(bits / goal - 1) <= TOLERANCE:
         return notes
     if not bound:
-        notes.append(f"{MOST_PASSES} passes after the first came no nearer; another --seed or --key-frames may")
+        notes.append(f"{len(STEPS)} passes after the first came no nearer; another --seed or --key-frames may")
     elif bits > goal:
         notes.append(
             f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, "

@@ -91,8 +91,12 @@ def test_profile_paper_has_its_splats_for_a_knob():
 
 @pytest.mark.parametrize("kind", ["file", "no file"])
 def test_ctrl_c_while_the_size_is_corrected_keeps_the_whole_stream_before(monkeypatch, tmp_path, kind):
+    steps = []
+
     def stop(progress):
-        if progress.step == "correcting the size":
+        if progress.step not in steps:
+            steps.append(progress.step)
+        if progress.step == "correcting the size again":
             raise KeyboardInterrupt
 
     monkeypatch.setattr(targets, "TOLERANCE", -1.0)  # nothing is near enough
@@ -100,6 +104,7 @@ def test_ctrl_c_while_the_size_is_corrected_keeps_the_whole_stream_before(monkey
     report, _ = to_goal(fast(size=700, decisions=False), CLIP[:3], target, progress=stop)
     data = target.read_bytes() if kind == "file" else target.getvalue()
     assert report.interrupted
+    assert steps[-3:] == ["second pass", "correcting the size", "correcting the size again"]
     assert report.file_bytes == len(data)
     assert len(list(decode(data))) == len(report.frames) == 3
     assert f"asked for 700 bytes, got {len(data)}" in report.notes[-1]
