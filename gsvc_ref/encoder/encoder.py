@@ -163,6 +163,7 @@ class _Encode(Encoding[Frame]):
 
     def _put_kept(self, item: TypedFrame[Frame], encoded: EncodedFrame, seconds: float) -> None:
         """Write a frame that was kept."""
+        self.kept += 1
         self._show_progress("encode", item.number)
         self.interrupts.held = True
         super()._put(item, encoded, seconds)
@@ -180,6 +181,7 @@ class _Encode(Encoding[Frame]):
             self.encoder = coder
 
         def encoded(frames: int, groups: int, psnr: float) -> None:
+            self.kept = side.kept
             self._show_progress("groups", frames - 1, groups, self.jobs, psnr)
 
         run_s: float | None = getattr(self.executor, "run_s", None)  # a cluster says how long tasks are best
