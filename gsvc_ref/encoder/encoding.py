@@ -43,8 +43,9 @@ CodedT = TypeVar("CodedT", contravariant=True)
 class FrameCoder(Protocol[CodedT]):
     """What encodes one frame after the other, each against the reconstruction of the one before (closed loop)."""
 
-    settings: Settings
-    """The settings in use."""
+    @property
+    def settings(self) -> Settings:
+        """The settings in use."""
 
     @property
     def state(self) -> AnyState:
