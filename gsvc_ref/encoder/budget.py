@@ -242,10 +242,15 @@ class BudgetCoder:
         """Encode a frame; with its bits."""
         before = self._coder.state
         encoded: EncodedFrame = self._coder.encode(*frame)
-        header = SequenceHeader(level=max(LEVELS), **{**header_fields(self._video), **self._coder.elements()})
-        body = Writer()
-        profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
-        return encoded, 8.0 * len(body.getvalue()) + CHUNK_BITS
+        return encoded, chunk_bits(self._coder, self._video, before, encoded)
+
+
+def chunk_bits(coder: GroupCoder, video: VideoFormat, before: AnyState, encoded: EncodedFrame) -> float:
+    """The bits of the chunk of a frame that a coder has encoded, about; `before`: its state before that."""
+    header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
+    body = Writer()
+    profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
+    return 8.0 * len(body.getvalue()) + CHUNK_BITS
 
 
 def _power_of_two(exponent: float) -> float:

@@ -19,6 +19,7 @@ from typing import IO, Final
 
 from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
+from gsvc_ref.encoder.encoder import frame_count_of
 from gsvc_ref.encoder.mean_quality import to_quality
 from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen, readable_again
@@ -158,9 +159,8 @@ def _goal_bits(asked: Settings, report: EncodeReport) -> float:
 def _first_octave(passes: Passes) -> float:
     """log2 of the number of splats of the first pass."""
     asked, video = passes.asked, passes.format
-    start, stop = asked.frames
-    ends = [end for end in (video.frame_count, stop) if end is not None]
-    frames = max(1, min(ends) - start) if ends else GUESSED_FRAMES
+    count = frame_count_of(asked, video)
+    frames = GUESSED_FRAMES if count is None else max(1, count)
     bits = 8.0 * asked.size if asked.size is not None else float((asked.bitrate or 1.0) * frames / video.frame_rate)
     keys = asked.key_frames
     groups = -(-frames // keys) if isinstance(keys, int) else len({0, *keys}) if isinstance(keys, tuple) else 1
