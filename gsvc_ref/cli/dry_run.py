@@ -19,12 +19,15 @@ COMMAND: Final = "gsvc encode"
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
     """Say what an encode is likely to take, and write nothing; 0."""
+    from gsvc_ref.encoder.encode_video import check_jobs
     from gsvc_ref.encoder.trial import estimate
 
+    jobs = 1 if arguments.jobs is None else arguments.jobs
+    check_jobs(jobs)
     silent = arguments.quiet or arguments.json
     with compilation_notice(COMMAND, silent=silent), ProgressDisplay(quiet=silent) as display:
         display.status("encoding some frames to see")
-        found = estimate(source.open_video, settings, arguments.jobs or 1)
+        found = estimate(source.open_video, settings, jobs)
     if arguments.json:
         print_json({"input": arguments.input, "settings": to_json(settings), **to_json(found)})
     else:

@@ -145,6 +145,8 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
         video = reader.format
         count = frame_count_of(settings, video)
         base = settings.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
+        if jobs > 1 and base.threads is None:  # as each of them will have
+            base = base.with_(threads=1)
         coder = coder_of(base, video)
         _warm_up(base)
         places: list[list[_Tried]] = []
