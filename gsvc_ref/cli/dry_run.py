@@ -1,6 +1,7 @@
 """``gsvc encode --dry-run``: what an encode is likely to take, by some of its frames."""
 
 from argparse import Namespace
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.cli.compilation import compilation_notice
@@ -52,9 +53,8 @@ def lines(name: str, found: "Estimate", settings: "Settings") -> list[str]:
     ]
 
 
-def _told(values: "Range", text: "object") -> str:
+def _told(values: "Range", text: Callable[[float], str]) -> str:
     """What is likely, and from where to where."""
-    assert callable(text)
     return f"{text(values.likely)} ({text(values.low)} to {text(values.high)})"
 
 

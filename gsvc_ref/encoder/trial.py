@@ -298,4 +298,4 @@ def _mean(values: Sequence[float]) -> float:
 def _range(values: Sequence[float], factor: float) -> Range:
     """The mean, and limits that are further away where the values differ."""
     likely = _mean(values)
-    return Range(min(min(values), likely) / factor, likely, max(max(values), likely) * factor)
+    return Range(min(values) / factor, likely, max(values) * factor)
