@@ -347,7 +347,9 @@ class Encoding(ABC, Generic[FrameT]):
             elapsed = time.perf_counter() - self.begin
             if self.frame_count is not None and frame >= self.frame_count:
                 self.frame_count = None  # the source has more frames than it said
-            self.progress(Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed, kept=self.kept))
+            self.progress(
+                Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed, kept=self.kept)
+            )
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:
