@@ -42,20 +42,22 @@ FIXED_BYTES: Final = 420
 """Header, index, end chunk, and the log of what was decided, and..."""
 
 LOG_BYTES: Final = 10
-"""...what the log takes for each frame, about."""
+"""...what the log takes for each frame: both guesses."""
 
 SIZE_RANGE: Final = 1.6
-"""The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ."""
+"""The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ: a guess, as
+are the other ranges. docs/encode-and-look.md tells on how many of nine encodes they held."""
 
 TIME_RANGE: Final = 1.5
-"""The same of the time."""
+"""The same of the time, a guess as well."""
 
 PSNR_BELOW, PSNR_ABOVE = 2.5, 1.0
 """The mean PSNR is likely to be from so many dB below the estimate, since P-frames get worse as they go on, to so many
-above it."""
+above it: guesses as well."""
 
 PASSES: Final = {"bitrate": 2.3, "size": 2.3, "mean_psnr": 4.0, "vmaf": 4.5}
-"""The time of an encode with a goal for the whole clip, in encodes."""
+"""The time of an encode with a goal for the whole clip, in encodes: that of a size has two passes, and some frames of a
+third; how many a quality takes, up to five, is guessed."""
 
 DB_PER_DOUBLING: Final = 3.4
 """What twice the splats gain, in dB, where a goal needs other numbers of splats than were tried."""
