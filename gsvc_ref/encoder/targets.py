@@ -1,10 +1,10 @@
 """Goals of a whole clip: a bit rate, a size, a mean PSNR, a mean VMAF.
 
-For a bit rate or a size the clip is encoded at least twice. The first pass tells what each frame of each group of pictures takes
-with one number of splats, and the first frames of each group, encoded again with another number, how that changes.
-`curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps to it in the second pass. Should the stream miss the
-goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took corrects the
-curves, and another pass follows.
+For a bit rate or a size the clip is encoded at least twice. The first pass tells what each frame of each group of
+pictures takes with one number of splats, and the first frames of each group, encoded again with another number, how
+that changes. `curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps to it in the second pass. Should the
+stream miss the goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took
+corrects the curves, and another pass follows.
 
 For a mean PSNR or VMAF see `mean_quality`.
 """
