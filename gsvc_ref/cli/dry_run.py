@@ -1,6 +1,7 @@
 """``gsvc encode --dry-run``: what an encode is likely to take, by some of its frames."""
 
 from argparse import Namespace
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.cli.compilation import compilation_notice
@@ -19,12 +20,15 @@ COMMAND: Final = "gsvc encode"
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
     """Say what an encode is likely to take, and write nothing; 0."""
+    from gsvc_ref.encoder.encode_video import check_jobs
     from gsvc_ref.encoder.trial import estimate
 
+    jobs = 1 if arguments.jobs is None else arguments.jobs
+    check_jobs(jobs)
     silent = arguments.quiet or arguments.json
     with compilation_notice(COMMAND, silent=silent), ProgressDisplay(quiet=silent) as display:
         display.status("encoding some frames to see")
-        found = estimate(source.open_video, settings, arguments.jobs or 1)
+        found = estimate(source.open_video, settings, jobs)
     if arguments.json:
         print_json({"input": arguments.input, "settings": to_json(settings), **to_json(found)})
     else:
@@ -49,9 +53,8 @@ def lines(name: str, found: "Estimate", settings: "Settings") -> list[str]:
     ]
 
 
-def _told(values: "Range", text: "object") -> str:
+def _told(values: "Range", text: Callable[[float], str]) -> str:
     """What is likely, and from where to where."""
-    assert callable(text)
     return f"{text(values.likely)} ({text(values.low)} to {text(values.high)})"
 
 

@@ -43,7 +43,7 @@ def add_options(parser: ArgumentParser) -> None:
     rate.add_argument(
         "--bitrate", type=amount, metavar="RATE",
         help="bits per second of the whole file, as 500k (k, M, G are powers of 1000, Ki, Mi, Gi of 1024), within "
-        "3 %% where that is possible; the clip is encoded twice, and --splats is the most of a frame",
+        "3 %% where that is possible; the clip is encoded at least twice, and --splats is the most of a frame",
     )  # fmt: skip
     rate.add_argument(
         "--size", type=amount_of_bytes, metavar="BYTES", help="the same by the bytes of the file, as 2M or 700Ki"

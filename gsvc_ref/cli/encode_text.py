@@ -72,21 +72,22 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     """The function that shows the progress of `gsvc_ref.encode`; None when nothing is to be shown."""
     if not display.active:
         return None
-    done = 0.0
+    done, kept = 0.0, 0
     side_by_side, step = False, ""
     left, groups_left = TimeLeft(), GroupsTimeLeft()
 
     def show(progress: "Progress") -> None:
-        nonlocal done, side_by_side, step, left, groups_left
+        nonlocal done, kept, side_by_side, step, left, groups_left
         if progress.step != step:  # another pass
             step, done, side_by_side = progress.step, 0.0, False
             left, groups_left = TimeLeft(), GroupsTimeLeft()
         if progress.stage == "groups":
             side_by_side, done = True, progress.frame + 1
-            seconds = groups_left.update(progress.frame + 1, progress.elapsed_s, progress.frame_count)
+            rest = None if progress.frame_count is None else progress.frame_count - progress.kept
+            seconds = groups_left.update(progress.frame + 1 - progress.kept, progress.elapsed_s, rest)
             work = f"{plural(progress.iteration, 'group')} of pictures in work"
             text = f"{progress.frame + 1}{_of_all(progress)} frames  {work}{_pace(progress, groups_left.rate)}"
-            display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds)
+            display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds, guess=False)
             return
         if side_by_side:  # it reads ahead
             return
@@ -98,14 +99,16 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
         elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
             done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
         seconds = None
-        if progress.stage != "detect":
+        if progress.kept != kept:  # this frame took no time, and the next one that does begins a group
+            kept, left = progress.kept, TimeLeft()
+        elif progress.stage != "detect":
             part = max(0.0, done - progress.frame)
             seconds = left.update(progress.frame, part, progress.elapsed_s, progress.frame_count)
         quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
         steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
         stage = f"{STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
         text = f"frame {progress.frame + 1}{_of_all(progress)}  {stage}{_pace(progress, left.rate)}"
-        display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds)
+        display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds, guess=False)
 
     return show
 

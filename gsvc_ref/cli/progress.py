@@ -119,10 +119,12 @@ class ProgressDisplay:
         if self.active:
             self._show(text, None)
 
-    def update(self, text: str, done: float, total: float | None, *, left_s: float | None = None) -> None:
+    def update(
+        self, text: str, done: float, total: float | None, *, left_s: float | None = None, guess: bool = True
+    ) -> None:
         """Show that `done` of `total` (None: unknown) units of work are complete; with the first comes an estimate.
 
-        `left_s` are the seconds left, where the caller knows better.
+        `left_s` are the seconds left, where the caller knows better; without `guess` there is no other estimate.
         """
         now = self._clock()
         if not self.active or now < self._next:
@@ -130,7 +132,7 @@ class ProgressDisplay:
         share = min(done / total, 1.0) if total else None
         if left_s is not None:
             text = f"{text}  about {duration(left_s)} left"
-        elif share and done >= 1:  # before, compilation and start are most of the time
+        elif guess and share and done >= 1:  # before, compilation and start are most of the time
             left = (now - self._start) * (1 - share) / share
             text = f"{text}  {duration(left)} left"
         self._show(text, share)

@@ -19,7 +19,7 @@ MEMORY: Final = 0.9
 
 
 class TimeLeft:
-    """The time left for the frames of an encode, as it goes on from frame to frame.
+    """The time left for the frames of an encode, as it goes on from frame to frame, the first of them an I-frame.
 
     Attributes
     ----------
@@ -29,7 +29,8 @@ class TimeLeft:
 
     def __init__(self) -> None:
         self._begin: float | None = None  # of the first frame
-        self._frame, self._frame_begin = 0, 0.0
+        self._first = self._frame = 0
+        self._frame_begin = 0.0
         self._intra: float | None = None
         self._weight = self._inter = 0.0
         self.rate = 0.0
@@ -49,21 +50,21 @@ class TimeLeft:
             The number of frames; None if it is not known.
         """
         if self._begin is None or frame < self._frame:  # also where another pass begins
-            self._begin, self._frame, self._frame_begin = elapsed_s, frame, elapsed_s
+            self._begin, self._first, self._frame, self._frame_begin = elapsed_s, frame, frame, elapsed_s
             self._weight = self._inter = 0.0
         elif frame > self._frame:
-            self._ended((elapsed_s - self._frame_begin) / (frame - self._frame), first=self._frame == 0)
+            self._ended((elapsed_s - self._frame_begin) / (frame - self._frame), first=self._frame == self._first)
             self._frame, self._frame_begin = frame, elapsed_s
         if elapsed_s > self._begin:
-            self.rate = frame / (elapsed_s - self._begin)
+            self.rate = (frame - self._first) / (elapsed_s - self._begin)
         if frame_count is None:
             return None
         spent = elapsed_s - self._frame_begin
-        if frame == 0:
+        if frame == self._first:
             if share < LEAST_SHARE:
                 return None
             intra = spent / share
-            return intra - spent + INTER_SHARE * intra * (frame_count - 1)
+            return intra - spent + INTER_SHARE * intra * (frame_count - frame - 1)
         each = self._inter / self._weight if self._weight else INTER_SHARE * (self._intra or 0.0)
         return max(each * (frame_count - frame) - spent, 0.0)
 
@@ -83,13 +84,16 @@ class GroupsTimeLeft:
     """
 
     def __init__(self) -> None:
-        self._first: tuple[int, float] | None = None
+        self._first = 0, 0.0
         self._done = 0
         self.rate = 0.0
 
     def update(self, done: int, elapsed_s: float, frame_count: int | None) -> float | None:
-        """The seconds left when so many frames are done, or None while nothing is known of them."""
-        if self._first is None or done < self._done:
+        """The seconds left when so many frames are done, or None while nothing is known of them.
+
+        Frames that were kept by another encode are among neither `done` nor `frame_count`.
+        """
+        if self._done == 0 or done < self._done:
             self._first = done, elapsed_s
         self._done = done
         frames, seconds = done - self._first[0], elapsed_s - self._first[1]

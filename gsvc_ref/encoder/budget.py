@@ -13,6 +13,7 @@ from typing import Any, Final
 from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.encoder.curves import USUAL
 from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder, OnStage
 from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
@@ -33,9 +34,6 @@ SLACK: Final = 0.1
 
 TRIES: Final = 5
 """The most values that are tried for an I-frame, or for the last P-frame."""
-
-INTRA_SLOPE: Final = 1.05
-"""log2 of the bits of an I-frame that twice the splats gain."""
 
 STEP_SLOPE: Final = 0.145
 """log2 of the bits of a P-frame that a D an eighth of an octave finer gains: measured with 8 frames, 128x96, of the
@@ -86,21 +84,21 @@ class BudgetCoder:
         The plan of each group by the number of its first frame.
     most
         No frame gets more splats.
-
-    Attributes
-    ----------
-    settings
-        The settings in use.
     """
 
     def __init__(self, coder: GroupCoder, video: VideoFormat, plans: Mapping[int, GroupPlan], most: int) -> None:
         assert isinstance(coder, MainFrameEncoder | FrameEncoder)
         self._coder: Any = coder
-        self.settings: Settings = coder.settings
         self._video, self._plans, self._most = video, plans, most
         self._plan: GroupPlan | None = None
         self._place = self._base = 0
         self._spent = self._seen = self._expected = 0.0
+
+    @property
+    def settings(self) -> Settings:
+        """The settings in use."""
+        settings: Settings = self._coder.settings
+        return settings
 
     @property
     def state(self) -> AnyState:
@@ -152,7 +150,6 @@ class BudgetCoder:
         else:
             encoded, bits = self._encode(*args)
         self._spent += bits
-        self.settings = self._coder.settings
         return encoded
 
     def _begin(self, plan: GroupPlan) -> None:
@@ -169,7 +166,7 @@ class BudgetCoder:
             return float(log2(self._coder.total))
 
         first = float(log2(plan.splats))
-        encoded, bits, _ = self._tried(frame, wanted, room, with_splats, first, INTRA_SLOPE, TRIES)
+        encoded, bits, _ = self._tried(frame, wanted, room, with_splats, first, USUAL.intra, TRIES)
         self._base = self._coder.quantizer if isinstance(self._coder, MainFrameEncoder) else self._coder.total
         return encoded, bits
 
@@ -245,10 +242,15 @@ class BudgetCoder:
         """Encode a frame; with its bits."""
         before = self._coder.state
         encoded: EncodedFrame = self._coder.encode(*frame)
-        header = SequenceHeader(level=max(LEVELS), **{**header_fields(self._video), **self._coder.elements()})
-        body = Writer()
-        profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
-        return encoded, 8.0 * len(body.getvalue()) + CHUNK_BITS
+        return encoded, chunk_bits(self._coder, self._video, before, encoded)
+
+
+def chunk_bits(coder: GroupCoder, video: VideoFormat, before: AnyState, encoded: EncodedFrame) -> float:
+    """The bits of the chunk of a frame that a coder has encoded, about; `before`: its state before that."""
+    header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
+    body = Writer()
+    profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
+    return 8.0 * len(body.getvalue()) + CHUNK_BITS
 
 
 def _power_of_two(exponent: float) -> float:

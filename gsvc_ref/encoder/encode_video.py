@@ -92,8 +92,7 @@ def encode(
     chosen = Settings.quick() if settings is None else settings
     if not isinstance(chosen, Settings):
         raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...), slow or paper")
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
-        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
+    check_jobs(jobs)
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
     if chosen.goal is not None:
@@ -103,3 +102,9 @@ def encode(
             raise UsageError(f"{chosen.goal} takes several passes, with which resume cannot go on: drop one of the two")
         return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
     return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
+
+
+def check_jobs(jobs: int) -> None:
+    """Refuse a number of jobs that is not in 1..MOST_JOBS with a UsageError."""
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")

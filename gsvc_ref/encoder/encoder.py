@@ -62,6 +62,21 @@ def encode_once(
         return report
 
 
+def coder_of(settings: Settings, video: VideoFormat) -> GroupCoder:
+    """What encodes the frames of a source."""
+    make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+    if settings.layer_count > 1:
+        make = LayeredFrameEncoder
+    return make(settings, video.width, video.height, video.bit_depth)
+
+
+def frame_count_of(settings: Settings, video: VideoFormat) -> int | None:
+    """The number of frames to be encoded; None if the source does not tell."""
+    start, stop = settings.frames
+    ends = [end for end in (video.frame_count, stop) if end is not None]
+    return max(0, min(ends) - start) if ends else None
+
+
 @contextmanager
 def opened_keeper(folder: str | Path | None, reader: VideoReader, settings: Settings) -> Iterator[Keeper | None]:
     """What keeps groups of pictures in a folder, if there is one, closed at the end."""
@@ -109,17 +124,12 @@ class _Encode(Encoding[Frame]):
         unforeseen = settings.profile == "main" and not settings.paced  # the rendering work of its splats
         if unforeseen:
             level = min(level + 1, max(LEVELS))
-        make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
-        if settings.layer_count > 1:
-            make = LayeredFrameEncoder
-        coder = make(settings, video.width, video.height, video.bit_depth)
+        coder = coder_of(settings, video)
         if led_by is not None:
             coder = led_by(coder, video)
         super().__init__(file, video, coder, level, progress, interrupts, live=live, least_level=unforeseen)
-        start, stop = settings.frames
-        self.times = SourceTimes(reader, start, stop, least_delay=live or settings.low_latency)
-        ends = [end for end in (video.frame_count, stop) if end is not None]
-        self.frame_count = max(0, min(ends) - start) if ends else None
+        self.times = SourceTimes(reader, *settings.frames, least_delay=live or settings.low_latency)
+        self.frame_count = frame_count_of(settings, video)
         if settings.paced:
             usual = room if settings.profile == "main" else most
             holds_quality = settings.psnr is not None or settings.quality is not None
@@ -163,6 +173,7 @@ class _Encode(Encoding[Frame]):
 
     def _put_kept(self, item: TypedFrame[Frame], encoded: EncodedFrame, seconds: float) -> None:
         """Write a frame that was kept."""
+        self.kept += 1
         self._show_progress("encode", item.number)
         self.interrupts.held = True
         super()._put(item, encoded, seconds)
@@ -180,6 +191,7 @@ class _Encode(Encoding[Frame]):
             self.encoder = coder
 
         def encoded(frames: int, groups: int, psnr: float) -> None:
+            self.kept = side.kept
             self._show_progress("groups", frames - 1, groups, self.jobs, psnr)
 
         run_s: float | None = getattr(self.executor, "run_s", None)  # a cluster says how long tasks are best

@@ -43,8 +43,9 @@ CodedT = TypeVar("CodedT", contravariant=True)
 class FrameCoder(Protocol[CodedT]):
     """What encodes one frame after the other, each against the reconstruction of the one before (closed loop)."""
 
-    settings: Settings
-    """The settings in use."""
+    @property
+    def settings(self) -> Settings:
+        """The settings in use."""
 
     @property
     def state(self) -> AnyState:
@@ -145,6 +146,8 @@ class Encoding(ABC, Generic[FrameT]):
         The fault that ended it early, other than Ctrl-C; None if nothing did.
     frame_count
         The number of frames as far as it is known.
+    kept
+        The number of frames so far that were taken from an earlier encode.
     """
 
     name = "gsvc_ref.encode"
@@ -169,6 +172,7 @@ class Encoding(ABC, Generic[FrameT]):
         self.seconds: dict[str, float] = {}
         self.reports: list[FrameReport] = []
         self.frame_count = video.frame_count
+        self.kept = 0
         self.writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
         self.fault: BaseException | None = None
         self.target_failed = False
@@ -343,7 +347,9 @@ class Encoding(ABC, Generic[FrameT]):
             elapsed = time.perf_counter() - self.begin
             if self.frame_count is not None and frame >= self.frame_count:
                 self.frame_count = None  # the source has more frames than it said
-            self.progress(Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed))
+            self.progress(
+                Progress(frame, self.frame_count, stage, iteration, iterations, psnr, elapsed, kept=self.kept)
+            )
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

@@ -85,14 +85,14 @@ def encode_run(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, int]]
     for frame, kind, number in frames:
         begin = time.perf_counter()
         try:
-            made = coder.encode(frame, kind, number, _say_nothing)
+            made = coder.encode(frame, kind, number, say_nothing)
         except Exception as error:
             return EncodedRun(encoded, coder, _portable(error), traceback.format_exc())
         encoded.append((made, time.perf_counter() - begin))
     return EncodedRun(encoded, coder)
 
 
-def _say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
+def say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
     """Where nobody watches the iterations of a frame."""
 
 

@@ -11,6 +11,9 @@ from gsvc_ref.metrics.libvmaf import vmaf
 from gsvc_ref.portable import log2
 from gsvc_ref.stream import decode
 
+NAMES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
+"""Measures of quality as people call them."""
+
 MOST_SEARCHES: Final = 5
 """How often a clip is encoded at most to reach a mean quality."""
 
@@ -58,10 +61,6 @@ def to_quality(passes: Passes) -> EncodeReport:
     if not enough:
         notes.append(f"more is not reached with at most {passes.most:,} splats a frame; splats (--splats) allows more")
     return replace(report, notes=[*report.notes, *notes])
-
-
-NAMES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
-"""Measures of quality as people call them."""
 
 
 def _reached(passes: Passes, name: str, report: EncodeReport, file: IO[bytes]) -> float:

@@ -65,7 +65,7 @@ class Passes:
     def run(
         self, reader: VideoReader, target: Target, settings: Settings, step: str, led_by: LedBy | None = None
     ) -> EncodeReport:
-        """Encode once."""
+        """Encode once; a fault of the source ends it early, as it will end the last pass."""
 
         def show(progress: Progress) -> None:
             if self._progress is not None:
@@ -73,25 +73,26 @@ class Passes:
                 self._progress(replace(progress, step=step, elapsed_s=elapsed))
 
         with reader:
-            return encode_once(
-                reader, target, settings, None, self._jobs, self._executor, show if self._progress else None,
-                led_by=led_by,
-            )  # fmt: skip
+            try:
+                return encode_once(
+                    reader, target, settings, None, self._jobs, self._executor, show if self._progress else None,
+                    led_by=led_by,
+                )  # fmt: skip
+            except IncompleteEncodeError as error:
+                self.fault = error
+                return error.report
 
     def tried(
         self, reader: VideoReader, file: IO[bytes], settings: Settings, step: str, led_by: LedBy | None = None
     ) -> EncodeReport:
-        """Encode once to a temporary file; a fault of the source ends it early, as it will end the last pass.
+        """Encode once to a temporary file.
 
         Raises
         ------
         KeyboardInterrupt
             It was interrupted.
         """
-        try:
-            report = self.run(reader, cast("Target", file), settings, step, led_by)
-        except IncompleteEncodeError as error:
-            self.fault, report = error, error.report
+        report = self.run(reader, cast("Target", file), settings, step, led_by)
         if report.interrupted:
             raise KeyboardInterrupt
         return report

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Final
@@ -140,14 +141,10 @@ class Chosen(VideoReader):
         self.format, self.notes, self._reader, self._numbers = reader.format, reader.notes, reader, numbers
 
     def _read(self) -> Iterator[Frame]:
-        wanted = iter(self._numbers)
-        following = next(wanted, None)
-        for number, frame in enumerate(self._reader):
-            if following is None:
-                return
-            if number == following:
-                yield frame
-                following = next(wanted, None)
+        at = 0
+        for number in self._numbers:
+            yield from islice(self._reader, number - at, number - at + 1)
+            at = number + 1
 
     def close(self) -> None:
         """Release the source."""

@@ -38,6 +38,8 @@ class Progress:
         Seconds since the encode began.
     step
         With a goal for the whole clip, what this pass over it is for.
+    kept
+        The number of frames so far that an earlier encode has kept (`resume`), which take no time.
     """
 
     frame: int
@@ -48,6 +50,7 @@ class Progress:
     psnr: float | None
     elapsed_s: float
     step: str = ""
+    kept: int = 0
 
 
 OnProgress = Callable[[Progress], None]

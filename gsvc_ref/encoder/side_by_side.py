@@ -45,11 +45,12 @@ class _Written(NamedTuple):
 
 
 class _Encoded(NamedTuple):
-    """The message that a run is done: its number of frames, the groups in work, and the PSNR of its last frame."""
+    """The message that a run is done, or a frame was `kept`: its frames, the groups in work, the last frame's PSNR."""
 
     frames: int
     groups: int
     psnr: float
+    kept: int = 0
 
 
 class _Word(Enum):
@@ -90,6 +91,8 @@ class SideBySide:
     ----------
     is_over
         Whether the thread of ours has ended, which an interrupt does not wait for if a write never ends.
+    kept
+        The number of frames so far that `keeper` had.
     """
 
     def __init__(
@@ -113,7 +116,7 @@ class SideBySide:
             coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox, keeper, run_s, longest_first
         )
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
-        self._groups = self._bytes = self._encoded = 0
+        self._groups = self._bytes = self._encoded = self.kept = 0
         self.is_over = False
 
     def put(self, item: TypedFrame[Frame]) -> None:
@@ -151,6 +154,7 @@ class SideBySide:
             self._groups -= message.groups
         elif isinstance(message, _Encoded):
             self._encoded += message.frames
+            self.kept += message.kept
             self._on_progress(self._encoded, message.groups, message.psnr)
         else:
             self.is_over = True
@@ -231,7 +235,7 @@ class _Leader:
                 self._begin_group(message.number)
             psnr = self._groups[-1].take(message)
             if psnr is not None:
-                self._outbox.put(_Encoded(1, self._at_work(), psnr))
+                self._outbox.put(_Encoded(1, self._at_work(), psnr, kept=1))
         elif message is _Word.END:
             self._end_group(is_last=True)
             self._is_whole = True

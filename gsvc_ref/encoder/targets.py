@@ -1,10 +1,10 @@
 """Goals of a whole clip: a bit rate, a size, a mean PSNR, a mean VMAF.
 
-For a bit rate or a size the clip is encoded twice. The first pass tells what each frame of each group of pictures takes
-with one number of splats, and the first frames of each group, encoded again with another number, how that changes.
-`curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps to it in the second pass. Should the stream miss the
-goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took corrects the
-curves, and another pass follows.
+For a bit rate or a size the clip is encoded at least twice. The first pass tells what each frame of each group of
+pictures takes with one number of splats, and the first frames of each group, encoded again with another number, how
+that changes. `curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps to it in the second pass. Should the
+stream miss the goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took
+corrects the curves, and another pass follows.
 
 For a mean PSNR or VMAF see `mean_quality`.
 """
@@ -19,6 +19,7 @@ from typing import IO, Final
 
 from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
+from gsvc_ref.encoder.encoder import frame_count_of
 from gsvc_ref.encoder.mean_quality import to_quality
 from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen, readable_again
@@ -33,8 +34,8 @@ from gsvc_ref.video.format import FrameRate
 TOLERANCE: Final = 0.03
 """A stream that is as near to its goal, in parts of it, is left as it is."""
 
-MOST_PASSES: Final = 3
-"""How often a stream is encoded at most after the first pass, to come near enough."""
+STEPS: Final = ("second pass", "correcting the size", "correcting the size again")
+"""What the passes after the first one are for; no more follow, near enough or not."""
 
 SPLAT_BITS: Final = 33.0
 """Bits of an I-frame for each splat, and..."""
@@ -115,7 +116,7 @@ def _to_size(passes: Passes) -> EncodeReport:
     file: IO[bytes]
     bound = False
     with temporary_files() as new_file:
-        for attempt in range(MOST_PASSES):
+        for attempt, step in enumerate(STEPS):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
             plans = _plans(curves, octaves)
             most = max(plan.splats for plan in plans.values())
@@ -123,12 +124,17 @@ def _to_size(passes: Passes) -> EncodeReport:
             settings = passes.base.with_(splats=most)
             led_by = partial(BudgetCoder, plans=plans, most=most)
             if attempt == 0 and is_file(passes.target):
-                made = passes.run(passes.frames(), passes.target, settings, "second pass", led_by)
+                made = passes.run(passes.frames(), passes.target, settings, step, led_by)
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), None)
             else:
-                name = "second pass" if attempt == 0 else "correcting the size"
                 file = new_file()
-                made = passes.tried(passes.frames(), file, settings, name, led_by)
+                try:
+                    made = passes.tried(passes.frames(), file, settings, step, led_by)
+                except KeyboardInterrupt:
+                    if best is None:
+                        raise
+                    best = replace(best, report=replace(best.report, interrupted=True))
+                    break
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), file)
             best = stream if best is None or stream.distance < best.distance else best
             bound = all(at in (passes.low, passes.high) for at in octaves)
@@ -153,9 +159,8 @@ def _goal_bits(asked: Settings, report: EncodeReport) -> float:
 def _first_octave(passes: Passes) -> float:
     """log2 of the number of splats of the first pass."""
     asked, video = passes.asked, passes.format
-    start, stop = asked.frames
-    ends = [end for end in (video.frame_count, stop) if end is not None]
-    frames = max(1, min(ends) - start) if ends else GUESSED_FRAMES
+    count = frame_count_of(asked, video)
+    frames = GUESSED_FRAMES if count is None else max(1, count)
     bits = 8.0 * asked.size if asked.size is not None else float((asked.bitrate or 1.0) * frames / video.frame_rate)
     keys = asked.key_frames
     groups = -(-frames // keys) if isinstance(keys, int) else len({0, *keys}) if isinstance(keys, tuple) else 1
@@ -242,7 +247,7 @@ def _size_notes(passes: Passes, report: EncodeReport, goal: float, fixed: float,
     if report.interrupted or abs(bits / goal - 1) <= TOLERANCE:
         return notes
     if not bound:
-        notes.append(f"{MOST_PASSES} passes after the first came no nearer; another --seed or --key-frames may")
+        notes.append(f"{len(STEPS)} passes after the first came no nearer; another --seed or --key-frames may")
     elif bits > goal:
         notes.append(
             f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, "

@@ -15,21 +15,18 @@ from typing import Final
 import numpy as np
 
 from gsvc_ref.arrays import Frame
-from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
-from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.encoder.budget import CHUNK_BITS
+from gsvc_ref.bitstream import level_for
+from gsvc_ref.encoder.budget import chunk_bits
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
-from gsvc_ref.encoder.frame import FrameEncoder
-from gsvc_ref.encoder.groups import GroupCoder
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
-from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
+from gsvc_ref.encoder.encoder import coder_of, frame_count_of
+from gsvc_ref.encoder.groups import GroupCoder, say_nothing
+from gsvc_ref.encoder.passes import splats_of
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.targets import TOLERANCE
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
-from gsvc_ref.stream.formats import header_fields
-from gsvc_ref.stream.profiles import profile_of
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 
 PLACES: Final = 3
@@ -45,23 +42,22 @@ FIXED_BYTES: Final = 420
 """Header, index, end chunk, and the log of what was decided, and..."""
 
 LOG_BYTES: Final = 10
-"""...what the log takes for each frame, about."""
+"""...what the log takes for each frame: both guesses."""
 
 SIZE_RANGE: Final = 1.6
-"""The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ."""
+"""The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ: a guess, as
+are the other ranges. docs/encode-and-look.md tells on how many of nine encodes they held."""
 
 TIME_RANGE: Final = 1.5
-"""The same of the time."""
+"""The same of the time, a guess as well."""
 
 PSNR_BELOW, PSNR_ABOVE = 2.5, 1.0
 """The mean PSNR is likely to be from so many dB below the estimate, since P-frames get worse as they go on, to so many
-above it."""
+above it: guesses as well."""
 
 PASSES: Final = {"bitrate": 2.3, "size": 2.3, "mean_psnr": 4.0, "vmaf": 4.5}
-"""The time of an encode with a goal for the whole clip, in encodes."""
-
-TOLERANCE: Final = 0.03
-"""How near the size comes to a goal, where that can be reached."""
+"""The time of an encode with a goal for the whole clip, in encodes: that of a size has two passes, and some frames of a
+third; how many a quality takes, up to five, is guessed."""
 
 DB_PER_DOUBLING: Final = 3.4
 """What twice the splats gain, in dB, where a goal needs other numbers of splats than were tried."""
@@ -149,9 +145,11 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
     """
     with opened() as reader:
         video = reader.format
-        count = _frame_count(video, settings)
+        count = frame_count_of(settings, video)
         base = settings.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
-        coder = _coder(base, video)
+        if jobs > 1 and base.threads is None:  # as each of them will have
+            base = base.with_(threads=1)
+        coder = coder_of(base, video)
         _warm_up(base)
         places: list[list[_Tried]] = []
         begin = time.perf_counter()
@@ -170,30 +168,13 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
     return _whole(places, video, count, settings, jobs, [*notes, *([note] if note else [])])
 
 
-def _frame_count(video: VideoFormat, settings: Settings) -> int | None:
-    start, stop = settings.frames
-    ends = [end for end in (video.frame_count, stop) if end is not None]
-    return max(1, min(ends) - start) if ends else None
-
-
-def _coder(settings: Settings, video: VideoFormat) -> GroupCoder:
-    make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
-    if settings.layer_count > 1:
-        make = LayeredFrameEncoder
-    return make(settings, video.width, video.height, video.bit_depth)
-
-
 def _warm_up(settings: Settings) -> None:
     """Load or compile the kernels, so that their time does not count."""
     alone = replace(settings, splats=4, psnr=None, quality=None, layers=(), layer_splats=())
-    coder = _coder(alone, VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
+    coder = coder_of(alone, VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
     picture = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(16, 16, 3)
     for number in range(2):
-        coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, _say_nothing)
-
-
-def _say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
-    """Where nobody watches."""
+        coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, say_nothing)
 
 
 def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list[Frame]]:
@@ -224,13 +205,10 @@ def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: 
             break
         begin, before = time.perf_counter(), coder.state
         is_equal = number > 0 and np.array_equal(frame, frames[number - 1])
-        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, _say_nothing)
+        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, say_nothing)
         seconds = time.perf_counter() - begin
-        header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
-        body = Writer()
-        profile_of(header).prepare(Writer, header, before, made.codes, made.state).write(body)
         error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
-        cost = FrameCost(number, made.codes.type, 8.0 * len(body.getvalue()) + CHUNK_BITS, error)
+        cost = FrameCost(number, made.codes.type, chunk_bits(coder, video, before, made), error)
         splats = made.state.splats
         work = rendering_work(splats, video.width, video.height)
         tried.append(_Tried(cost, seconds, min(made.psnr, 100.0), len(splats), work))
@@ -290,18 +268,14 @@ def _with_goal(
         factor = SIZE_RANGE if octave in (0.0, high) else 1 + TOLERANCE
         size = Range(reached / factor, reached, reached * factor)
         wide = abs(change) / 4
-        return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), _splats(octave)
+        return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), splats_of(octave)
     if settings.mean_psnr is None:  # nobody knows how many splats a VMAF takes
-        return Range(size.low / 2, size.likely, size.high * 2), psnr, _splats(curve.octave)
+        return Range(size.low / 2, size.likely, size.high * 2), psnr, splats_of(curve.octave)
     octave = curve.octave + (settings.mean_psnr - psnr.likely) / DB_PER_DOUBLING
     reached = float(curve.bits(np.array([octave]))[0]) / 8 + fixed
     wide = SIZE_RANGE * float(power(1.25, abs(octave - curve.octave)))
     size = Range(reached / wide, reached, reached * wide)
-    return size, Range(settings.mean_psnr, settings.mean_psnr, settings.mean_psnr + 0.5), _splats(octave)
-
-
-def _splats(octave: float) -> int:
-    return max(1, round(float(power(2.0, octave))))
+    return size, Range(settings.mean_psnr, settings.mean_psnr, settings.mean_psnr + 0.5), splats_of(octave)
 
 
 def _groups(settings: Settings, frames: int) -> int:
@@ -326,4 +300,4 @@ def _mean(values: Sequence[float]) -> float:
 def _range(values: Sequence[float], factor: float) -> Range:
     """The mean, and limits that are further away where the values differ."""
     likely = _mean(values)
-    return Range(min(min(values), likely) / factor, likely, max(max(values), likely) * factor)
+    return Range(min(values) / factor, likely, max(values) * factor)

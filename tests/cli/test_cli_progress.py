@@ -56,6 +56,15 @@ def test_nothing_is_estimated_before_the_first_is_done(recorder):
     assert recorder.shown == [("frame 1/2", 0.25), ("frame 1/2  20 s left", 0.5)]
 
 
+def test_nothing_is_estimated_where_the_caller_would_know(recorder):
+    clock = Clock()
+    shown = display(recorder, clock)
+    for left_s in (None, 7.0):
+        clock.now += 10
+        shown.update("frame 2/4", 2, 4, left_s=left_s, guess=False)
+    assert recorder.shown == [("frame 2/4", 0.5), ("frame 2/4  about 7.0 s left", 0.5)]
+
+
 def test_nothing_is_estimated_without_a_total(recorder):
     clock = Clock()
     shown = display(recorder, clock)

@@ -69,6 +69,12 @@ def test_a_size_at_another_size_and_rate(clip, tmp_path, capsys):
     assert abs(output.stat().st_size / 750 - 1) <= 0.03
 
 
+@pytest.mark.parametrize("jobs", ["0", "-3", "1025"])
+def test_a_dry_run_refuses_the_jobs_that_an_encode_refuses(clip, capsys, jobs):
+    assert main(["encode", str(clip), "--dry-run", f"--jobs={jobs}"]) == 2
+    assert f"jobs is {jobs}; it must be a whole number in 1..1024" in capsys.readouterr().err
+
+
 def test_a_dry_run_writes_nothing(clip, capsys):
     before = sorted(clip.parent.iterdir())
     assert main(["encode", str(clip), "--dry-run", "--splats", "12", *FEW]) == 0

@@ -84,3 +84,9 @@ def test_more_than_fits_is_refused_with_a_sentence(monkeypatch):
 def test_frames_are_chosen_by_number():
     assert same(list(Chosen(FrameSource(CLIP, FORMAT), (0, 3, 4))), [CLIP[0], CLIP[3], CLIP[4]])
     assert same(list(Chosen(FrameSource(CLIP, FORMAT), (1, 9))), [CLIP[1]])
+
+
+def test_nothing_is_read_behind_the_last_frame_chosen():
+    assert same(list(Chosen(FrameSource(torn(), FORMAT), (0, 1))), CLIP[:2])
+    with pytest.raises(GsvcError, match="torn"):
+        list(Chosen(FrameSource(torn(), FORMAT), (0, 2)))

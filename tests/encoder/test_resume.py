@@ -210,6 +210,16 @@ def test_the_number_of_threads_is_no_other_encode(kept, whole):
     assert gone_on(kept, PLAIN.with_(threads=2))[1] == whole
 
 
+@pytest.mark.parametrize("options", [{}, {"jobs": 2, "executor": Here()}], ids=["one after the other", "side by side"])
+def test_the_progress_tells_frames_that_were_kept(kept, options):
+    told = []
+    gone_on(kept, progress=told.append, **options)
+    counts = [progress.kept for progress in told if progress.stage != "detect"]
+    assert list(dict.fromkeys(counts)) == [1, 2, 3, 4, 5, 6]
+    assert counts == sorted(counts)
+    assert counts.count(6) > 1  # those that are encoded
+
+
 @pytest.mark.parametrize("about", [b"", b"{", b"[]", b'{"code": 1}', b"[" * 100_000], ids=len)
 def test_a_folder_of_something_else_is_refused(kept, about):
     (kept / "encode.json").write_bytes(about)

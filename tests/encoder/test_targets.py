@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from codec_cases import fast, paper_fast, video_format, waves
 
-from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode
+from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode, targets
 from gsvc_ref.encoder.targets import TOLERANCE
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.metrics import libvmaf
@@ -89,14 +89,41 @@ def test_profile_paper_has_its_splats_for_a_knob():
     assert abs(len(data) / 1500 - 1) <= 2 * TOLERANCE
 
 
-def test_a_source_that_breaks_off_is_planned_as_far_as_it_goes():
+@pytest.mark.parametrize("kind", ["file", "no file"])
+def test_ctrl_c_while_the_size_is_corrected_keeps_the_whole_stream_before(monkeypatch, tmp_path, kind):
+    steps = []
+
+    def stop(progress):
+        if progress.step not in steps:
+            steps.append(progress.step)
+        if progress.step == "correcting the size again":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(targets, "TOLERANCE", -1.0)  # nothing is near enough
+    target = tmp_path / "clip.gsvc" if kind == "file" else io.BytesIO()
+    report, _ = to_goal(fast(size=700, decisions=False), CLIP[:3], target, progress=stop)
+    data = target.read_bytes() if kind == "file" else target.getvalue()
+    assert report.interrupted
+    assert steps[-3:] == ["second pass", "correcting the size", "correcting the size again"]
+    assert report.file_bytes == len(data)
+    assert len(list(decode(data))) == len(report.frames) == 3
+    assert f"asked for 700 bytes, got {len(data)}" in report.notes[-1]
+
+
+@pytest.mark.parametrize("kind", ["file", "no file"])
+def test_a_source_that_breaks_off_is_planned_as_far_as_it_goes(tmp_path, kind):
     def frames():
         yield from CLIP[:3]
         raise GsvcError("malformed", "frame 3 is torn")
 
     with pytest.raises(IncompleteEncodeError, match="frame 3 is torn") as caught:
-        to_goal(fast(size=700, decisions=False), frames())
-    assert len(caught.value.report.frames) == 3
+        to_goal(fast(size=700, decisions=False), frames(), tmp_path / "clip.gsvc" if kind == "file" else io.BytesIO())
+    report = caught.value.report
+    assert len(report.frames) == 3
+    assert report.settings.size == 700
+    assert f"asked for 700 bytes, got {report.file_bytes}" in report.notes[-1]
+    if kind == "file":
+        assert len(list(decode(tmp_path / "clip.gsvc"))) == 3
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,19 @@ def test_equal_frames_are_repeated():
     assert said.file_bytes.likely < 1000
 
 
+@pytest.mark.parametrize(("jobs", "asked", "used"), [(1, None, None), (2, None, 1), (2, 3, 3)])
+def test_threads_are_those_of_a_job(monkeypatch, jobs, asked, used):
+    class SeenError(Exception):
+        pass
+
+    def seen(settings, video):
+        raise SeenError(settings.threads)
+
+    monkeypatch.setattr(trial, "coder_of", seen)
+    with pytest.raises(SeenError, match=f"^{used}$"):
+        tried(CLIP, fast(threads=asked), jobs=jobs)
+
+
 def test_without_a_length_it_is_about_a_second():
     video = video_format(32, 24)
     said = estimate(lambda: FrameSource(CLIP, video), fast(splats=10))
