@@ -26,9 +26,9 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-        if contract:
-            options["fastmath"] = {"contract"}
+        # Where nothing is said about contraction, Numba compiles a kernel as it does the one that calls it first.
+        fastmath = {"contract"} if contract else False
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
         if inline:
             options["forceinline"] = True
         compiled = numba.njit(**options)(function)

@@ -5,9 +5,11 @@ import platform
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from gsvc_ref import _compiler
+from gsvc_ref._jit import kernel
 
 
 @pytest.mark.parametrize("command", ["encode", "compare", "run"])
@@ -66,10 +68,10 @@ from numba.core import codegen
 llvmlite.binding.get_host_cpu_name = lambda: "skylake-avx512"
 codegen.get_host_cpu_features = lambda: {features!r}
 import numba, numpy as np
-from gsvc_ref.rendering.fast.batches import Batch
+from gsvc_ref.rendering.fast.batches import Batch, Buffers
 from gsvc_ref.rendering.fast.sums import add_batch
-batch = Batch(np.zeros((4, 3), np.int32), np.zeros((4, 16), np.float32))
-arguments = np.zeros(480, np.float32), 0, 0, 10, batch, 0, False
+batch = Batch(np.zeros((4, 4), np.int32), np.zeros((4, 16), np.float32))
+arguments = Buffers.of(8), 0, 0, 8, batch, 0, False, False
 fresh = numba.jit(**add_batch.targetoptions)(add_batch.py_func)
 fresh.compile(tuple(map(numba.typeof, arguments)))  # it is not run: this machine may have no such vectors
 [code] = fresh.inspect_asm().values()
@@ -87,3 +89,19 @@ def test_the_inner_loops_have_vectors_of_512_bits(tmp_path, features, wide):
     code = WIDE.format(features=features)
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=300)
     assert (found.stdout.split(), found.stderr) == ([str(wide), str(not wide)], "")
+
+
+@kernel(inline=True)
+def _sum_of_products(a, b, c):
+    return a * b + c
+
+
+@kernel(contract=True)
+def _contracted_caller(a, b, c):
+    return _sum_of_products(a, b, c)
+
+
+def test_a_kernel_is_not_contracted_because_its_caller_is():
+    """Numba hands options that a kernel leaves open down to it from the one that has it compiled."""
+    a = np.float32(1 + 2.0**-12)
+    assert _contracted_caller(a, a, np.float32(-1 - 2.0**-11)) == 0  # fused, it is 2^-24

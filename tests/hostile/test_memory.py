@@ -11,7 +11,7 @@ import pytest
 
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
-from gsvc_ref.rendering.fast.batches import BATCH_BYTES
+from gsvc_ref.rendering.fast.batches import bytes_of_thread
 from gsvc_ref.rendering.fast.binning import LISTED, Binning, windows_of
 from gsvc_ref.rendering.fast.rasterizer import BUFFERS_BYTES, Rasterizer
 from gsvc_ref.splats import Splats
@@ -147,5 +147,6 @@ def test_intersections_that_are_held() -> None:
 @pytest.mark.parametrize("height", [1, 1080, 65535])
 def test_buffers_of_many_threads(height: int) -> None:
     rasterizer = Rasterizer(65535, height, threads=1000)
-    assert rasterizer.tiles.nbytes + rasterizer.threads * BATCH_BYTES <= BUFFERS_BYTES
+    held = sum(buffers.tile.nbytes + buffers.weights.nbytes for buffers in rasterizer.buffers)
+    assert held < rasterizer.threads * bytes_of_thread(height) <= BUFFERS_BYTES
     assert rasterizer.threads >= (60 if height < 2000 else 3)

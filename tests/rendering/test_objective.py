@@ -10,6 +10,7 @@ from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, ordinary, populati
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render, render_gradients, render_sum
+from gsvc_ref.rendering.fast import batches
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 
@@ -83,6 +84,20 @@ def test_loss_alone_has_the_same_bits():
     objective = Objective(TARGET)
     parameters = population(10, WIDTH, HEIGHT).to_array()
     assert objective.loss(parameters) == objective.evaluate(parameters)[0]
+
+
+@pytest.mark.parametrize("precision", ["fast", "deterministic"])
+def test_weights_that_find_no_room_are_found_again(precision, monkeypatch):
+    target, parameters = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), population(30, WIDTH, HEIGHT).to_array()
+    results = []
+    for kept in (batches.KEPT, 5000, 0):  # all, some, none
+        monkeypatch.setattr(batches, "KEPT", kept)
+        results.append(Objective(target, 1, precision=precision).evaluate(parameters))
+    for loss, gradient in results[1:]:
+        assert loss == results[0][0]
+        if precision == "deterministic":
+            assert gradient.tobytes() == results[0][1].tobytes()
+        np.testing.assert_allclose(gradient, results[0][1], rtol=1e-4, atol=1e-6)
 
 
 def test_evaluations_do_not_disturb_each_other():

@@ -91,15 +91,15 @@ def test_the_inner_loops_are_packed(kernel, strict):
     """
     rasterizer = loaded(population(5, 40, 20), 40, 20)
     bins, moments = rasterizer.binning.bins, rasterizer.moments
-    tile, lane_sums = rasterizer.tiles[0], np.zeros(LANE_SUMS, np.float32)
+    buffers, lane_sums = rasterizer.buffers[0], np.zeros(LANE_SUMS, np.float32)
     batch = room_for_batch(0, tile_count(40), bins)
     count = gather_batch(0, 0, 20, bins, batch)
     target, losses = np.zeros((3, 20 * 48), np.float32), np.zeros(3)
     job = Job(40, 20, strict, LOSS_AND_GRADIENTS, target=target, losses=losses, moments=moments)
     arguments = {
-        add_batch: (tile, 0, 0, 20, batch, count, strict),
-        grad_add_batch: (tile, 0, batch, count, moments, lane_sums, strict),
-        run_task: (0, 1, tile, bins, Regions.all_of(3, 20, 20), job),
+        add_batch: (buffers, 0, 0, 20, batch, count, True, strict),
+        grad_add_batch: (buffers, 0, batch, count, moments, lane_sums, strict),
+        run_task: (0, 1, buffers, bins, Regions.all_of(3, 20, 20), job),
     }[kernel]
     # A compilation of its own, since code that comes from the cache cannot be looked at.
     fresh = numba.jit(**kernel.targetoptions)(kernel.py_func)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.rendering.fast.batches import Batch, gather_batch, room_for_batch
+from gsvc_ref.rendering.fast.batches import Batch, Buffers, gather_batch, room_for_batch
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.regions import Regions, any_dirty
 from gsvc_ref.rendering.fast.sums import LANE_SUMS, MOMENTS, add_batch, covered_in_tile, grad_add_batch, grad_splat
@@ -86,38 +86,35 @@ def tiles_of_task(task: int, tasks: int, bins: Bins) -> tuple[int, int]:
 
 
 @kernel(inline=True)
-def sum_region(tile: F4, t: int, top: int, end: int, bins: Bins, batch: Batch, count: int, job: Job) -> None:
-    """Sum the splats of the rows top to end - 1 of tile t; the rows below are spoiled as far as `add_batch` says.
-
-    The first `count` intersections of the tile are in the batch. If there are others, the batch is filled with them
-    next, and it is the last region of the tile.
-    """
-    if job.base.shape[0]:
-        part, base = tile[top * ROW : end * ROW], job.base[t, top * ROW : end * ROW]
-        for i in range(part.size):  # an assignment of slices would make the compiler write its message of unequal ones
-            part[i] = base[i]
-    else:
-        tile[top * ROW : end * ROW] = np.float32(0)
-    tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
-    add_batch(tile, t, top, end, batch, count, job.strict)
-    while count < intersections_of(t, bins):
-        gathered = gather_batch(t, count, job.height, bins, batch)
-        add_batch(tile, t, top, end, batch, gathered, job.strict)
-        count += gathered
-
-
-@kernel(inline=True)
-def render_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, regions: Regions, job: Job) -> None:
+def render_tile(buffers: Buffers, t: int, bins: Bins, batch: Batch, count: int, regions: Regions, job: Job) -> None:
     """Sum the dirty regions of tile t, and write them into the picture or the frame.
 
-    If the batch has no room for all intersections, all rows are one region: to render what is not dirty takes time but
-    changes nothing, and to gather the intersections for every region might take more.
+    The first `count` intersections of the tile are in the batch. If it has no room for all, all rows are one region,
+    since to gather the others for every region might take longer than to render what is not dirty, which changes
+    nothing; the batch is filled with them one after the other.
+
+    Weights are kept for the way back where it begins from this batch. The rows below a region are spoiled as far as
+    `add_batch` says.
     """
+    tile = buffers.tile
     rows = regions.rows if count == intersections_of(t, bins) else job.height
+    keep = job.kind == LOSS_AND_GRADIENTS and rows == job.height
     for top in range(0, job.height, rows):
         if rows == job.height or regions.dirty[t, top // rows]:
             end = min(top + rows, job.height)
-            sum_region(tile, t, top, end, bins, batch, count, job)
+            if job.base.shape[0]:
+                part, base = tile[top * ROW : end * ROW], job.base[t, top * ROW : end * ROW]
+                for i in range(part.size):  # slices assigned would make the compiler write its message of unequal ones
+                    part[i] = base[i]
+            else:
+                tile[top * ROW : end * ROW] = np.float32(0)
+            tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
+            added = gathered = count
+            add_batch(buffers, t, top, end, batch, gathered, keep, job.strict)
+            while added < intersections_of(t, bins):
+                gathered = gather_batch(t, added, job.height, bins, batch)
+                add_batch(buffers, t, top, end, batch, gathered, False, job.strict)
+                added += gathered
             if job.kind == PICTURE:
                 write_picture(tile, t, top, end, job.picture, job.clamp)
             elif job.kind == FRAME:
@@ -125,19 +122,19 @@ def render_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, regions:
 
 
 @kernel(inline=True)
-def grad_tile(tile: F4, t: int, bins: Bins, batch: Batch, count: int, lane_sums: F4, job: Job) -> None:
+def grad_tile(buffers: Buffers, t: int, bins: Bins, batch: Batch, count: int, lane_sums: F4, job: Job) -> None:
     """`grad_add_batch` for all intersections of tile t, of which `count` are in the batch: all of them, or any."""
     done = 0
     while done < intersections_of(t, bins):
         if count < intersections_of(t, bins):
             count = gather_batch(t, done, job.height, bins, batch)
-        grad_add_batch(tile, t, batch, count, job.moments, lane_sums, job.strict)
+        grad_add_batch(buffers, t, batch, count, job.moments, lane_sums, job.strict)
         done += count
 
 
 @kernel()
-def run_task(task: int, tasks: int, tile: F4, bins: Bins, regions: Regions, job: Job) -> None:
-    """Do the job for the task's tiles that have a dirty region; `tile` is room for one."""
+def run_task(task: int, tasks: int, buffers: Buffers, bins: Bins, regions: Regions, job: Job) -> None:
+    """Do the job for the task's tiles that have a dirty region."""
     lane_sums = np.empty(LANE_SUMS, np.float32)
     squares = np.empty(TILE_WIDTH, np.float64)
     first, end = tiles_of_task(task, tasks, bins)
@@ -146,14 +143,14 @@ def run_task(task: int, tasks: int, tile: F4, bins: Bins, regions: Regions, job:
         if any_dirty(regions, t):
             count = gather_batch(t, 0, job.height, bins, batch)
             if job.kind == GRADIENTS:
-                read_tile(job.picture, t, tile)
+                read_tile(job.picture, t, buffers.tile)
             else:
-                render_tile(tile, t, bins, batch, count, regions, job)
+                render_tile(buffers, t, bins, batch, count, regions, job)
             if job.kind == LOSS or job.kind == LOSS_AND_GRADIENTS:
                 lanes = min(TILE_WIDTH, job.width - t * TILE_WIDTH)
-                job.losses[t] = subtract_target(tile, job.target[t], job.height, lanes, squares)
+                job.losses[t] = subtract_target(buffers.tile, job.target[t], job.height, lanes, squares)
             if job.kind == GRADIENTS or job.kind == LOSS_AND_GRADIENTS:
-                grad_tile(tile, t, bins, batch, count, lane_sums, job)
+                grad_tile(buffers, t, bins, batch, count, lane_sums, job)
 
 
 @kernel()

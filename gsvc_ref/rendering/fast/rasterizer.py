@@ -5,18 +5,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.rendering.fast.batches import BATCH_BYTES
+from gsvc_ref.rendering.fast.batches import Buffers, bytes_of_thread
 from gsvc_ref.rendering.fast.binning import Binning, Bins
 from gsvc_ref.rendering.fast.jobs import Job, covered_task, gradients_task, run_task
 from gsvc_ref.rendering.fast.regions import Regions
 from gsvc_ref.rendering.fast.sums import MOMENTS
 from gsvc_ref.rendering.fast.threads import run_tasks, thread_count
-from gsvc_ref.rendering.fast.tiles import F4, I8, ROW, SPARE_ROWS, aligned, tile_count
+from gsvc_ref.rendering.fast.tiles import F4, I8, aligned, tile_count
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
-BUFFERS_BYTES: Final = 40 << 20
-"""Maximum size of the tiles and batches of all threads; there are fewer threads if tiles are very long."""
-
+BUFFERS_BYTES: Final = 54 << 20
+"""Maximum size of the buffers and batches of all threads, but for weights that are kept; there are fewer threads if
+tiles are very long."""
 
 TASKS_PER_THREAD: Final = 4
 """Tasks that a job has for each of several threads: the work of a tile can only be guessed, and with one task each the
@@ -39,16 +39,14 @@ class Rasterizer:
         The number of threads.
     binning
         The splats that jobs are done for.
-    tiles
-        (threads, floats) f4, room for one tile each.
+    buffers
+        Those of each thread.
     """
 
     def __init__(self, width: int, height: int, threads: int | None = None) -> None:
-        # Padded to whole cache lines, so that every thread's buffer starts on one.
-        floats = -(-(height + SPARE_ROWS) * ROW // 16) * 16
-        most = max(1, BUFFERS_BYTES // (4 * floats + BATCH_BYTES))
+        most = max(1, BUFFERS_BYTES // bytes_of_thread(height))
         self.threads = min(thread_count(threads), tile_count(width), most)
-        self.tiles = aligned((self.threads, floats))
+        self.buffers = [Buffers.of(height) for _ in range(self.threads)]
         self.binning = Binning(width, height, self.threads)
         self._moments = aligned((0, MOMENTS))
 
@@ -68,15 +66,15 @@ class Rasterizer:
         """Do a job for the tiles that have a dirty region."""
         tasks = 1 if self.threads == 1 else TASKS_PER_THREAD * self.threads
         for bins in self.binning.windows():
-            free = list(self.tiles)
+            free = list(self.buffers)
             run_tasks(partial(self._run_task, tasks, free, bins, regions, job), tasks, self.threads)
 
-    def _run_task(self, tasks: int, free: list[F4], bins: Bins, regions: Regions, job: Job, task: int) -> None:
-        tile = free.pop()
+    def _run_task(self, tasks: int, free: list[Buffers], bins: Bins, regions: Regions, job: Job, task: int) -> None:
+        buffers = free.pop()
         try:
-            run_task(task, tasks, tile, bins, regions, job)
+            run_task(task, tasks, buffers, bins, regions, job)
         finally:
-            free.append(tile)
+            free.append(buffers)
 
     def gradients(self, scale: float) -> F4:
         """The gradients (N, 8) f4 from the `moments` that a job has left, times `scale`."""

@@ -4,8 +4,8 @@ The definition is `definition.py`, and the names are those of spec.md: the splat
 u1^2 + u2^2, the weight g, e = dL/dC, q = g (e . c') of (10-6), and the moments S of (13-12). All loops over
 `TILE_WIDTH` have constant bounds and constant offsets into one flat buffer, which is what makes LLVM turn them into
 vector code; a test looks at the result. Per tile the splats come in index order, so that each sum has one fixed order
-whoever owns the tile. The loops exist twice: with contraction, and `_strict` with every operation rounded as it is
-written (spec.md section 9.3).
+whoever owns the tile. The way there keeps its weights for the way back, which is then half the work. The loops exist
+twice: with contraction, and `_strict` with every operation rounded as it is written (spec.md section 9.3).
 """
 
 from typing import Any, Final
@@ -14,10 +14,10 @@ import numpy as np
 
 from gsvc_ref._jit import kernel, without_contraction
 from gsvc_ref.constants import HALF, SUPPORT_SQUARED
-from gsvc_ref.rendering.fast.batches import Batch
+from gsvc_ref.rendering.fast.batches import INDEX, NOT_KEPT, PLACE, Batch, Buffers
 from gsvc_ref.rendering.fast.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.fast.projection import BLUE, GREEN, R1, R2, RED, F, L, X, Y, row_range
-from gsvc_ref.rendering.fast.tiles import F4, F8, LANES, ROW, ROWS, TILE_WIDTH
+from gsvc_ref.rendering.fast.tiles import CHANNELS, F4, F8, LANES, ROW, ROWS, SPARE_ROWS, TILE_WIDTH
 
 ZERO: Final = np.float32(0)
 
@@ -36,26 +36,89 @@ QU1, QU1U1, QU1U2 = Q, Q + EIGHT, QU2 + EIGHT
 """The places where `fold_lanes` puts the sums with u1, once lanes k and k + 8 have been added: eight lanes each."""
 
 
-@kernel(contract=True, inline=True)
-def add_splat(tile: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
-    """Add one splat to the rows `first` to `end` - 1 of a tile, ROWS at a time: C <- C + g c' (9-6) if m <= 2 ln 255.
+@kernel(inline=True)
+def at(row: int, lane: int) -> Any:
+    """Index of a lane of a row of weights; `at(row * CHANNELS, lane)` is that of the row's first channel in a tile.
 
-    What does not depend on the row is read in front of the loop: LLVM, which cannot know that a tile holds no splat,
+    It is unsigned, so that Numba does not look whether it counts from the end, for which LLVM would find every ROWS
+    rows anew whether arrays overlap.
+    """
+    return np.uint64(row * TILE_WIDTH + lane)
+
+
+@kernel(contract=True, inline=True)
+def weigh_splat(weights: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
+    """Find the weights g of one splat in the rows `first` to `end` - 1 of a tile, zero where m > 2 ln 255.
+
+    What does not depend on the row is read in front of the loop: LLVM, which cannot know that the weights are no splat,
     would otherwise find u1 and the shear anew for every ROWS rows.
 
     Parameters
     ----------
-    tile
-        (rows * ROW,) f4; up to SPARE_ROWS rows below `end` are added to as well.
+    weights
+        (rows * TILE_WIDTH or more,) f4, overwritten; up to SPARE_ROWS rows more are.
     column
         The centre of the tile's first column.
     splat
         (PROJECTED,) f4, see `projection.X`.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
+    for i in range(0, end - first, ROWS):
+        row = np.float32(first + i) + HALF
+        for k in range(TILE_WIDTH):
+            u1 = ((column + LANES[k]) - x) * r1
+            shear = (l * u1) * f
+            for j in range(ROWS):
+                u2 = ((row + np.float32(j)) - y) * r2 - shear
+                m = u1 * u1 + u2 * u2  # (9-4)
+                weights[at(i + j, k)] = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
+
+
+weigh_splat_strict = without_contraction(weigh_splat, exp_minus_half=exp_minus_half_strict)
+
+
+@kernel(inline=True)
+def weigh(weights: F4, column: np.float32, first: int, end: int, splat: Any, strict: bool) -> None:
+    """`weigh_splat` or its twin."""
+    if strict:
+        weigh_splat_strict(weights, column, first, end, splat)
+    else:
+        weigh_splat(weights, column, first, end, splat)
+
+
+@kernel(inline=True)
+def add_weighed(tile: F4, weights: F4, first: int, end: int, splat: Any) -> None:
+    """Add one splat, whose weights are known, to the rows `first` to `end` - 1 of a tile: C <- C + g c' (9-6).
+
+    Parameters
+    ----------
+    tile
+        (rows * ROW,) f4; up to SPARE_ROWS rows below `end` are added to as well.
+    weights
+        Those of `weigh_splat`, from row `first` on.
+    """
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-    for top in range(first, end, ROWS):
-        rows, row = tile[top * ROW : (top + ROWS) * ROW], np.float32(top) + HALF
+    rows = tile[first * ROW :]
+    for i in range(0, end - first, ROWS):
+        for k in range(TILE_WIDTH):
+            for j in range(ROWS):
+                g, place = weights[at(i + j, k)], (i + j) * CHANNELS
+                rows[at(place, k)] += g * red
+                rows[at(place + 1, k)] += g * green
+                rows[at(place + 2, k)] += g * blue
+
+
+@kernel(contract=True, inline=True)
+def add_splat(tile: F4, weights: F4, column: np.float32, first: int, end: int, splat: Any, keep: bool) -> None:
+    """`weigh_splat` and `add_weighed` in one loop; `keep` is a constant that says whether weights are written.
+
+    With fused multiply-adds one loop takes less time than two. Without, it would need more registers than there are.
+    """
+    x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
+    red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+    rows = tile[first * ROW :]
+    for i in range(0, end - first, ROWS):
+        row = np.float32(first + i) + HALF
         for k in range(TILE_WIDTH):
             u1 = ((column + LANES[k]) - x) * r1
             shear = (l * u1) * f
@@ -63,16 +126,16 @@ def add_splat(tile: F4, column: np.float32, first: int, end: int, splat: Any) ->
                 u2 = ((row + np.float32(j)) - y) * r2 - shear
                 m = u1 * u1 + u2 * u2  # (9-4)
                 g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
-                rows[j * ROW + k] += g * red  # (9-6)
-                rows[j * ROW + TILE_WIDTH + k] += g * green
-                rows[j * ROW + 2 * TILE_WIDTH + k] += g * blue
-
-
-add_splat_strict = without_contraction(add_splat, exp_minus_half=exp_minus_half_strict)
+                if keep:
+                    weights[at(i + j, k)] = g
+                place = (i + j) * CHANNELS
+                rows[at(place, k)] += g * red  # (9-6)
+                rows[at(place + 1, k)] += g * green
+                rows[at(place + 2, k)] += g * blue
 
 
 @kernel(contract=True, inline=True)
-def grad_add_splat(lane_sums: F4, tile: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
+def grad_add_splat(lane_sums: F4, tile: F4, weights: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
     """The transpose of `add_splat`: add, per lane, what rows of dL/dC contribute to one splat's lane sums.
 
     Parameters
@@ -81,28 +144,28 @@ def grad_add_splat(lane_sums: F4, tile: F4, column: np.float32, first: int, end:
         (LANE_SUMS,) f4, see `Q`.
     tile
         (rows * ROW,) f4, e = dL/dC.
-    column, first, end, splat
-        As for `add_splat`.
+    weights, column, first, end, splat
+        As for `add_splat` and `weigh_splat`.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-    for top in range(first, end, ROWS):
-        rows, row = tile[top * ROW : (top + ROWS) * ROW], np.float32(top) + HALF
+    rows = tile[first * ROW :]
+    for i in range(0, end - first, ROWS):
+        row = np.float32(first + i) + HALF
         for k in range(TILE_WIDTH):
             u1 = ((column + LANES[k]) - x) * r1
             shear = (l * u1) * f
             of_q, of_qu2, of_qu2u2 = lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k]
             of_red, of_green, of_blue = lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k]
             for j in range(ROWS):
+                g = weights[at(i + j, k)]
                 u2 = ((row + np.float32(j)) - y) * r2 - shear
-                m = u1 * u1 + u2 * u2  # (9-4)
-                g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
-                u2 = u2 if m <= SUPPORT_SQUARED else ZERO  # it may be infinite there, and 0 * infinity is no sum
-                e_red = rows[j * ROW + k]
-                e_green = rows[j * ROW + TILE_WIDTH + k]
-                e_blue = rows[j * ROW + 2 * TILE_WIDTH + k]
+                place = (i + j) * CHANNELS
+                e_red, e_green, e_blue = rows[at(place, k)], rows[at(place + 1, k)], rows[at(place + 2, k)]
                 q = g * (e_red * red + e_green * green + e_blue * blue)  # (10-6)
-                q = q if m <= SUPPORT_SQUARED else ZERO  # for the same reason
+                # Where nothing is covered both may be infinite, and 0 * infinity is no sum.
+                q = q if g > ZERO else ZERO
+                u2 = u2 if g > ZERO else ZERO
                 qu2 = q * u2
                 of_q += q
                 of_qu2 += qu2
@@ -114,7 +177,7 @@ def grad_add_splat(lane_sums: F4, tile: F4, column: np.float32, first: int, end:
             lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k] = of_red, of_green, of_blue
 
 
-grad_add_splat_strict = without_contraction(grad_add_splat, exp_minus_half=exp_minus_half_strict)
+grad_add_splat_strict = without_contraction(grad_add_splat)
 
 
 @kernel(inline=True)
@@ -161,37 +224,56 @@ fold_lanes_strict = without_contraction(fold_lanes)
 
 
 @kernel()
-def add_batch(tile: F4, t: int, top: int, end: int, batch: Batch, count: int, strict: bool) -> None:
+def add_batch(buffers: Buffers, t: int, top: int, end: int, batch: Batch, count: int, keep: bool, strict: bool) -> None:
     """Add the first `count` splats of a batch in order to the rows top to end - 1 of tile t.
 
-    `tile` is ((height + SPARE_ROWS) * ROW,) f4; up to SPARE_ROWS rows below `end` are spoiled.
+    Up to SPARE_ROWS rows below `end` are spoiled. If `keep` is set, which is for all rows of a tile, weights are kept
+    as long as there is room, and the batch says where.
     """
     column = np.float32(t * TILE_WIDTH) + HALF
+    tile, used = buffers.tile, 0
     for i in range(count):
         splat, first, last = batch.splats[i], max(batch.rows[i, 0], top), min(batch.rows[i, 1], end)
+        size = (last - first + SPARE_ROWS) * TILE_WIDTH
+        weights = buffers.weights
+        if keep and used + size <= buffers.kept.size:
+            weights = buffers.kept[used:]
+            batch.rows[i, PLACE] = used
+            used += size
         if strict:
-            add_splat_strict(tile, column, first, last, splat)
+            weigh(weights, column, first, last, splat, strict)
+            add_weighed(tile, weights, first, last, splat)
+        elif keep:
+            add_splat(tile, weights, column, first, last, splat, True)
         else:
-            add_splat(tile, column, first, last, splat)
+            add_splat(tile, weights, column, first, last, splat, False)
 
 
 @kernel()
-def grad_add_batch(tile: F4, t: int, batch: Batch, count: int, moments: F4, lane_sums: F4, strict: bool) -> None:
+def grad_add_batch(
+    buffers: Buffers, t: int, batch: Batch, count: int, moments: F4, lane_sums: F4, strict: bool
+) -> None:
     """The transpose of `add_batch` for all rows: from e = dL/dC of tile t to the moments (intersections, MOMENTS) f4.
 
-    `tile` is zero in the spare rows, and `lane_sums` is (LANE_SUMS,) f4 scratch. Per lane a sum goes down the rows, one
-    after the other: rows that hold no covered pixel add zero, so that the bits do not depend on how rows are grouped.
+    The tile is zero in the spare rows, and `lane_sums` is (LANE_SUMS,) f4 scratch. Per lane a sum goes down the rows,
+    one after the other: rows that hold no covered pixel add zero, so that the bits do not depend on how rows are
+    grouped. Weights that were not kept are found again.
     """
     column = np.float32(t * TILE_WIDTH) + HALF
     for i in range(count):
-        splat = batch.splats[i]
-        S = moments[batch.rows[i, 2]]
+        splat, first, end, place = batch.splats[i], batch.rows[i, 0], batch.rows[i, 1], batch.rows[i, PLACE]
+        S = moments[batch.rows[i, INDEX]]
+        weights = buffers.weights
+        if place == NOT_KEPT:
+            weigh(weights, column, first, end, splat, strict)
+        else:
+            weights = buffers.kept[place:]
         lane_sums[:] = ZERO
         if strict:
-            grad_add_splat_strict(lane_sums, tile, column, batch.rows[i, 0], batch.rows[i, 1], splat)
+            grad_add_splat_strict(lane_sums, buffers.tile, weights, column, first, end, splat)
             fold_lanes_strict(lane_sums, column, splat, S)
         else:
-            grad_add_splat(lane_sums, tile, column, batch.rows[i, 0], batch.rows[i, 1], splat)
+            grad_add_splat(lane_sums, buffers.tile, weights, column, first, end, splat)
             fold_lanes(lane_sums, column, splat, S)
 
 
@@ -225,7 +307,7 @@ def grad_splat(moments: F4, parameters: F4, scale: float, S: F8, gradient: F4) -
 
 @kernel()
 def covered_in_tile(t: int, width: int, height: int, splat: Any) -> int:
-    """The number of pixels of tile t that one splat covers, by the decision of `add_splat_strict`."""
+    """The number of pixels of tile t that one splat covers, by the decision of `weigh_splat_strict`."""
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     column = np.float32(t * TILE_WIDTH) + HALF
     first, end = row_range(splat, t, height)
