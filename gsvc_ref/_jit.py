@@ -6,6 +6,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 from gsvc_ref._compiler import numba
 from gsvc_ref._kernel_cache import KernelCache, kernel_folder
+from gsvc_ref._kernel_parts import Part, RememberingCompiler
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,14 +27,16 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
         if contract:
             options["fastmath"] = {"contract"}
         if inline:
             options["forceinline"] = True
-        compiled = numba.njit(**options)(function)
+        compiled: Any = numba.njit(pipeline_class=RememberingCompiler, **options)(function)
         if compiled is not function:  # it is where the compiler is switched off
             _keep(compiled, function)
+            part = Part(compiled)
+            compiled.get_call_template, compiled.get_overload = part.get_call_template, part.get_overload
         return cast(Callable[P, R], compiled)
 
     return decorate
