@@ -6,6 +6,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 from gsvc_ref._compiler import numba
 from gsvc_ref._kernel_cache import KernelCache, kernel_folder
+from gsvc_ref._kernel_parts import PARTS, Part, RememberingCompiler
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -29,11 +30,16 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
         # Where nothing is said about contraction, Numba compiles a kernel as it does the one that calls it first.
         fastmath = {"contract"} if contract else False
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
+        if PARTS:
+            options |= {"no_cfunc_wrapper": True, "pipeline_class": RememberingCompiler}
         if inline:
             options["forceinline"] = True
-        compiled = numba.njit(**options)(function)
+        compiled: Any = numba.njit(**options)(function)
         if compiled is not function:  # it is where the compiler is switched off
             _keep(compiled, function)
+            if PARTS:
+                part = Part(compiled)
+                compiled.get_call_template, compiled.get_overload = part.get_call_template, part.get_overload
         return cast(Callable[P, R], compiled)
 
     return decorate

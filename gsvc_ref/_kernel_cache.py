@@ -18,10 +18,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
-from numba.core import config
+from numba.core import codegen, config
 from numba.core import runtime as numba_runtime
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, _rebuild_env
+
+from gsvc_ref._kernel_parts import PARTS
 
 PACKAGE: Final = Path(__file__).resolve().parent
 WITHOUT_KERNELS: Final = ("cli", "testing")
@@ -76,10 +78,22 @@ class KernelCache:
         return found if found is not None and tuple(found.signature.args) == tuple(signature) else None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep a compiled form, if that can be done."""
-        if self._numbas is not None:
-            with suppress(OSError):
-                self._numbas.save_overload(signature, compiled)
+        """Keep a compiled form, if that can be done.
+
+        Numba would keep the code for LLVM too, for other kernels that call this one, and parse it at each start. Ours
+        compile what they call themselves (`_kernel_parts`), so only the name stays by which Python's entry is found.
+        """
+        if self._numbas is None:
+            return
+        if PARTS:
+            library, entry = compiled.library, compiled.fndesc.llvm_cpython_wrapper_name
+            numbas: Any = codegen
+            names = numbas.ll.parse_assembly(f'define void @"{entry}"() {{ ret void }}').as_bitcode()
+            library.serialize_using_object_code = lambda: (
+                library.name, "object", (library._get_compiled_object(), names)
+            )  # fmt: skip
+        with suppress(OSError):
+            self._numbas.save_overload(signature, compiled)
 
     def flush(self) -> None:
         """Forget all forms."""
