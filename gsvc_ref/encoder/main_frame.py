@@ -37,10 +37,14 @@ from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
-from gsvc_ref.rendering import Objective, Renderer
+from gsvc_ref.rendering import Objective, Renderer, SampledObjective
+from gsvc_ref.rendering.sampled import Steps
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
+
+LEAST_PIXELS: Final = 24
+"""Steps of P-frames look at a half or a quarter of the pixels in turns, if so many are left for each splat."""
 
 ENOUGH: Final = 0.1
 """Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
@@ -332,9 +336,15 @@ class _FrameWork:
         if len(above) and settings.effects.motion != "off":
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
-        objective = _WatchedObjective(self.picture, beside, settings, self._watch(count))
+        watch = self._watch(count)
+        splats = len(encoder.state.values) + len(beside)
+        steps = _steps(self.picture[:, :, 0].size / splats)
         inter = copy(encoder.inter)
-        frame = PFrame(encoder.state, objective, encoder.before, self.picture, quantizer, encoder.total)
+        frame = PFrame(
+            encoder.state, _WatchedObjective(self.picture, beside, settings, watch),
+            _WatchedSamples(self.picture, beside, settings, watch, steps), encoder.before, self.picture, quantizer,
+            encoder.total,
+        )  # fmt: skip
         return self._decoded(inter.encode(frame), inter)
 
     def _coarsest(
@@ -429,6 +439,34 @@ class _WatchedObjective(Objective):
         loss, gradient = super().evaluate(parameters)
         self._on_evaluation(loss)
         return loss, gradient
+
+
+class _WatchedSamples(SampledObjective):
+    """A sampled objective that tells its evaluations."""
+
+    def __init__(
+        self,
+        picture: F4,
+        below: F4,
+        settings: Settings,
+        on_evaluation: Callable[[float], None],
+        steps: tuple[Steps, Steps],
+    ) -> None:
+        super().__init__(
+            picture, settings.threads, precision=settings.precision, background=below, down=steps[0], right=steps[1]
+        )
+        self._on_evaluation = on_evaluation
+
+    def evaluate(self, parameters: F4, turn: int = 0) -> tuple[float, F4]:
+        """As `SampledObjective.evaluate`."""
+        loss, gradient = super().evaluate(parameters, turn)
+        self._on_evaluation(loss)
+        return loss, gradient
+
+
+def _steps(pixels: float) -> tuple[Steps, Steps]:
+    """Of the lattice, down and right, where there are so many pixels for each splat."""
+    return (2 if pixels >= 2 * LEAST_PIXELS else 1, 2 if pixels >= 4 * LEAST_PIXELS else 1)
 
 
 def _inter_encoder(settings: Settings) -> InterEncoder:

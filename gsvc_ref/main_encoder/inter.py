@@ -31,7 +31,7 @@ from gsvc_ref.main_profile.motion import field_motion
 from gsvc_ref.main_profile.reconstruct import position_steps
 from gsvc_ref.main_profile.state import CLASSES, SHEAR_STEPS, SIZE_STEPS, classes
 from gsvc_ref.main_profile.tables import step_of
-from gsvc_ref.rendering import Objective
+from gsvc_ref.rendering import Objective, SampledObjective
 
 LEAST_LENGTH: Final = 0.02
 MOST_LENGTH: Final = 0.3
@@ -159,8 +159,8 @@ class PFrame:
     ----------
     state
         The decoder's state behind the frame before.
-    objective
-        Of the new picture.
+    objective, sampled
+        Of the new picture: all of it, and a lattice of pixels in each turn.
     before, after
         (H, W, 3) f4, the pictures between which the optical flow is estimated: the source of the frame before, or its
         decoded picture, and the new source.
@@ -172,6 +172,7 @@ class PFrame:
 
     state: MainState
     objective: Objective
+    sampled: SampledObjective
     before: F4
     after: F4
     quantizer: int
@@ -206,7 +207,7 @@ class InterEncoder:
         s, values = self.settings, frame.state.values
         D = frame.step / 16
         self.past = field = best_field(
-            frame.objective, frame.state.splats.to_array(), flow_at_points(frame.before, frame.after), self.past,
+            frame.sampled, frame.state.splats.to_array(), flow_at_points(frame.before, frame.after), self.past,
             s.motion_price * D * D, s.cell_gain, s.cells, s.motion_steps, s.motion_rounds,
         )  # fmt: skip
         motion = np.zeros((len(values), 2), np.int64)
@@ -285,7 +286,7 @@ class _Updates:
                 self._add()
             if iteration > s.iterations // 2 and iteration % PRUNING_INTERVAL == 0:
                 self._prune()
-            losses.append(self._descend(min(1.0, FIRST_PRICE + iteration / s.iterations)))
+            losses.append(self._descend(iteration, min(1.0, FIRST_PRICE + iteration / s.iterations)))
             if len(losses) >= s.iterations and len(losses) % LOOK == 0:
                 before, last = sum(losses[-2 * LOOK : -LOOK]), sum(losses[-LOOK:])
                 if last > (1 - s.progress) * before:
@@ -293,11 +294,11 @@ class _Updates:
         self._prune()
         return self._round()
 
-    def _descend(self, ramp: float) -> float:
-        """One iteration of step 2, with prices times `ramp`; the loss before it."""
+    def _descend(self, iteration: int, ramp: float) -> float:
+        """One iteration of step 2, with prices times `ramp`; the loss before it on the lattice of its turn."""
         s, count = self.settings, self.count
         self.new.put_parameters(self.parameters[count:])
-        loss, gradient = self.frame.objective.evaluate(self.parameters)
+        loss, gradient = self.frame.sampled.evaluate(self.parameters, iteration)
         differences.proximal_step(
             self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, self.length,
             s.momentum, s.sparsity, s.price * ramp,

@@ -2,7 +2,8 @@
 
 Splats move by the field read at their reference positions. The field of large cells begins with the optical flow, that
 of smaller ones with the one before; each is then brought to a smaller error by Gauss-Newton steps. The gradient b is
-exact, that of the splats' positions summed with their weights; the matrix H takes the picture for what moves::
+that of the splats' positions, on a lattice of pixels, summed with their weights; the matrix H takes the picture for
+what moves::
 
     H[c, d] = 2 * sum over pixels and channels of w_c w_d grad R grad R^T
 
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8
 from gsvc_ref.portable import log2
-from gsvc_ref.rendering import Objective
+from gsvc_ref.rendering import SampledObjective
 from gsvc_ref.training.motion import estimated_motion
 
 I8 = NDArray[np.int64]
@@ -50,6 +51,9 @@ FIRST_DAMPING: Final = 0.3
 
 LEAST_DAMPING: Final = 1.0
 """What is added to the diagonal of H in any case."""
+
+LITTLE: Final = 0.005
+"""No further step follows one that takes less than this share off the squared error."""
 
 SWEEPS: Final = 12
 """Gauss-Seidel sweeps of a step."""
@@ -102,7 +106,7 @@ def field_bits(vectors: I8) -> float:
 
 
 def best_field(
-    objective: Objective,
+    objective: SampledObjective,
     reference: F4,
     flow: tuple[F8, F8],
     past: Field | None,
@@ -130,16 +134,17 @@ def best_field(
         Bits that a splat is worth each time that the squared error halves, when fields of different cells are
         compared. Later steps take back most of a large error for few bits, so its logarithm counts here.
     cells
-        The sides of cells to try, in pixels, from large to small.
+        The sides of cells to try, in pixels, from large to small. Where smaller ones are worth no more than those
+        before, still smaller ones are not tried.
     steps
-        Gauss-Newton steps for each.
+        Gauss-Newton steps for each, at most.
     rounds
-        How often vectors are chosen.
+        How often vectors are chosen, at most.
     """
     search = _Search(objective, reference, price)
     worth = gain * len(reference)
     best = Field(0, np.zeros((1, 1, 2), np.int64), search.error_of_none)
-    least = worth * float(log2(max(best.error, 1.0)))
+    least, coarser = worth * float(log2(max(best.error, 1.0))), math.inf
     fine: tuple[int, F8] | None = None
     for cell in cells:
         vectors = np.zeros((-(-objective.height // cell), -(-objective.width // cell), 2))
@@ -156,18 +161,21 @@ def best_field(
         bits = worth * float(log2(max(found.error, 1.0))) + field_bits(found.vectors)
         if bits < least:
             best, least = found, bits
+        if bits > coarser:
+            break
+        coarser = bits
     return best
 
 
 class _Search:
     """The error of fields, and steps towards smaller ones."""
 
-    def __init__(self, objective: Objective, reference: F4, price: float) -> None:
+    def __init__(self, objective: SampledObjective, reference: F4, price: float) -> None:
         self.objective, self.price = objective, price
         self.reference = np.ascontiguousarray(reference)
         self.moved = self.reference.copy()  # (N, 8) f4
         self.scale = objective.height * objective.width * SQUARE
-        self.error_of_none = objective.loss(self.reference) * self.scale
+        self.error_of_none = objective.evaluate(self.reference)[0] * self.scale
 
     def evaluate(self, vectors: F8, cell: int) -> tuple[float, F8]:
         """The squared error of a field and its gradient by the vectors, (gy, gx, 2)."""
@@ -179,10 +187,8 @@ class _Search:
 
     def matrix(self, vectors: F8, cell: int) -> F8:
         """H, (gy, gx, 5, 3): for each of PAIRS the entries xx, xy, yy."""
-        picture = self.objective.picture()  # of what was evaluated last
         out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
-        stride = 2
-        _sum_products(picture, vectors, cell, stride, 2 * SQUARE * stride * stride / (UNITS * UNITS), out)
+        _sum_products(self.objective.quarter(), vectors, cell, 2 * SQUARE * 4 / (UNITS * UNITS), out)
         return out
 
     def descend(self, cell: int, start: F8, steps: int) -> F8:
@@ -200,7 +206,10 @@ class _Search:
             trial = np.clip(vectors + step, -LONGEST, LONGEST)
             new_error, new_gradient = self.evaluate(trial, cell)
             if new_error < error:
+                is_little = new_error > (1 - LITTLE) * error
                 vectors, error, gradient, damping = trial, new_error, new_gradient, damping / 3
+                if is_little:
+                    break
                 matrix = self.matrix(vectors, cell)
             else:
                 damping *= 4
@@ -221,7 +230,10 @@ class _Search:
             new_error, new_gradient = self.evaluate(trial.astype(np.float64), cell)
             new_cost = new_error + self.price * field_bits(trial)
             if new_cost < cost:
+                is_little = new_cost > (1 - LITTLE) * cost
                 best, error, cost, gradient, damping = trial, new_error, new_cost, new_gradient, damping / 3
+                if is_little:
+                    break
                 matrix = self.matrix(vectors, cell)
             else:
                 damping *= 4
@@ -325,19 +337,19 @@ def _stiffness(reference: F4, cell: int, scale: float, out: F8) -> None:
 
 
 @kernel()
-def _sum_products(picture: F4, vectors: F8, cell: int, stride: int, scale: float, out: F8) -> None:
-    """H of `_Search.matrix`, from every stride-th pixel of every stride-th row."""
-    height, width = picture.shape[:2]
+def _sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> None:
+    """H of `_Search.matrix`, from the centres between four of every second pixel of every second row (h, w, 3)."""
     rows, columns = vectors.shape[:2]
     weights = np.empty(4)
-    for y in range(stride // 2, height, stride):
-        above, below = max(y - 1, 0), min(y + 1, height - 1)
-        for x in range(stride // 2, width, stride):
-            left, right = max(x - 1, 0), min(x + 1, width - 1)
+    for above in range(quarter.shape[0] - 1):
+        for left in range(quarter.shape[1] - 1):
+            below, right, y, x = above + 1, left + 1, 2 * above + 1, 2 * left + 1
             xx, xy, yy = 0.0, 0.0, 0.0
             for c in range(3):
-                dx = (np.float64(picture[y, right, c]) - np.float64(picture[y, left, c])) / (right - left)
-                dy = (np.float64(picture[below, x, c]) - np.float64(picture[above, x, c])) / (below - above)
+                high_left, high_right = np.float64(quarter[above, left, c]), np.float64(quarter[above, right, c])
+                low_left, low_right = np.float64(quarter[below, left, c]), np.float64(quarter[below, right, c])
+                dx = ((high_right - high_left) + (low_right - low_left)) / 4
+                dy = ((low_left - high_left) + (low_right - high_right)) / 4
                 xx += dx * dx
                 xy += dx * dy
                 yy += dy * dy

@@ -2,8 +2,8 @@
 
 `definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, `deterministic`
 in which order operations come where every bit is fixed, and `work` how much a frame asks of a renderer. `renderer`,
-`sequence` and `objective` are what the rest of the package calls; they compute on the machine in `fast`. `pictures`
-and `losses` are single operations on pictures.
+`sequence`, `objective` and `sampled` are what the rest of the package calls; they compute on the machine in `fast`.
+`pictures` and `losses` are single operations on pictures.
 """
 
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL
@@ -21,6 +21,7 @@ from gsvc_ref.rendering.renderer import (
     render_sum,
     render_sum_deterministic,
 )
+from gsvc_ref.rendering.sampled import SampledObjective
 from gsvc_ref.rendering.sequence import SequenceRenderer
 from gsvc_ref.rendering.work import rendering_work
 
@@ -32,6 +33,7 @@ __all__ = [
     "Objective",
     "Precision",
     "Renderer",
+    "SampledObjective",
     "SequenceRenderer",
     "covered_pixels",
     "exact_gradients_with_bound",

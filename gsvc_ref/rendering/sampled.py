@@ -1,0 +1,74 @@
+"""The loss on every second row, or on a quarter of the pixels: a share of the work, for steps that need no more."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gsvc_ref.rendering.fast.tiles import F4
+from gsvc_ref.rendering.objective import Objective
+from gsvc_ref.rendering.precision import Precision
+
+Steps = Literal[1, 2]
+
+
+class SampledObjective:
+    """The loss of `Objective` on a lattice of pixels, and its gradient; each turn has another of the lattices.
+
+    On every second row the picture of a splat is that of a splat half as high on a picture half as high, and so for
+    columns. So smaller objectives are all that this takes, and nothing is smoothed: the mean of the gradients of all
+    turns is that of the whole target, as long as its sides are multiples of the steps. A descent with momentum that
+    takes the lattices in turns hardly notices as long as there are many pixels for each splat.
+
+    Parameters
+    ----------
+    target, threads, precision, background
+        As for `Objective`.
+    down, right
+        Every `down`-th row and every `right`-th column are a lattice, 1 or 2 each; a side of one pixel has the step 1.
+    """
+
+    def __init__(
+        self,
+        target: F4,
+        threads: int | None = None,
+        *,
+        precision: Precision = "fast",
+        background: ArrayLike | None = None,
+        down: Steps = 1,
+        right: Steps = 1,
+    ) -> None:
+        self.height, self.width = target.shape[:2]
+        self._down, self._right = min(down, self.height), min(right, self.width)
+        high, wide = 1 / self._down, 1 / self._right
+        self._scale = np.array([wide, high, wide, high, high, 1, 1, 1], np.float32)  # of x, y, l11, l21, l22, colours
+        self._origins = [(y, x) for y in range(self._down) for x in range(self._right)]
+        behind = np.zeros((0, 8), np.float32) if background is None else np.asarray(background, np.float32)
+        self._objectives = [
+            Objective(
+                target[y :: self._down, x :: self._right], threads, precision=precision,
+                background=self._seen(behind, y, x),
+            )
+            for y, x in self._origins
+        ]  # fmt: skip
+
+    def evaluate(self, parameters: F4, turn: int = 0) -> tuple[float, F4]:
+        """The loss and its gradient (N, 8) f4 for splats (N, 8) f4, on the lattice of a turn."""
+        turn %= len(self._objectives)
+        loss, gradient = self._objectives[turn].evaluate(self._seen(parameters, *self._origins[turn]))
+        return loss, gradient * self._scale
+
+    def quarter(self) -> F4:
+        """Every second pixel of every second row of the picture, (ceil(H / 2), ceil(W / 2), 3) f4, of turn 0.
+
+        The picture is that of the parameters which were evaluated last in that turn.
+        """
+        return self._objectives[0].picture()[:: 3 - self._down, :: 3 - self._right]
+
+    def _seen(self, parameters: F4, y: int, x: int) -> F4:
+        """The splats (N, 8) f4 on the picture of the lattice that begins with the pixel in row y and column x."""
+        seen = np.asarray(parameters, np.float32) * self._scale
+        for column, origin in enumerate((x, y)):
+            half = np.float32(0.5)
+            seen[:, column] = (parameters[:, column] - (np.float32(origin) + half)) * self._scale[column] + half
+        return seen
