@@ -43,8 +43,9 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 
-LEAST_PIXELS: Final = 24
-"""Steps of P-frames look at a half or a quarter of the pixels in turns, if so many are left for each splat."""
+HALF, QUARTER = 48.0, 160.0
+"""The search for a P-frame looks at half of the pixels in turns from the first number of pixels for each splat on, and
+at a quarter from the second on. With fewer it follows what single pixels say, and that costs bits."""
 
 ENOUGH: Final = 0.1
 """Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
@@ -466,7 +467,7 @@ class _WatchedSamples(SampledObjective):
 
 def _steps(pixels: float) -> tuple[Steps, Steps]:
     """Of the lattice, down and right, where there are so many pixels for each splat."""
-    return (2 if pixels >= 2 * LEAST_PIXELS else 1, 2 if pixels >= 4 * LEAST_PIXELS else 1)
+    return (2 if pixels >= HALF else 1, 2 if pixels >= QUARTER else 1)
 
 
 def _inter_encoder(settings: Settings) -> InterEncoder:

@@ -218,36 +218,31 @@ def crowding(parameters: F4) -> F8:
 
     It bounds the curvature of f along a splat's components by their row of J^T J, so 1 / crowding is a safe step.
     """
-    low, high = parameters[:, 3].astype(np.float64), parameters[:, 4].astype(np.float64)
-    reach = 3 * np.sqrt(low * low + high * high)  # (N,) f8, along y
     order = np.argsort(parameters[:, 1], kind="stable")
-    out = np.ones(len(parameters))
-    _crowding(parameters, order, reach, float(reach.max(initial=0.0)), out)
+    x, y, a, b, c = np.ascontiguousarray(parameters[order, :5].T, np.float64)  # (N,) f8 each
+    reach = 3 * np.sqrt(b * b + c * c)  # along y
+    sums = np.ones(len(parameters))
+    _crowding(x, y, a, b, c, reach, float(reach.max(initial=0.0)), sums)
+    out = np.empty(len(parameters))
+    out[order] = sums
     return out
 
 
 @kernel()
-def _crowding(parameters: F4, order: I8, reach: F8, most: float, out: F8) -> None:
-    """`crowding`, added to out; `order` sorts the splats by y."""
-    for first in range(len(order)):
-        i = order[first]
-        xi, yi = np.float64(parameters[i, 0]), np.float64(parameters[i, 1])
-        ai, bi, ci = np.float64(parameters[i, 2]), np.float64(parameters[i, 3]), np.float64(parameters[i, 4])
-        for second in range(first + 1, len(order)):
-            j = order[second]
-            dy = np.float64(parameters[j, 1]) - yi
+def _crowding(x: F8, y: F8, a: F8, b: F8, c: F8, reach: F8, most: float, out: F8) -> None:
+    """`crowding`, added to out, of splats in the order of y; a, b and c stand for l11, l21 and l22."""
+    for i in range(len(x)):
+        for j in range(i + 1, len(x)):
+            dx, dy = x[j] - x[i], y[j] - y[i]
             if dy > reach[i] + most:
                 break
-            if dy > reach[i] + reach[j]:
+            if dy > reach[i] + reach[j] or abs(dx) > 3 * (a[i] + a[j]):
                 continue
-            aj, bj, cj = np.float64(parameters[j, 2]), np.float64(parameters[j, 3]), np.float64(parameters[j, 4])
-            dx = np.float64(parameters[j, 0]) - xi
-            if abs(dx) > 3 * (ai + aj):
-                continue
-            xx, xy, yy = ai * ai + aj * aj, ai * bi + aj * bj, ((bi * bi + ci * ci) + bj * bj) + cj * cj
+            xx, xy = a[i] * a[i] + a[j] * a[j], a[i] * b[i] + a[j] * b[j]
+            yy = ((b[i] * b[i] + c[i] * c[i]) + b[j] * b[j]) + c[j] * c[j]
             determinant = xx * yy - xy * xy
             distance = ((yy * dx * dx - 2 * xy * dx * dy) + xx * dy * dy) / determinant
             if distance < 18:
-                overlap = 2 * math.sqrt(ai * ci * (aj * cj) / determinant) * exp_kernel(-0.5 * distance)
+                overlap = 2 * math.sqrt(a[i] * c[i] * (a[j] * c[j]) / determinant) * exp_kernel(-0.5 * distance)
                 out[i] += overlap
                 out[j] += overlap

@@ -43,23 +43,56 @@ A_HIGH: Final = 13311
 S_MOST: Final = 32767
 
 
-@dataclass(frozen=True)
-class Candidates:
-    """The responses of round splats of one size.
+class _Candidates:
+    """The responses of round splats of one size to what is left of a residual.
+
+    Parameters
+    ----------
+    rest
+        (H, W, 3) f8, the residual in opponent colours; it may change, if `update` is told where.
+    size
+        Their deviation s in pixels.
 
     Attributes
     ----------
-    size
-        Their deviation s in pixels.
-    spacing
-        The distance between them in pixels.
+    spacing, radius
+        The distance between them, and how far one reaches, in pixels.
     response
         (rows, columns, 3) f8, n.
+    gains, columns
+        (rows,) f8 and i8: the largest gain in each row, and where it is.
     """
 
-    size: float
-    spacing: int
-    response: F8
+    def __init__(self, rest: F8, size: float) -> None:
+        height, width = rest.shape[:2]
+        self.size, self.spacing, self.radius = size, max(1, int(size / 2)), math.ceil(REACH * size)
+        places = np.arange(-self.radius - self.spacing, self.radius + self.spacing + 1) / size
+        self._rest, self._weights = rest, exp(-0.5 * (places * places))
+        rows, columns = -(-height // self.spacing), -(-width // self.spacing)
+        self.response = np.zeros((rows, columns, 3))
+        self.gains, self.columns = np.zeros(rows), np.zeros(rows, np.int64)
+        self._respond(0, 0, rows, columns)
+
+    def best(self) -> tuple[float, int, int]:
+        """The largest gain, its row and its column; the first of equal ones."""
+        row = int(self.gains.argmax())
+        return float(self.gains[row]), row, int(self.columns[row])
+
+    def update(self, x: int, y: int, radius: int) -> None:
+        """Respond anew to what is left around a pixel."""
+        reach = radius + self.radius
+        self._respond(
+            max(0, (y - reach) // self.spacing),
+            max(0, (x - reach) // self.spacing),
+            min(self.response.shape[0], (y + reach) // self.spacing + 1),
+            min(self.response.shape[1], (x + reach) // self.spacing + 1),
+        )
+
+    def _respond(self, top: int, left: int, bottom: int, right: int) -> None:
+        _respond(
+            self._rest, self.size, self.spacing, self.radius, self._weights, self.response, top, left, bottom, right
+        )  # fmt: skip
+        _find_best(self.response, top, bottom, self.gains, self.columns)
 
 
 def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: int) -> F8:
@@ -79,37 +112,19 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
     height, width = residual.shape[:2]
     rest = np.empty((height, width, 3))
     _opponent(np.ascontiguousarray(residual), rest)
-    layers = []
-    for size in sizes:
-        spacing = max(1, int(size / 2))
-        rows, columns = -(-height // spacing), -(-width // spacing)
-        radius = math.ceil(REACH * size)
-        places = np.arange(-radius - spacing, radius + spacing + 1) / size
-        weights = exp(-0.5 * (places * places))
-        layer = Candidates(size, spacing, np.zeros((rows, columns, 3)))
-        _respond(rest, size, spacing, radius, weights, layer.response, 0, 0, rows, columns)
-        layers.append((layer, radius, weights))
+    layers = [_Candidates(rest, size) for size in sizes]
     found: list[list[float]] = []
     while len(found) < most:
-        best, where, which = least, (-1, -1), -1
-        for k, (layer, _, _) in enumerate(layers):
-            gain, row, column = _best(layer.response)
-            if gain > best:
-                best, where, which = gain, (row, column), k
-        if which < 0:
+        (gain, row, column), layer = max(((layer.best(), layer) for layer in layers), key=lambda one: one[0][0])
+        if gain <= least:
             break
-        layer, radius, _ = layers[which]
-        n = layer.response[where].copy()
-        x, y = where[1] * layer.spacing + layer.spacing // 2, where[0] * layer.spacing + layer.spacing // 2
-        _subtract(rest, x, y, layer.size, radius, n)
+        n = layer.response[row, column].copy()
+        x, y = column * layer.spacing + layer.spacing // 2, row * layer.spacing + layer.spacing // 2
+        _subtract(rest, x, y, layer.size, layer.radius, n)
         log_size = math.sqrt(2.0) * float(_log(layer.size))
         found.append([x + 0.5, y + 0.5, log_size, 0.0, 0.0, *n])
-        for other, reach, weights in layers:
-            top = max(0, (y - radius - reach) // other.spacing)
-            left = max(0, (x - radius - reach) // other.spacing)
-            bottom = min(other.response.shape[0], (y + radius + reach) // other.spacing + 1)
-            right = min(other.response.shape[1], (x + radius + reach) // other.spacing + 1)
-            _respond(rest, other.size, other.spacing, reach, weights, other.response, top, left, bottom, right)
+        for other in layers:
+            other.update(x, y, layer.radius)
     return np.array(found, np.float64).reshape(-1, 8)
 
 
@@ -241,17 +256,17 @@ def _respond(
         return
     first = left * spacing + spacing // 2 - radius
     start, end = max(0, first), min(width, (right - 1) * spacing + spacing // 2 + radius + 1)
-    column = np.empty((end - start, 3))
+    sums = np.empty(3 * (end - start))  # one flat loop over columns and colours becomes vector code
+    column = sums.reshape(-1, 3)
     middle = (len(weights) - 1) // 2
     norm = 1 / (math.sqrt(math.pi) * size)
     for row in range(top, bottom):
         cy = row * spacing + spacing // 2
-        column[:] = 0
+        sums[:] = 0
         for y in range(max(0, cy - radius), min(height, cy + radius + 1)):
-            w = weights[y - cy + middle]
-            for x in range(start, end):
-                for k in range(3):
-                    column[x - start, k] += w * rest[y, x, k]
+            w, line = weights[y - cy + middle], rest[y, start:end].reshape(-1)
+            for i in range(sums.size):
+                sums[i] += w * line[i]
         for place in range(left, right):
             cx = place * spacing + spacing // 2
             a, b, c = 0.0, 0.0, 0.0
@@ -264,15 +279,15 @@ def _respond(
 
 
 @kernel()
-def _best(response: F8) -> tuple[float, int, int]:
-    best, best_row, best_column = -1.0, 0, 0
-    for row in range(response.shape[0]):
+def _find_best(response: F8, top: int, bottom: int, gains: F8, columns: I8) -> None:
+    """The largest gain in each of the rows top..bottom, and the first column that has it."""
+    for row in range(top, bottom):
+        gains[row] = -1.0
         for column in range(response.shape[1]):
             a, b, c = response[row, column, 0], response[row, column, 1], response[row, column, 2]
             gain = (a * a + b * b) + c * c
-            if gain > best:
-                best, best_row, best_column = gain, row, column
-    return best, best_row, best_column
+            if gain > gains[row]:
+                gains[row], columns[row] = gain, column
 
 
 @kernel()
