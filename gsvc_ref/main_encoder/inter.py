@@ -336,8 +336,12 @@ class _Updates:
                 self.new.z, self.frame.step, self.width, self.height, SIZE_STEPS, SHEAR_STEPS, self.limits
             )  # fmt: skip
             state_parameters(codes.state, self.parameters[count:])
-            loss, gradient = self.frame.objective.evaluate(self.parameters)
-            if loss < least and 3 * iteration >= 2 * last:
+            is_near_end = 3 * iteration >= 2 * last
+            if is_near_end:
+                loss, gradient = self.frame.objective.evaluate(self.parameters)
+            else:
+                loss, gradient = self.frame.sampled.evaluate(self.parameters, iteration)
+            if is_near_end and loss < least:
                 least, best, best_new = loss, self.y.astype(np.int64), codes
                 added = self._added_by_removal(gradient[:count])
             differences.rounded_step(

@@ -20,13 +20,15 @@ from gsvc_ref.main_profile.models import Models
 from gsvc_ref.main_profile.reconstruct import intra_state, position_steps
 from gsvc_ref.main_profile.state import SHEAR_STEPS, SIZE_STEPS, classes, to_splats
 from gsvc_ref.main_profile.tables import step_of
-from gsvc_ref.rendering import Objective, Precision
+from gsvc_ref.rendering import Objective, Precision, SampledObjective
+from gsvc_ref.rendering.sampled import Steps
 
 WIDTH, HEIGHT = 96, 64
 QUANTIZER = 40
 D = step_of(QUANTIZER)
 LIMITS = np.tile(np.array([-200, 200]), (3, 11, 1))
 DENSITIES = Densities((Density(scale_code=16),) * len(PLANES), (0,) * halving_count(WIDTH, HEIGHT))
+LATTICES: tuple[tuple[Steps, Steps], ...] = ((1, 1), (2, 1), (2, 2))
 HALF_A_UNIT = 2 ** (0.5 / 1024) - 1 + 2**-15
 """How far a decoder's colours are from the exact ones: it takes (A + B) / 2 in whole units, and 16 bits of 2^x."""
 SHORT = InterSettings(motion_steps=3, motion_rounds=3, iterations=24, rounded_iterations=9)
@@ -59,11 +61,14 @@ def values() -> I8:
 
 def encoded(
     values: I8, target: F4, settings: InterSettings = SHORT, threads: int = 1, precision: Precision = "fast",
-    densities: Densities | None = DENSITIES,
+    densities: Densities | None = DENSITIES, lattice: tuple[Steps, Steps] = (2, 1),
 ) -> MainCodes:  # fmt: skip
     objective = Objective(target, threads=threads, precision=precision)
-    state = state_of(values, densities)
-    return InterEncoder(settings).encode(PFrame(state, objective, picture(values), target, QUANTIZER, len(values)))
+    sampled = SampledObjective(target, threads, precision=precision, down=lattice[0], right=lattice[1])
+    frame = PFrame(
+        state_of(values, densities), objective, sampled, picture(values), target, QUANTIZER, len(values)
+    )  # fmt: skip
+    return InterEncoder(settings).encode(frame)
 
 
 def anchors(values: I8) -> differences.F8:
@@ -120,13 +125,16 @@ def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> Non
     for target, wanted in ((picture(shifted), (9.375, -4.6875)), (before, (0, 0))):
         flow = flow_at_points(before, target)
         reference = to_splats(values).to_array()
-        field = best_field(Objective(target, threads=1), reference, flow, None, 500, 2.4, (64, 32), 6, 6)
-        assert (field.cell > 0) == (wanted != (0, 0))
-        assert np.abs(field.vectors - wanted).mean() < 2
+        for down, right in LATTICES:
+            sampled = SampledObjective(target, 1, down=down, right=right)
+            field = best_field(sampled, reference, flow, None, 500, 2.4, (64, 32), 6, 6)
+            assert (field.cell > 0) == (wanted != (0, 0))
+            assert np.abs(field.vectors - wanted).mean() < 2
 
 
-def test_a_still_picture_needs_no_codes(values: I8) -> None:
-    codes = encoded(values, picture(values))
+@pytest.mark.parametrize("lattice", LATTICES)
+def test_a_still_picture_needs_no_codes(values: I8, lattice: tuple[Steps, Steps]) -> None:
+    codes = encoded(values, picture(values), lattice=lattice)
     assert codes.motion_cell == 0
     assert not codes.modes.any()
     assert not codes.differences.any()
