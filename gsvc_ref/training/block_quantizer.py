@@ -81,7 +81,7 @@ class BlockQuantizer:
     ) -> None:
         self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
         self.active = np.ones((len(values), 3), np.bool_) if active is None else active
-        difference = self._difference(values)
+        difference = self.differences(values)
         self._no_reference = np.empty((0, 8), np.float32)
         self._largest = np.float32(lsq.largest_code(settings.cholesky_bits))
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
@@ -94,12 +94,38 @@ class BlockQuantizer:
         self._lsq_optimizer = Adan(2, 3, AdanSettings(0.9, 0.92, 0.99))
         self._lsq_gradient = np.zeros((2, 3), np.float32)
 
-    def _difference(self, values: F4) -> F4:
+    def differences(self, values: F4) -> F4:
         """The values, or their active differences, (n, 8) f4."""
         if self.reference is None:
             return values
         mask = np.repeat(self.active, [2, 3, 3], axis=1)  # (n, 8)
         return np.where(mask, values - self.reference, np.float32(0)).astype(np.float32)
+
+    def snapped(self, values: F4) -> F4:
+        """The values (n, 8) f4 with the bits of the reference in what is not active."""
+        if self.reference is None:
+            return values.copy()
+        return np.where(np.repeat(self.active, [2, 3, 3], axis=1), values, self.reference)
+
+    def round_positions(self, values: F4) -> None:
+        """Round the positions of values (n, 8) f4 in place to what a decoder will have."""
+        if self.present[0]:
+            reference = self._no_reference if self.reference is None else self.reference
+            decode_positions(self.differences(values), reference, self.size, self.step_exponent, values)
+
+    def round_cholesky(self, values: F4) -> None:
+        """Learn scale and offset for values (n, 8) f4, unless the decoder has them, and round the factors in place."""
+        if self.present[1]:
+            difference = self.differences(values)
+            self.lsq = self._start_lsq(difference[:, 2:5])
+            reference = self._no_reference if self.reference is None else self.reference
+            decode_cholesky(difference, reference, self.lsq.scale, self.lsq.offset, self._largest, values)
+
+    def learn_colors(self, values: F4) -> None:
+        """Learn codebooks for the colours of values (n, 8) f4, unless the decoder has them."""
+        if self.rvq is not None and self.present[2]:
+            self.rvq = self._start_rvq(self.differences(values)[:, 5:8])
+            self._books, self._ends = rvq.joined(self.codebooks)
 
     def _start_lsq(self, cholesky: F4) -> LsqParameters:
         if self.kept.quantizer is not None:
@@ -137,10 +163,13 @@ class BlockQuantizer:
         assert self.kept.codebooks is not None
         return tuple(book.astype(np.float32) for book in self.kept.codebooks)
 
-    def codes(self, values: F4) -> SplatBlock:
-        """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
-        difference = self._difference(values)
-        indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks))
+    def codes(self, values: F4, colors: NDArray[np.uint16] | None = None) -> SplatBlock:
+        """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet.
+
+        `colors` are the codewords (n, M) u2; None: the nearest.
+        """
+        difference = self.differences(values)
+        indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks)) if colors is None else colors
         position, cholesky, color = self.present
         own_quantizer = cholesky and self.kept.quantizer is None
         own_codebooks = color and self.rvq is not None
@@ -202,7 +231,7 @@ class BlockQuantizer:
 
     def color_error(self, values: F4) -> float:
         """The squared error of the quantised colours, weighted as in training."""
-        colors = self._difference(values)[:, 5:8]
+        colors = self.differences(values)[:, 5:8]
         books = rvq.flat(self.codebooks)
         error = rvq.dequantize(rvq.rvq_assign(colors, *books), *books) - colors
         return float((self.area * np.square(error).sum(axis=1))[self.active[:, 2]].sum())

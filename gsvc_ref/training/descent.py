@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F8
@@ -52,6 +53,11 @@ class LBFGS:
         """Let splats follow the others; the next gradient makes no pair."""
         zeros = np.zeros((MEMORY, new, 8))
         self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
+        self._step, self._error, self._least = None, math.inf, math.inf
+
+    def take(self, indices: NDArray[np.int64]) -> None:
+        """Keep the splats of these indices; the next gradient makes no pair."""
+        self._steps, self._changes = self._steps[:, indices], self._changes[:, indices]
         self._step, self._error, self._least = None, math.inf, math.inf
 
     def step(self, z: F8, error: float, gradient: F8) -> F8:
