@@ -5,12 +5,13 @@ sees is, bit for bit, what a decoder will have.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.quantization import LsqParameters, coarsen_half, lsq, lsq_quantize, rvq, to_half
+from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, lsq_quantize, rvq, to_half
 from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
@@ -87,7 +88,7 @@ class BlockQuantizer:
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
         self.present = tuple(reference is None or bool(part.any()) for part in self.active.T)
         self.lsq = self._start_lsq(difference[:, 2:5])
-        self.rvq = self._start_rvq(difference[:, 5:8])
+        self.rvq = self._start_rvq(difference[:, 5:8], settings.colors)
         self._books, self._ends = rvq.joined(self.codebooks)
         self._shares = self._shares_of_colors()
         # A row each for scale and offset, in steps of the scale; the decoder's arithmetic stays binary32.
@@ -124,8 +125,20 @@ class BlockQuantizer:
     def learn_colors(self, values: F4) -> None:
         """Learn codebooks for the colours of values (n, 8) f4, unless the decoder has them."""
         if self.rvq is not None and self.present[2]:
-            self.rvq = self._start_rvq(self.differences(values)[:, 5:8])
+            colors = replace(self.settings.colors, codewords=enough_codewords(self.settings.colors, self._colored))
+            self.rvq = self._start_rvq(self.differences(values)[:, 5:8], colors)
             self._books, self._ends = rvq.joined(self.codebooks)
+
+    def forget_codebooks(self, values: F4) -> None:
+        """Learn codebooks for the colours of values (n, 8) f4, even where the decoder has some."""
+        self.kept = Kept(self.kept.quantizer, None)
+        self.rvq = self._start_rvq(self.differences(values)[:, 5:8], self.settings.colors)
+        self.learn_colors(values)
+
+    @property
+    def _colored(self) -> int:
+        """The number of splats whose colours may differ from the reference."""
+        return int(np.count_nonzero(self.active[:, 2]))
 
     def _start_lsq(self, cholesky: F4) -> LsqParameters:
         if self.kept.quantizer is not None:
@@ -136,13 +149,13 @@ class BlockQuantizer:
             return with_exact_zero(LsqParameters(scale, -middle * scale), self.settings.cholesky_bits)
         return from_mse(cholesky, self.settings.cholesky_bits)
 
-    def _start_rvq(self, colors: F4) -> RvqState | None:
+    def _start_rvq(self, colors: F4, settings: RvqSettings) -> RvqState | None:
         if self.kept.codebooks is not None:
             return None
         chosen = self.active[:, 2]
         if not chosen.any():
             chosen = np.ones_like(chosen)
-        return initialize(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
+        return initialize(colors[chosen], settings, self.rng, self.area[chosen])
 
     def _shares_of_colors(self) -> NDArray[np.float64]:
         """How much each colour counts in learning, (n,) f8: 0 if it is not active, and 1 on average over the others."""
@@ -270,3 +283,9 @@ class BlockQuantizer:
     def learned(self, learned: Learned) -> None:
         self.lsq, self.rvq = learned
         self._books, self._ends = rvq.joined(self.codebooks)
+
+
+def enough_codewords(settings: RvqSettings, count: int) -> tuple[int, ...]:
+    """The numbers of codewords for `count` colours: a stage with one for each where that is no more than its own."""
+    needed = count + int(settings.zero_codeword)
+    return (needed,) if needed <= settings.codewords[0] else settings.codewords

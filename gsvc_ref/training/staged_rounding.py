@@ -22,7 +22,7 @@ from gsvc_ref.quantization import rvq
 from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
-from gsvc_ref.training.gram import Gram, gram, solved_colors
+from gsvc_ref.training.gram import Gram, gram, solved_colors, squared_change
 from gsvc_ref.training.loop import OnIteration
 from gsvc_ref.training.settings import RoundingSettings
 from gsvc_ref.training.walk import Free, FreeSplats, Walk
@@ -32,6 +32,9 @@ SOLVER_STEPS: Final = 8
 
 MOST_COLOR_CHANGE: Final = 0.2
 """Largest change of a colour, of 1, in one solution: a linear model holds where pixels are not clamped."""
+
+WORTH_CODEBOOKS: Final = 0.05
+"""Codebooks are sent anew where they take more than this part of the squared error, 0.2 dB."""
 
 
 def round_in_stages(
@@ -78,8 +81,10 @@ def round_in_stages(
     x = work.refitted(x, free & np.array([False, True, True]), settings.iterations - settings.first)
     x = quantizer.rounded_cholesky(x)
     matrix = gram(x)
-    x[:, 5:8] += work.color_changes(x, matrix, free[:, 2])
-    codes = quantizer.codes(x, chosen_codewords(x, quantizer, matrix))
+    loss, changes = work.color_changes(x, matrix, free[:, 2])
+    x[:, 5:8] += changes
+    most = WORTH_CODEBOOKS * loss * objective.width * objective.height
+    codes = quantizer.codes(x, chosen_codewords(x, quantizer, matrix, most))
     objective.thaw()
     return codes, reconstruct(codes, quantizer.before), work.done
 
@@ -94,7 +99,7 @@ class _Refits:
         self.done = 0
 
     def refitted(self, x: F4, free: Free, steps: int) -> F4:
-        """Splats (n, 8) f4 after some steps over what is free, (n, 3) bool; the last is not looked at any more."""
+        """Splats (n, 8) f4 after some steps over what is free, (n, 3) bool: the best of them."""
         if steps < 1 or not free.any():
             return x
         splats = FreeSplats(self._objective, x, free, self._pixels, hold=False)
@@ -104,14 +109,17 @@ class _Refits:
             loss, error, gradient = splats.evaluate(z)
             self._report(loss)
             z = walk.next(z, error, gradient)
+        assert walk.best is not None
+        if splats.error(z) > walk.best[0]:
+            z = walk.best[1]
         return splats.at(z)
 
-    def color_changes(self, x: F4, matrix: Gram, free: NDArray[np.bool_]) -> F4:
-        """The changes (n, 3) f4 of the free colours that bring the picture closest."""
+    def color_changes(self, x: F4, matrix: Gram, free: NDArray[np.bool_]) -> tuple[float, F4]:
+        """The loss, and the changes (n, 3) f4 of the free colours that bring the picture closest."""
         loss, gradient = self._objective.evaluate(x)
         self._report(loss)
         changes = solved_colors(matrix, gradient[:, 5:8] * (-self._pixels / 2.0), free, SOLVER_STEPS)
-        return np.clip(changes, -MOST_COLOR_CHANGE, MOST_COLOR_CHANGE).astype(np.float32)
+        return loss, np.clip(changes, -MOST_COLOR_CHANGE, MOST_COLOR_CHANGE).astype(np.float32)
 
     def _report(self, loss: float) -> None:
         self.done += 1
@@ -119,12 +127,33 @@ class _Refits:
             self._on_iteration(self.done, self._all, loss)
 
 
-def chosen_codewords(x: F4, quantizer: FrameQuantizer, matrix: Gram) -> list[NDArray[np.uint16]]:
-    """Codebooks are learned for the colours of x (n, 8) f4; the codewords (n, M) u2 of each block's splats."""
+def chosen_codewords(x: F4, quantizer: FrameQuantizer, matrix: Gram, most: float) -> list[NDArray[np.uint16]]:
+    """The codewords (n, M) u2 of each block's splats, given what their colours are to be in x (n, 8) f4.
+
+    The codebooks that a decoder has are used where what they leave, e' K e, is at most `most` above what others leave.
+    """
+    for block, rows in quantizer.blocks:
+        block.learn_colors(x[rows])
+    chosen, left = _rounded_colors(x, quantizer, matrix)
+    for i in (i for i in range(len(chosen)) if quantizer.blocks[i][0].kept.codebooks is not None):
+        if left <= most:
+            break
+        block, rows = quantizer.blocks[i]
+        kept = block.kept, block.learned
+        block.forget_codebooks(x[rows])
+        others, less = _rounded_colors(x, quantizer, matrix)
+        if less < left - most:
+            chosen, left = others, less
+        else:
+            block.kept, block.learned = kept
+    return chosen
+
+
+def _rounded_colors(x: F4, quantizer: FrameQuantizer, matrix: Gram) -> tuple[list[NDArray[np.uint16]], float]:
+    """The codewords of each block's splats by the codebooks of now, and e' K e of what they leave."""
     errors = np.zeros((len(x), 3))
     blocks = []
     for block, rows in quantizer.blocks:
-        block.learn_colors(x[rows])
         wanted = block.differences(x[rows])[:, 5:8]
         chosen = rvq.rvq_assign(wanted, *rvq.flat(block.codebooks))
         left = rvq.dequantize(chosen, *rvq.flat(block.codebooks)) - wanted
@@ -132,7 +161,7 @@ def chosen_codewords(x: F4, quantizer: FrameQuantizer, matrix: Gram) -> list[NDA
         blocks.append((block, rows.indices(len(x))[0], wanted, chosen))
     for block, first, wanted, chosen in blocks:
         round_with_feedback(matrix, wanted, block.active[:, 2], first, *rvq.joined(block.codebooks), chosen, errors)
-    return [chosen for _, _, _, chosen in blocks]
+    return [chosen for _, _, _, chosen in blocks], squared_change(matrix, errors)
 
 
 def round_with_feedback(

@@ -40,12 +40,19 @@ RISE: Final = 1.01
 MOST_SHEAR: Final = 16.0
 """Largest |l21 / l22|, so that no needle spreads the steps of a quantiser over its own length."""
 
+AT_BOUND: Final = 1e-9
+"""What is nearer to a bound than this stands at it."""
+
 
 class Evaluated(Protocol):
     """What is needed of an `Objective` or a `Level`."""
 
     def evaluate(self, parameters: F4) -> tuple[float, F4]:
         """The loss, and its gradient (N, 8) f4."""
+        ...
+
+    def loss(self, parameters: F4) -> float:
+        """The loss alone."""
         ...
 
     def freeze(self, parameters: F4, frozen: NDArray[np.bool_]) -> None:
@@ -104,6 +111,10 @@ class FreeSplats:
         self.parameters[self.rows] = own
         return self.parameters
 
+    def error(self, z: F8) -> float:
+        """The squared error in units of 8 bits."""
+        return self._objective.loss(self.at(z)) * self._scale
+
     def evaluate(self, z: F8) -> tuple[float, float, F8]:
         """The loss, the squared error in units of 8 bits, and its gradient (n, 8) by (u, v, m, r, s, n0, n1, n2)."""
         loss, gradient = self._objective.evaluate(self.at(z))
@@ -137,8 +148,10 @@ class Walk:
         elif error > RISE * self.best[0]:
             error, z, gradient = self.best
             self._descent.restart()
-        following = moved(z, self._descent.step(z, error, gradient))
-        keep_shapes(following)
+        hold_at_bounds(z, gradient)
+        step = self._descent.step(z, error, gradient)
+        following = moved(z, step)
+        keep_shapes(z, following, step)
         return following
 
     def append(self, z: F8, error: float, gradient: F8, new: int) -> None:
@@ -227,10 +240,39 @@ def _pull(z: F8, start: F8, weights: F8, gradient: F8) -> float:
 
 
 @kernel()
-def keep_shapes(z: F8) -> None:
-    """Move coordinates, in place, to where splats are neither smaller than MIN_FACTOR nor too slanted."""
+def hold_at_bounds(z: F8, gradient: F8) -> None:
+    """Take from a gradient, in place, what would push splats over the bounds of `keep_shapes` that they stand at.
+
+    What is left is the gradient over the directions that are open, so that no pair learns from a step that was cut off.
+    """
+    low = log_kernel(np.float64(MIN_FACTOR)) + AT_BOUND
+    for i in range(len(z)):
+        by_a, by_b = (gradient[i, 2] + gradient[i, 3]) * HALF, (gradient[i, 2] - gradient[i, 3]) * HALF
+        if (z[i, 2] + z[i, 3]) * HALF < low and by_a > 0:
+            by_a = 0.0
+        if (z[i, 2] - z[i, 3]) * HALF < low and by_b > 0:
+            by_b = 0.0
+        gradient[i, 2], gradient[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
+        if abs(z[i, 4]) > MOST_SHEAR - AT_BOUND and z[i, 4] * gradient[i, 4] < 0:
+            gradient[i, 4] = 0.0
+
+
+@kernel()
+def keep_shapes(z: F8, following: F8, step: F8) -> None:
+    """Move coordinates, in place, to where splats are neither smaller than MIN_FACTOR nor too slanted.
+
+    `step` (n, 8), which led from z to `following`, becomes the one that was made. Shapes that make none stay.
+    """
     low = log_kernel(np.float64(MIN_FACTOR))
     for i in range(len(z)):
-        a, b = max((z[i, 2] + z[i, 3]) * HALF, low), max((z[i, 2] - z[i, 3]) * HALF, low)
-        z[i, 2], z[i, 3] = (a + b) * HALF, (a - b) * HALF
-        z[i, 4] = min(max(z[i, 4], -MOST_SHEAR), MOST_SHEAR)
+        if step[i, 2] == 0 and step[i, 3] == 0 and step[i, 4] == 0:
+            continue
+        a, b = (following[i, 2] + following[i, 3]) * HALF, (following[i, 2] - following[i, 3]) * HALF
+        if a < low or b < low:
+            a, b = max(a, low), max(b, low)
+            following[i, 2], following[i, 3] = (a + b) * HALF, (a - b) * HALF
+            step[i, 2], step[i, 3] = following[i, 2] - z[i, 2], following[i, 3] - z[i, 3]
+            following[i, 4] = z[i, 4] * exp_kernel(ROOT * step[i, 3]) + step[i, 4]
+        if abs(following[i, 4]) > MOST_SHEAR:
+            following[i, 4] = min(max(following[i, 4], -MOST_SHEAR), MOST_SHEAR)
+            step[i, 4] = following[i, 4] - z[i, 4] * exp_kernel(ROOT * step[i, 3])

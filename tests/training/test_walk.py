@@ -11,7 +11,7 @@ from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters
 from gsvc_ref.training.loop import MIN_FACTOR
 from gsvc_ref.training.psnr import psnr_of_loss
-from gsvc_ref.training.walk import MOST_SHEAR, FreeSplats, Walk, add_pull, keep_shapes, pull_plain
+from gsvc_ref.training.walk import MOST_SHEAR, FreeSplats, Walk, add_pull, hold_at_bounds, keep_shapes, pull_plain
 
 SIDE = 48
 FEW = DescentSettings(iterations=12, pull=0.0, least_gain=0.0)
@@ -116,17 +116,35 @@ def test_the_pull_of_a_small_change_is_the_error_that_it_makes():
 
 
 def test_shapes_are_kept_in_bounds():
-    p = some_splats(3)
-    z = to_coordinates(p)
-    z[0, 2] = -9
-    z[1, 4] = 300
-    untouched = z[2].copy()
-    keep_shapes(z)
-    q = to_parameters(z)
+    z, step = to_coordinates(some_splats(4)), np.full((4, 8), 0.1)
+    step[0, 2] = -9
+    step[1, 4] = 300
+    step[3, 2:5] = 0
+    z[3, 2] = -9  # smaller than any may become, but its shape does not move
+    intended = moved(z, step)
+    following, made = intended.copy(), step.copy()
+    keep_shapes(z, following, made)
+    q = to_parameters(following)
     assert q[0, 2] == pytest.approx(MIN_FACTOR)
     assert q[0, 4] == pytest.approx(MIN_FACTOR)
-    assert z[1, 4] == MOST_SHEAR
-    assert z[2] == pytest.approx(untouched, rel=1e-12)
+    assert following[1, 4] == MOST_SHEAR
+    assert np.array_equal(following[2:], intended[2:])
+    assert np.array_equal(made[2:], step[2:])
+    assert moved(z, made)[:, 2:] == pytest.approx(following[:, 2:], rel=1e-12)
+
+
+def test_what_pushes_over_a_bound_is_no_gradient():
+    z = to_coordinates(some_splats(4))
+    z[0, 2:4] = np.log(float(MIN_FACTOR)) * 2**0.5, 0.0  # both factors at their least
+    z[1, 4] = -MOST_SHEAR
+    gradient = np.ones((4, 8))
+    hold_at_bounds(z, gradient)  # m and r are to fall alike: l11 is to shrink, l22 to stay
+    assert gradient[0, 2:4] == pytest.approx(0, abs=1e-12)
+    assert gradient[1, 4] == 0
+    assert np.array_equal(gradient[2:], np.ones((2, 8)))
+    z[1, 4], gradient[1, 4] = MOST_SHEAR, 1.0
+    hold_at_bounds(z, gradient)
+    assert gradient[1, 4] == 1  # that leads back
 
 
 def test_a_fit_brings_the_picture_closer_and_tells_each_evaluation():
