@@ -35,6 +35,7 @@ from gsvc_ref.training import (
     FrameQuantizer,
     OnIteration,
     Population,
+    RoundingSettings,
     fit,
     image_start,
     loss_of_psnr,
@@ -319,7 +320,10 @@ class _FrameWork:
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
-            quantizer = FrameQuantizer(population, self.objective, intra, inter, before, self.rng)
+            quantizer = FrameQuantizer(
+                population, self.objective, intra, inter, before, self.rng,
+                in_stages=isinstance(settings.tune, RoundingSettings),
+            )  # fmt: skip
             codes, state, done = quantised(
                 population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
             )

@@ -35,7 +35,10 @@ def with_best_quantizer(
     for choice in settings.intra.candidates:
         candidate = with_quantizer(settings, choice)
         blocks = candidate.intra.quantizer, candidate.inter.quantizer
-        quantizer = FrameQuantizer(population, objective, *blocks, before, np.random.default_rng(seed))
+        in_stages = isinstance(candidate.intra.tune, RoundingSettings)
+        quantizer = FrameQuantizer(
+            population, objective, *blocks, before, np.random.default_rng(seed), in_stages=in_stages
+        )
         codes, state, _ = quantised(population.parameters(), quantizer, objective, trial_of(candidate.intra.tune))
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
         if psnr >= MAX_PSNR:

@@ -325,7 +325,7 @@ class Settings:
         That way is a start drawn from the image, splats added where the residual is, few and well-sized steps.
         """
         intra = FrameSettings(
-            fit=DescentSettings(iterations=100, pull=0.0, least_gain=0.02, growth=Growth(end=0.24)),
+            fit=DescentSettings(iterations=100, pull=0.0, least_gain=0.015, growth=Growth(end=0.24)),
             tune=RoundingSettings(iterations=3, before=0.0),
             quantizer=BlockSettings(
                 position_step=0.05,

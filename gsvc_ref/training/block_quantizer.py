@@ -6,11 +6,12 @@ sees is, bit for bit, what a decoder will have.
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, lsq_quantize, rvq, to_half
 from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
@@ -18,6 +19,7 @@ from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
 from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
+from gsvc_ref.training.loop import MIN_FACTOR
 from gsvc_ref.training.settings import BlockSettings
 from gsvc_ref.training.straight_through import (
     decode_cholesky,
@@ -29,6 +31,9 @@ from gsvc_ref.training.straight_through import (
 
 Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
+
+STEPS: Final = (1 / 64, 1.0)
+"""The finest and the coarsest fixed step, in pixels."""
 
 
 class ForwardResult(NamedTuple):
@@ -68,6 +73,8 @@ class BlockQuantizer:
         Draws the starts of codebooks and replacements for dead codewords.
     kept
         Quantiser and codebooks that the decoder has and that are to be used unchanged, if there are any.
+    learn
+        Whether to learn the others of these values at once. `round_cholesky` and `learn_colors` learn them later.
     """
 
     def __init__(
@@ -79,17 +86,21 @@ class BlockQuantizer:
         settings: BlockSettings,
         rng: np.random.Generator,
         kept: Kept,
+        *,
+        learn: bool = True,
     ) -> None:
         self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
         self.active = np.ones((len(values), 3), np.bool_) if active is None else active
-        difference = self.differences(values)
         self._no_reference = np.empty((0, 8), np.float32)
         self._largest = np.float32(lsq.largest_code(settings.cholesky_bits))
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
         self.present = tuple(reference is None or bool(part.any()) for part in self.active.T)
-        self.lsq = self._start_lsq(difference[:, 2:5])
-        self.rvq = self._start_rvq(difference[:, 5:8], settings.colors)
-        self._books, self._ends = rvq.joined(self.codebooks)
+        self.rvq: RvqState | None = None
+        if learn:
+            difference = self.differences(values)
+            self.lsq = self._start_lsq(difference[:, 2:5])
+            self.rvq = self._start_rvq(difference[:, 5:8], settings.colors)
+            self._books, self._ends = rvq.joined(self.codebooks)
         self._shares = self._shares_of_colors()
         # A row each for scale and offset, in steps of the scale; the decoder's arithmetic stays binary32.
         self._lsq_optimizer = Adan(2, 3, AdanSettings(0.9, 0.92, 0.99))
@@ -114,40 +125,47 @@ class BlockQuantizer:
             reference = self._no_reference if self.reference is None else self.reference
             decode_positions(self.differences(values), reference, self.size, self.step_exponent, values)
 
-    def round_cholesky(self, values: F4) -> None:
-        """Learn scale and offset for values (n, 8) f4, unless the decoder has them, and round the factors in place."""
-        if self.present[1]:
-            difference = self.differences(values)
-            self.lsq = self._start_lsq(difference[:, 2:5])
-            reference = self._no_reference if self.reference is None else self.reference
-            decode_cholesky(difference, reference, self.lsq.scale, self.lsq.offset, self._largest, values)
+    def round_cholesky(self, values: F4, worth: float) -> None:
+        """Round the factors of values (n, 8) f4 in place, with scale and offset learned for them.
 
-    def learn_colors(self, values: F4) -> None:
-        """Learn codebooks for the colours of values (n, 8) f4, unless the decoder has them."""
-        if self.rvq is not None and self.present[2]:
-            colors = replace(self.settings.colors, codewords=enough_codewords(self.settings.colors, self._colored))
-            self.rvq = self._start_rvq(self.differences(values)[:, 5:8], colors)
-            self._books, self._ends = rvq.joined(self.codebooks)
+        Those that the decoder has are used if they change the picture by at most `worth`, a sum of squares.
+        """
+        if not self.present[1]:
+            return
+        difference = self.differences(values)
+        reference = self._no_reference if self.reference is None else self.reference
+        self.lsq = self._start_lsq(difference[:, 2:5], _shape_weights(values))
+        rounded = self._rounded_cholesky(values, difference, reference)
+        if self.kept.quantizer is not None and self.reference is None and not _shape_error(values, rounded) <= worth:
+            self.kept = Kept(None, self.kept.codebooks)
+            self.lsq = self._start_lsq(difference[:, 2:5], _shape_weights(values))
+            rounded = self._rounded_cholesky(values, difference, reference)
+        values[:] = rounded
 
-    def forget_codebooks(self, values: F4) -> None:
-        """Learn codebooks for the colours of values (n, 8) f4, even where the decoder has some."""
+    def _rounded_cholesky(self, values: F4, difference: F4, reference: F4) -> F4:
+        """The values (n, 8) f4 with factors as a decoder will have them, none rounded to below MIN_FACTOR."""
+        rounded = values.copy()
+        decode_cholesky(difference, reference, self.lsq.scale, self.lsq.offset, self._largest, rounded)
+        for column, step in ((2, self.lsq.scale[0]), (4, self.lsq.scale[2])):
+            small = (rounded[:, column] < MIN_FACTOR) & (difference[:, column] != 0)
+            missing = MIN_FACTOR - rounded[small, column]
+            rounded[small, column] += step * np.ceil(missing / step)
+        return rounded
+
+    def learn_colors(self, values: F4, factor: int = 1) -> None:
+        """Learn codebooks for the colours of values (n, 8) f4, `factor` times as large as the settings say."""
         self.kept = Kept(self.kept.quantizer, None)
-        self.rvq = self._start_rvq(self.differences(values)[:, 5:8], self.settings.colors)
-        self.learn_colors(values)
+        settings, count = self.settings.colors, int(np.count_nonzero(self.active[:, 2]))
+        settings = replace(settings, codewords=tuple(factor * size for size in settings.codewords))
+        settings = replace(settings, codewords=enough_codewords(settings, count))
+        self.rvq = self._start_rvq(self.differences(values)[:, 5:8], settings)
 
-    @property
-    def _colored(self) -> int:
-        """The number of splats whose colours may differ from the reference."""
-        return int(np.count_nonzero(self.active[:, 2]))
-
-    def _start_lsq(self, cholesky: F4) -> LsqParameters:
+    def _start_lsq(self, cholesky: F4, weights: F8 | None = None) -> LsqParameters:
         if self.kept.quantizer is not None:
             return LsqParameters(self.kept.quantizer.scale, self.kept.quantizer.offset)
-        if self.settings.cholesky_step is not None:
-            scale = np.full(3, self.settings.cholesky_step, np.float32)
-            middle = 1 << (self.settings.cholesky_bits - 1)
-            return with_exact_zero(LsqParameters(scale, -middle * scale), self.settings.cholesky_bits)
-        return from_mse(cholesky, self.settings.cholesky_bits)
+        if (fixed := fixed_steps(self.settings)) is not None:
+            return fixed
+        return from_mse(cholesky, self.settings.cholesky_bits, weights)
 
     def _start_rvq(self, colors: F4, settings: RvqSettings) -> RvqState | None:
         if self.kept.codebooks is not None:
@@ -171,10 +189,10 @@ class BlockQuantizer:
     @property
     def codebooks(self) -> tuple[F4, ...]:
         """The codebooks in use, each (B, 3) f4 of binary16 values."""
-        if self.rvq is not None:
-            return self.rvq.codebooks
-        assert self.kept.codebooks is not None
-        return tuple(book.astype(np.float32) for book in self.kept.codebooks)
+        if self.kept.codebooks is not None:
+            return tuple(book.astype(np.float32) for book in self.kept.codebooks)
+        assert self.rvq is not None
+        return self.rvq.codebooks
 
     def codes(self, values: F4, colors: NDArray[np.uint16] | None = None) -> SplatBlock:
         """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet.
@@ -182,16 +200,18 @@ class BlockQuantizer:
         `colors` are the codewords (n, M) u2; None: the nearest.
         """
         difference = self.differences(values)
-        indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks)) if colors is None else colors
         position, cholesky, color = self.present
+        indices = colors if color else None
+        if color and indices is None:
+            indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks))
         own_quantizer = cholesky and self.kept.quantizer is None
-        own_codebooks = color and self.rvq is not None
+        own_codebooks = color and self.kept.codebooks is None
         return SplatBlock(
             positions=self._position_bits(difference[:, :2]) if position else None,
             cholesky=lsq_quantize(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
             if cholesky
             else None,
-            colors=indices if color else None,
+            colors=indices,
             quantizer=self.quantizer if own_quantizer else None,
             codebooks=tuple(book.astype(np.float16) for book in self.codebooks) if own_codebooks else None,
         )
@@ -289,3 +309,76 @@ def enough_codewords(settings: RvqSettings, count: int) -> tuple[int, ...]:
     """The numbers of codewords for `count` colours: a stage with one for each where that is no more than its own."""
     needed = count + int(settings.zero_codeword)
     return (needed,) if needed <= settings.codewords[0] else settings.codewords
+
+
+def fixed_steps(settings: BlockSettings) -> LsqParameters | None:
+    """The quantiser of factors around an exact zero, if its step is fixed."""
+    if settings.cholesky_step is None:
+        return None
+    scale = np.full(3, settings.cholesky_step, np.float32)
+    middle = 1 << (settings.cholesky_bits - 1)
+    return with_exact_zero(LsqParameters(scale, -middle * scale), settings.cholesky_bits)
+
+
+def _shape_weights(values: F4) -> F8:
+    """What the square of an error of each Cholesky factor counts in `effects`, (n, 3) f8."""
+    l11, l21, l22 = values[:, 2:5].astype(np.float64).T
+    seen = np.square(values[:, 5:8].astype(np.float64)).sum(axis=1) * (l11 * l22)
+    slant = (l21 / l22) * (l21 / l22)
+    weights = seen[:, None] * np.stack([(3 + slant) / (l11 * l11), 1 / (l22 * l22), 3 / (l22 * l22)], axis=1)
+    return np.asarray(weights, np.float64)
+
+
+def _shape_error(values: F4, reference: F4) -> float:
+    """What other Cholesky factors do to the picture, over all splats."""
+    return math.fsum(effects(values, reference)[:, 1])
+
+
+def steps_for(values: F4, active: Active | None, error: float, settings: BlockSettings) -> BlockSettings:
+    """The settings with the fixed ones of their steps such that positions and factors add about `error` each.
+
+    An attribute that is rounded to a step h is off by h^2 / 12 on average, in squares. In `effects`, with
+    t = (1 + (l21 / l11)^2) / l22^2, that makes h^2 / 12 times |c'|^2 A (1 / l11^2 + t) / 2 for the position, and
+    |c'|^2 A (3 / l11^2 + 3 / l22^2 + t) / 4 for the factors. Steps are powers of two, so that they last for long.
+    """
+    l11, l21, l22 = values[:, 2:5].astype(np.float64).T
+    seen = np.square(values[:, 5:8].astype(np.float64)).sum(axis=1) * (math.pi * l11 * l22)
+    wide, high = 1 / (l11 * l11), 1 / (l22 * l22)
+    t = high * (1 + l21 * l21 * wide)
+    costs = np.stack([seen * (wide + t) / 2, seen * (3 * wide + 3 * high + t) / 4], axis=1)  # (n, 2) f8
+    if active is not None:
+        costs = np.where(active[:, :2], costs, 0)
+    steps = [_step(error, math.fsum(column)) for column in costs.T]
+    fixed = settings.position_step is not None, settings.cholesky_step is not None
+    position_step, cholesky_step = (step if has else None for step, has in zip(steps, fixed, strict=True))
+    return settings.with_(position_step=position_step, cholesky_step=cholesky_step)
+
+
+def _step(error: float, cost: float) -> float:
+    """The largest power of two h within STEPS with cost h^2 / 12 <= error."""
+    least, most = STEPS
+    if not cost > 0:
+        return most
+    return min(max(math.ldexp(0.5, math.frexp(math.sqrt(12 * error / cost))[1]), least), most)
+
+
+def effects(values: F4, reference: F4) -> F4:
+    """What changes from `reference` to `values` do to the picture, (n, 3) f4: by position, Cholesky factor, colour.
+
+    That is a sum of squared differences over all pixels, to second order and for one splat alone: with A = pi l11 l22
+    (the sum of g^2), the change (du, dv) = L^-1 dmu and the relative changes p = dl11/l11, q = dl22/l22,
+    s = (dl21 - l21 p)/l22, it is |c'|^2 A (du^2 + dv^2) / 2 for the position;
+    |c'|^2 A (3 p^2 + 3 q^2 + 2 p q + s^2) / 4 for the Cholesky factor; |dc'|^2 A for the colour.
+    """
+    difference = values - reference
+    l11, l21, l22 = values[:, 2], values[:, 3], values[:, 4]
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):  # of needles, whose effects are not finite
+        area = math.pi * l11 * l22
+        seen = np.square(values[:, 5:8]).sum(axis=1) * area
+        du = difference[:, 0] / l11
+        dv = (difference[:, 1] - l21 * du) / l22
+        p, q = difference[:, 2] / l11, difference[:, 4] / l22
+        s = (difference[:, 3] - l21 * p) / l22
+        shape = (3 * p * p + 3 * q * q + 2 * p * q + s * s) / 4
+        color = np.square(difference[:, 5:8]).sum(axis=1) * area
+        return np.stack([seen * (du * du + dv * dv) / 2, seen * shape, color], axis=1)

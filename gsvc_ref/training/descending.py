@@ -19,7 +19,7 @@ from gsvc_ref.training.settings import DescentSettings
 from gsvc_ref.training.walk import FreeSplats, Walk, add_pull
 
 PATIENCE: Final = 3
-"""Evaluations in a row that gain too little, after which a fit is over."""
+"""Evaluations that must gain too little together for a fit to be over."""
 
 COARSE_PART: Final = 0.8
 """The part of the evaluations up to which a picture may be reduced: the others belong to the full size."""
@@ -68,8 +68,8 @@ class _Descent:
         self._pixels = objective.width * objective.height
         self._events = schedule(settings, len(population), total)
         self._last_event = max(self._events, default=-1)
-        self._enough = float(power(10.0, -settings.least_gain / 10))
-        self._idle, self._before = 0, np.inf
+        self._enough = float(power(10.0, -PATIENCE * settings.least_gain / 10))
+        self._least: list[float] = []  # the least error after each evaluation of the present splats
         self._level: Objective | Level = self._level_of(0)
         self._begin()
         self._walk = Walk(len(self._z))
@@ -96,13 +96,14 @@ class _Descent:
         loss, self._error, self._gradient = self._free.evaluate(self._z)
         if self._pull.any():
             self._error += add_pull(self._z, self._start, self._pull, self._gradient)
-        self._idle = self._idle + 1 if self._error > self._enough * self._before else 0
-        self._before = self._error
+        self._least.append(min([self._error, *self._least[-1:]]))
         return loss
 
     def is_over(self, iteration: int) -> bool:
         """Whether the last evaluations gained too little for another one."""
-        return iteration > self._last_event and self._settings.least_gain > 0 and self._idle >= PATIENCE
+        if iteration <= self._last_event or self._settings.least_gain == 0 or len(self._least) <= PATIENCE:
+            return False
+        return self._least[-1] > self._enough * self._least[-1 - PATIENCE]
 
     def step(self, iteration: int) -> None:
         """Add splats or change the size where it is time for that, go one step, and remove splats."""
@@ -153,7 +154,7 @@ class _Descent:
         self._begin()
         self._start[: len(start)], self._z = start, z
         _, self._error, self._gradient = self._free.evaluate(z)
-        self._before = np.inf
+        self._least = []
 
     def _keep(self, z: F8) -> None:
         """Put coordinates into the population."""

@@ -20,7 +20,6 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
@@ -84,7 +83,7 @@ def gram(parameters: F4) -> Gram:
     return Gram(starts, columns, values, diagonal)
 
 
-def solved_colors(matrix: Gram, b: F8, free: NDArray[np.bool_], steps: int) -> F8:
+def solved_colors(matrix: Gram, b: F8, steps: int) -> F8:
     """The changes of colours that take the most of the squared error, (N, 3).
 
     (K + RIDGE diag K) dc = b by conjugate gradients from 0, preconditioned by the diagonal, channel by channel.
@@ -95,13 +94,11 @@ def solved_colors(matrix: Gram, b: F8, free: NDArray[np.bool_], steps: int) -> F
         K.
     b
         (N, 3) f8; -H W / 2 times the gradient of the loss by the colours.
-    free
-        (N,) bool: the colours that may change.
     steps
         How many steps.
     """
     x = np.zeros(b.shape)
-    _conjugate_gradients(matrix.starts, matrix.columns, matrix.values, matrix.diagonal, b, free, steps, x)
+    _conjugate_gradients(matrix.starts, matrix.columns, matrix.values, matrix.diagonal, b, steps, x)
     return x
 
 
@@ -223,38 +220,35 @@ def _product(starts: I8, columns: I8, values: F8, x: F8, out: F8) -> None:
 
 
 @kernel()
-def _conjugate_gradients(
-    starts: I8, columns: I8, values: F8, diagonal: F8, b: F8, free: NDArray[np.bool_], steps: int, x: F8
-) -> None:
+def _conjugate_gradients(starts: I8, columns: I8, values: F8, diagonal: F8, b: F8, steps: int, x: F8) -> None:
     """`solved_colors`, into x (N, 3), which is 0."""
     count = len(b)
     r, p, q = np.zeros(b.shape), np.zeros(b.shape), np.empty(b.shape)
     left = np.zeros(3)  # r . z of each channel, z being r over the diagonal
     for i in range(count):
-        if free[i]:
-            for c in range(3):
-                r[i, c] = b[i, c]
-                p[i, c] = r[i, c] / (diagonal[i] * (1 + RIDGE))
-                left[c] += r[i, c] * p[i, c]
+        for c in range(3):
+            r[i, c] = b[i, c]
+            p[i, c] = r[i, c] / (diagonal[i] * (1 + RIDGE))
+            left[c] += r[i, c] * p[i, c]
     curvature, next_left = np.empty(3), np.empty(3)
     for _ in range(steps):
         _product(starts, columns, values, p, q)
         curvature[:] = 0
         for i in range(count):
             for c in range(3):
-                q[i, c] = q[i, c] + RIDGE * diagonal[i] * p[i, c] if free[i] else 0.0
+                q[i, c] += RIDGE * diagonal[i] * p[i, c]
                 curvature[c] += p[i, c] * q[i, c]
         next_left[:] = 0
         for i in range(count):
             for c in range(3):
-                if curvature[c] > 0 and free[i]:
+                if curvature[c] > 0:
                     length = left[c] / curvature[c]
                     x[i, c] += length * p[i, c]
                     r[i, c] -= length * q[i, c]
                     next_left[c] += r[i, c] * r[i, c] / (diagonal[i] * (1 + RIDGE))
         for i in range(count):
             for c in range(3):
-                if left[c] > 0 and free[i]:
+                if left[c] > 0:
                     p[i, c] = r[i, c] / (diagonal[i] * (1 + RIDGE)) + next_left[c] / left[c] * p[i, c]
         for c in range(3):
             left[c] = next_left[c]

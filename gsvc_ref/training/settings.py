@@ -136,16 +136,16 @@ class DescentSettings:
         lambda of the pull of splats towards where they began, as a share of the metric: so that no bits go to
         directions that gain next to nothing. Splats that the reference does not have are free of it.
     least_gain
-        The fit is over once each of PATIENCE evaluations in a row gained fewer dB than this; 0: never.
+        The fit is over once PATIENCE evaluations in a row have gained fewer dB than this on average; 0: never.
     pruning
         When the faintest splats are removed, and how many; None: never.
     growth
         As in `FitSettings`.
     """
 
-    iterations: int = 13
+    iterations: int = 24
     pull: float = 0.01
-    least_gain: float = 0.05
+    least_gain: float = 0.06
     pruning: PruningSchedule | None = None
     growth: Growth | None = None
 

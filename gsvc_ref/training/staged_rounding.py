@@ -33,9 +33,6 @@ SOLVER_STEPS: Final = 8
 MOST_COLOR_CHANGE: Final = 0.2
 """Largest change of a colour, of 1, in one solution: a linear model holds where pixels are not clamped."""
 
-WORTH_CODEBOOKS: Final = 0.05
-"""Codebooks are sent anew where they take more than this part of the squared error, 0.2 dB."""
-
 
 def round_in_stages(
     values: F4,
@@ -80,11 +77,10 @@ def round_in_stages(
     x = quantizer.rounded_positions(x)
     x = work.refitted(x, free & np.array([False, True, True]), settings.iterations - settings.first)
     x = quantizer.rounded_cholesky(x)
-    matrix = gram(x)
-    loss, changes = work.color_changes(x, matrix, free[:, 2])
-    x[:, 5:8] += changes
-    most = WORTH_CODEBOOKS * loss * objective.width * objective.height
-    codes = quantizer.codes(x, chosen_codewords(x, quantizer, matrix, most))
+    colored = np.flatnonzero(free[:, 2])
+    matrix = gram(x[colored])
+    x[colored, 5:8] += work.color_changes(x, matrix, colored)
+    codes = quantizer.codes(x, chosen_codewords(x, quantizer, matrix))
     objective.thaw()
     return codes, reconstruct(codes, quantizer.before), work.done
 
@@ -114,12 +110,12 @@ class _Refits:
             z = walk.best[1]
         return splats.at(z)
 
-    def color_changes(self, x: F4, matrix: Gram, free: NDArray[np.bool_]) -> tuple[float, F4]:
-        """The loss, and the changes (n, 3) f4 of the free colours that bring the picture closest."""
+    def color_changes(self, x: F4, matrix: Gram, colored: NDArray[np.int64]) -> F4:
+        """The changes (k, 3) f4 of some colours that bring the picture closest; `matrix` is that of their splats."""
         loss, gradient = self._objective.evaluate(x)
         self._report(loss)
-        changes = solved_colors(matrix, gradient[:, 5:8] * (-self._pixels / 2.0), free, SOLVER_STEPS)
-        return loss, np.clip(changes, -MOST_COLOR_CHANGE, MOST_COLOR_CHANGE).astype(np.float32)
+        changes = solved_colors(matrix, gradient[colored, 5:8] * (-self._pixels / 2.0), SOLVER_STEPS)
+        return np.clip(changes, -MOST_COLOR_CHANGE, MOST_COLOR_CHANGE).astype(np.float32)
 
     def _report(self, loss: float) -> None:
         self.done += 1
@@ -127,47 +123,55 @@ class _Refits:
             self._on_iteration(self.done, self._all, loss)
 
 
-def chosen_codewords(x: F4, quantizer: FrameQuantizer, matrix: Gram, most: float) -> list[NDArray[np.uint16]]:
+def chosen_codewords(x: F4, quantizer: FrameQuantizer, matrix: Gram) -> list[NDArray[np.uint16]]:
     """The codewords (n, M) u2 of each block's splats, given what their colours are to be in x (n, 8) f4.
 
-    The codebooks that a decoder has are used where what they leave, e' K e, is at most `most` above what others leave.
+    `matrix` is that of the splats whose colours may change. Codebooks that the decoder keeps are used, unless others
+    leave less of e' K e by more than they are worth; those are made larger as long as they leave too much.
     """
-    for block, rows in quantizer.blocks:
-        block.learn_colors(x[rows])
+    colored = [(block, rows) for block, rows in quantizer.blocks if block.present[2]]
+    for block, rows in colored:
+        if block.kept.codebooks is None:
+            block.learn_colors(x[rows])
     chosen, left = _rounded_colors(x, quantizer, matrix)
-    for i in (i for i in range(len(chosen)) if quantizer.blocks[i][0].kept.codebooks is not None):
-        if left <= most:
-            break
-        block, rows = quantizer.blocks[i]
-        kept = block.kept, block.learned
-        block.forget_codebooks(x[rows])
-        others, less = _rounded_colors(x, quantizer, matrix)
-        if less < left - most:
-            chosen, left = others, less
-        else:
-            block.kept, block.learned = kept
+    for block, rows in colored:
+        factor = 1 if block.kept.codebooks is not None else 2
+        while left > quantizer.worth and factor * block.settings.colors.codewords[0] <= quantizer.most_codewords:
+            before = block.kept, block.rvq
+            block.learn_colors(x[rows], factor)
+            others, less = _rounded_colors(x, quantizer, matrix)
+            if less > left - quantizer.worth:
+                block.kept, block.rvq = before
+                break
+            chosen, left, factor = others, less, 2 * factor
     return chosen
 
 
 def _rounded_colors(x: F4, quantizer: FrameQuantizer, matrix: Gram) -> tuple[list[NDArray[np.uint16]], float]:
     """The codewords of each block's splats by the codebooks of now, and e' K e of what they leave."""
-    errors = np.zeros((len(x), 3))
-    blocks = []
+    errors = np.zeros((len(matrix.diagonal), 3))
+    every, blocks, first = [], [], 0
     for block, rows in quantizer.blocks:
+        count = int(np.count_nonzero(block.active[:, 2]))
+        if not block.present[2]:
+            every.append(np.zeros((len(block.active), 1), np.uint16))
+            continue
         wanted = block.differences(x[rows])[:, 5:8]
         chosen = rvq.rvq_assign(wanted, *rvq.flat(block.codebooks))
-        left = rvq.dequantize(chosen, *rvq.flat(block.codebooks)) - wanted
-        errors[rows] = np.where(block.active[:, 2:], left, 0)
-        blocks.append((block, rows.indices(len(x))[0], wanted, chosen))
-    for block, first, wanted, chosen in blocks:
-        round_with_feedback(matrix, wanted, block.active[:, 2], first, *rvq.joined(block.codebooks), chosen, errors)
-    return [chosen for _, _, _, chosen in blocks], squared_change(matrix, errors)
+        own, wanted = chosen[block.active[:, 2]], wanted[block.active[:, 2]]
+        errors[first : first + count] = rvq.dequantize(own, *rvq.flat(block.codebooks)) - wanted
+        blocks.append((block, first, wanted, own, chosen))
+        every.append(chosen)
+        first += count
+    for block, first, wanted, own, chosen in blocks:
+        round_with_feedback(matrix, wanted, first, *rvq.joined(block.codebooks), own, errors)
+        chosen[block.active[:, 2]] = own
+    return every, squared_change(matrix, errors)
 
 
 def round_with_feedback(
     matrix: Gram,
     wanted: F4,
-    free: NDArray[np.bool_],
     first: int,
     books: F4,
     ends: I8,
@@ -186,8 +190,6 @@ def round_with_feedback(
         K of all N splats.
     wanted
         (n, 3) f4, what the codewords of n splats are to add up to.
-    free
-        (n,) bool: the colours that may change; the others keep the codeword that they have.
     first
         The index of the first of these splats among all.
     books, ends
@@ -197,14 +199,12 @@ def round_with_feedback(
     errors
         (N, 3) f8, the sum of the codewords less what was wanted, of all splats; changed in place.
     """
-    _round(
-        matrix.starts, matrix.columns, matrix.values, matrix.diagonal, wanted, free, first, books, ends, chosen, errors
-    )
+    _round(matrix.starts, matrix.columns, matrix.values, matrix.diagonal, wanted, first, books, ends, chosen, errors)
 
 
 @kernel()
 def _round(
-    starts: I8, columns: I8, values: F8, diagonal: F8, wanted: F4, free: NDArray[np.bool_], first: int, books: F4,
+    starts: I8, columns: I8, values: F8, diagonal: F8, wanted: F4, first: int, books: F4,
     ends: I8, chosen: NDArray[np.uint16], errors: F8,
 ) -> None:  # fmt: skip
     """`round_with_feedback`, splat by splat."""
@@ -212,8 +212,6 @@ def _round(
     found = np.empty(ends.size, np.int64)
     cost = np.empty(len(books))
     for n in range(len(wanted)):
-        if not free[n]:
-            continue
         i = first + n
         h0, h1, h2 = 0.0, 0.0, 0.0
         for k in range(starts[i], starts[i + 1]):
