@@ -74,11 +74,16 @@ class LBFGS:
         )  # fmt: skip
         return self._step
 
-    def restart(self) -> None:
-        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
+    def restart(self, length: float | None = None) -> None:
+        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain.
+
+        With a length the next step is `length` times as long, and those after it grow to twice the one before.
+        """
         self._pairs, self._scale, self._step, self._error = 0, 0.1, None, math.inf
         self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
         self._restarts += 1
+        if length is not None:
+            self._shrink = length / 2  # the next step doubles it
 
     def _learn(self, z: F8, gradient: F8) -> None:
         """Keep the pair of the last step, if its curvature is positive."""

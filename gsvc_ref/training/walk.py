@@ -40,6 +40,9 @@ RISE: Final = 1.01
 MOST_SHEAR: Final = 16.0
 """Largest |l21 / l22|, so that no needle spreads the steps of a quantiser over its own length."""
 
+SOON: Final = 5
+"""A walk that goes back again after fewer evaluations begins with a quarter of the step after the last time."""
+
 AT_BOUND: Final = 1e-9
 """What is nearer to a bound than this stands at it."""
 
@@ -139,6 +142,7 @@ class Walk:
 
     def __init__(self, count: int) -> None:
         self._descent = LBFGS(count, FAINTEST)
+        self._since, self._length = SOON, 1.0  # evaluations since the last return, and the length of the step after it
         self.best: tuple[float, F8, F8] | None = None
 
     def next(self, z: F8, error: float, gradient: F8) -> F8:
@@ -147,7 +151,10 @@ class Walk:
             self.best = error, z, gradient
         elif error > RISE * self.best[0]:
             error, z, gradient = self.best
-            self._descent.restart()
+            self._length = self._length / 4 if self._since < SOON else 1.0
+            self._since = 0
+            self._descent.restart(self._length)
+        self._since += 1
         hold_at_bounds(z, gradient)
         step = self._descent.step(z, error, gradient)
         following = moved(z, step)
