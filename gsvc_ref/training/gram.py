@@ -49,7 +49,7 @@ class Gram(NamedTuple):
     starts: I8
     """(N + 1,), where each row begins in the other two."""
     columns: I8
-    """(E,), the index m of an entry, cell after cell within a row."""
+    """(E,), the index m of an entry, in a fixed order."""
     values: F8
     """(E,)"""
     diagonal: F8
@@ -111,14 +111,19 @@ def squared_change(matrix: Gram, changes: F8) -> float:
 
 @kernel()
 def _gram(p: F8) -> tuple[I8, I8, F8, F8]:
-    """`gram`: each splat looks into the cells whose splats can reach it."""
+    """`gram`: each splat looks for those that are not larger, in the cells that it reaches were they as large.
+
+    So a few wide splats look far, and the many small ones do not.
+    """
     count = len(p)
     xx, xy, yy, det = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    largest = np.empty(count)
     cell = np.empty((count, 2), np.int64)
     columns, rows = 1, 1
     for i in range(count):
         xx[i], xy[i] = p[i, 2] * p[i, 2], p[i, 2] * p[i, 3]
         yy[i], det[i] = p[i, 3] * p[i, 3] + p[i, 4] * p[i, 4], p[i, 2] * p[i, 4]
+        largest[i] = max(xx[i], yy[i])
         for k in range(2):
             cell[i, k] = np.int64(min(max(p[i, k] / CELL, 0.0), MOST_CELLS - 1.0))
         columns, rows = max(columns, cell[i, 0] + 1), max(rows, cell[i, 1] + 1)
@@ -128,64 +133,56 @@ def _gram(p: F8) -> tuple[I8, I8, F8, F8]:
     for c in range(columns * rows):
         firsts[c + 1] += firsts[c]
     order, filled = np.empty(count, np.int64), firsts.copy()
-    most_xx, most_yy = np.zeros(columns * rows), np.zeros(columns * rows)  # of a cell
-    widest, highest = 0.0, 0.0
     for i in range(count):
         c = cell[i, 1] * columns + cell[i, 0]
         order[filled[c]] = i
         filled[c] += 1
-        most_xx[c], most_yy[c] = max(most_xx[c], xx[i]), max(most_yy[c], yy[i])
-        widest, highest = max(widest, xx[i]), max(highest, yy[i])
-    starts = np.zeros(count + 1, np.int64)
-    others, values, diagonal = np.empty(32 * count + 32, np.int64), np.empty(32 * count + 32), np.empty(count)
-    found = 0
+
+    pairs, products, found = np.empty(32 * count + 32, np.int64), np.empty(16 * count + 16), 0
+    starts, diagonal = np.zeros(count + 1, np.int64), np.empty(count)
     for i in range(count):
         x, y = p[i, 0], p[i, 1]
-        reach_x, reach_y = math.sqrt(FARTHEST * (xx[i] + widest)), math.sqrt(FARTHEST * (yy[i] + highest))
+        reach_x, reach_y = math.sqrt(FARTHEST * (xx[i] + largest[i])), math.sqrt(FARTHEST * (yy[i] + largest[i]))
         left = np.int64(min(max((x - reach_x) / CELL, 0.0), columns - 1.0))
         right = np.int64(min(max((x + reach_x) / CELL, 0.0), columns - 1.0))
         top = np.int64(min(max((y - reach_y) / CELL, 0.0), rows - 1.0))
         bottom = np.int64(min(max((y + reach_y) / CELL, 0.0), rows - 1.0))
-        diagonal[i] = 0.0
         for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                c = row * columns + column
-                if firsts[c] == firsts[c + 1]:
+            for place in range(firsts[row * columns + left], firsts[row * columns + right + 1]):
+                j = order[place]
+                if largest[j] > largest[i] or (largest[j] == largest[i] and j > i):
                     continue
-                # The outermost cells hold all that is beyond them.
-                away_x, away_y = 0.0, 0.0
-                if column > 0:
-                    away_x = max(away_x, column * CELL - x)
-                if column < columns - 1:
-                    away_x = max(away_x, x - (column + 1) * CELL)
-                if row > 0:
-                    away_y = max(away_y, row * CELL - y)
-                if row < rows - 1:
-                    away_y = max(away_y, y - (row + 1) * CELL)
-                if away_x * away_x > FARTHEST * (xx[i] + most_xx[c]) or away_y * away_y > FARTHEST * (
-                    yy[i] + most_yy[c]
-                ):
+                dx, dy = x - p[j, 0], y - p[j, 1]
+                sxx, sxy, syy = xx[i] + xx[j], xy[i] + xy[j], yy[i] + yy[j]
+                determinant = sxx * syy - sxy * sxy
+                distance = ((syy * dx * dx - 2 * sxy * dx * dy) + sxx * dy * dy) / determinant
+                if distance > FARTHEST:
                     continue
-                for place in range(firsts[c], firsts[c + 1]):
-                    j = order[place]
-                    dx, dy = x - p[j, 0], y - p[j, 1]
-                    sxx, sxy, syy = xx[i] + xx[j], xy[i] + xy[j], yy[i] + yy[j]
-                    determinant = sxx * syy - sxy * sxy
-                    distance = ((syy * dx * dx - 2 * sxy * dx * dy) + sxx * dy * dy) / determinant
-                    if distance > FARTHEST:
-                        continue
-                    product = det[i] * det[j]
-                    value = 2 * math.pi * product / math.sqrt(determinant) * exp_kernel(-0.5 * distance)
-                    if value < TOLERANCE * math.pi * math.sqrt(product):
-                        continue
-                    if found == len(values):
-                        others, values = _doubled_i8(others), _doubled_f8(values)
-                    others[found], values[found] = j, value
-                    found += 1
-                    if j == i:
-                        diagonal[i] = value
-        starts[i + 1] = found
-    return starts, others[:found], values[:found], diagonal
+                product = det[i] * det[j]
+                value = 2 * math.pi * product / math.sqrt(determinant) * exp_kernel(-0.5 * distance)
+                if value < TOLERANCE * math.pi * math.sqrt(product):
+                    continue
+                if found == len(products):
+                    pairs, products = _doubled_i8(pairs), _doubled_f8(products)
+                pairs[2 * found], pairs[2 * found + 1], products[found] = i, j, value
+                found += 1
+                starts[i + 1] += 1
+                if j == i:
+                    diagonal[i] = value
+                else:
+                    starts[j + 1] += 1
+
+    for i in range(count):
+        starts[i + 1] += starts[i]
+    next_of, others, values = starts[:-1].copy(), np.empty(starts[count], np.int64), np.empty(starts[count])
+    for k in range(found):
+        i, j = pairs[2 * k], pairs[2 * k + 1]
+        others[next_of[i]], values[next_of[i]] = j, products[k]
+        next_of[i] += 1
+        if j != i:
+            others[next_of[j]], values[next_of[j]] = i, products[k]
+            next_of[j] += 1
+    return starts, others, values, diagonal
 
 
 @kernel()

@@ -255,11 +255,11 @@ def hold_at_bounds(z: F8, gradient: F8) -> None:
     low = log_kernel(np.float64(MIN_FACTOR)) + AT_BOUND
     for i in range(len(z)):
         by_a, by_b = (gradient[i, 2] + gradient[i, 3]) * HALF, (gradient[i, 2] - gradient[i, 3]) * HALF
-        if (z[i, 2] + z[i, 3]) * HALF < low and by_a > 0:
-            by_a = 0.0
-        if (z[i, 2] - z[i, 3]) * HALF < low and by_b > 0:
-            by_b = 0.0
-        gradient[i, 2], gradient[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
+        a_is_held = (z[i, 2] + z[i, 3]) * HALF < low and by_a > 0
+        b_is_held = (z[i, 2] - z[i, 3]) * HALF < low and by_b > 0
+        if a_is_held or b_is_held:
+            by_a, by_b = 0.0 if a_is_held else by_a, 0.0 if b_is_held else by_b
+            gradient[i, 2], gradient[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
         if abs(z[i, 4]) > MOST_SHEAR - AT_BOUND and z[i, 4] * gradient[i, 4] < 0:
             gradient[i, 4] = 0.0
 
