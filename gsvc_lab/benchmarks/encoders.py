@@ -20,7 +20,6 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_lab.machine import cpu_model, machine_text, processors
-from gsvc_lab.pages.markers import put_between
 from gsvc_lab.pages.tables import Table
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
@@ -38,8 +37,6 @@ JOBS: Final = (1, 2)
 
 JOBS_SCENE, JOBS_FRAMES, JOBS_GROUP = "water", 50, 10
 """The scene, its frames, and the frames of a GOP."""
-
-BEGIN, END = "<!-- measured: encoders -->", "<!-- end -->"
 
 
 @dataclass(frozen=True)
@@ -264,16 +261,14 @@ def job_table(rounds: int) -> Table:
 
 
 def main() -> None:
-    """Measure, print the tables, and put them into a document."""
+    """Measure, and print the tables."""
     parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.encoders", description=__doc__)
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="an older checkout, measured in turns")
     parser.add_argument("--threads", type=int, default=min(2, processors()), help="of each encode (default 2, if any)")
     parser.add_argument("--rounds", type=int, default=3, help="encodes of each side that are timed (default 3)")
     parser.add_argument("--tables", default=TABLES, help=f"which (default: {TABLES})")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the tables between this file's markers")
     arguments = parser.parse_args()
     checkouts = [*([arguments.against.resolve()] if arguments.against else []), CHECKOUT]
-    texts = []
     with ExitStack() as stack:
         workers = [stack.enter_context(Worker(checkout)) for checkout in checkouts]
         for name in arguments.tables.split(","):
@@ -284,12 +279,8 @@ def main() -> None:
             else:
                 make = {"frames": frame_table, "clips": clip_table}[name]
                 table = make(workers, arguments.threads, arguments.rounds)
-            texts.append(table.markdown())
-            print(texts[-1], end="\n\n", flush=True)
-    texts.append(f"{cpu_model()}, {machine_text()}.")
-    print(texts[-1])
-    if arguments.markdown:
-        put_between(arguments.markdown, BEGIN, END, "\n\n".join(texts) + "\n")
+            print(table.markdown(), end="\n\n", flush=True)
+    print(f"{cpu_model()}, {machine_text()}.")
 
 
 if __name__ == "__main__":

@@ -504,10 +504,13 @@ def _of_other_profile(name: str) -> UsageError:
 
 
 def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:
-    """The settings with this share of the iterations, at least 1."""
+    """The settings with this share of the iterations, at least 1; L-BFGS goes on for as much less gain."""
 
     def stretched(part: Any) -> Any:
-        return part.with_(iterations=max(1, round(part.iterations * share)))
+        changes: dict[str, Any] = {"iterations": max(1, round(part.iterations * share))}
+        if isinstance(part, DescentSettings):
+            changes["least_gain"] = part.least_gain / share
+        return part.with_(**changes)
 
     return replace(frame, fit=stretched(frame.fit), tune=stretched(frame.tune))
 

@@ -65,9 +65,7 @@ class Edges:
         p = residual_splats(missing, count, size, rng, most_per_square=MOST_PER_SQUARE).to_array()
         x = np.minimum(p[:, 0].astype(np.int64), width - 1)
         y = np.minimum(p[:, 1].astype(np.int64), height - 1)
-        tensor = np.empty((count, 3))
-        _tensors(self._picture, x, y, tensor)
-        p[:, 2:5] = self._along(tensor, size)
+        p[:, 2:5] = self._along(tensors(self._picture, x, y), size)
         return p
 
     def _along(self, tensor: F8, size: float) -> F8:
@@ -100,9 +98,16 @@ def _smoothed(plane: F8) -> F8:
     return plane
 
 
+def tensors(picture: F4, x: I8, y: I8) -> F8:
+    """The tensors (n, 3) of the pixels in columns x (n,) and rows y (n,), with the bits of `tensor_plain`."""
+    out = np.empty((len(x), 3))
+    _tensors(picture, x, y, out)
+    return out
+
+
 @kernel()
 def _tensors(picture: F4, x: I8, y: I8, tensors: F8) -> None:
-    """The tensors (n, 3) of some pixels, with the bits of `tensor_plain`: of 5 by 5 products around each."""
+    """`tensors`: from 5 by 5 products around each pixel."""
     height, width = picture.shape[:2]
     products, rows = np.empty((5, 5, 3)), np.empty((3, 3, 3))
     for n in range(len(x)):
@@ -130,7 +135,7 @@ def _smooth(p: F8) -> float:
     a = ((p[0, 0] + 2 * p[1, 0]) + p[2, 0]) / 4
     b = ((p[0, 1] + 2 * p[1, 1]) + p[2, 1]) / 4
     c = ((p[0, 2] + 2 * p[1, 2]) + p[2, 2]) / 4
-    return ((a + 2 * b) + c) / 4
+    return float(((a + 2 * b) + c) / 4)
 
 
 @kernel(inline=True)
@@ -138,4 +143,4 @@ def _grey(picture: F4, row: int, column: int) -> float:
     """The mean of the channels; pixels beyond the frame repeat its edge."""
     row, column = min(max(row, 0), picture.shape[0] - 1), min(max(column, 0), picture.shape[1] - 1)
     total = (picture[row, column, 0] + picture[row, column, 1]) + picture[row, column, 2]
-    return np.float64(total) / 3
+    return float(np.float64(total) / 3)

@@ -11,15 +11,8 @@ from numpy.typing import NDArray
 from gsvc_ref.reconstruction import FrameCodes, Kept, Quantizer, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4
-from gsvc_ref.training.block_quantizer import (
-    Active,
-    BlockQuantizer,
-    ForwardResult,
-    Learned,
-    effects,
-    fixed_steps,
-    steps_for,
-)
+from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned, fixed_steps
+from gsvc_ref.training.effects import Active, effects, steps_for
 from gsvc_ref.training.population import NEW, Population
 from gsvc_ref.training.psnr import psnr_of_loss
 from gsvc_ref.training.settings import BlockSettings

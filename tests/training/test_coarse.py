@@ -5,6 +5,7 @@ import pytest
 
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.coarse import LEAST_SIDE, Sizes, resized, step_for
+from gsvc_ref.training.edges import tensor_plain, tensors
 from gsvc_ref.training.reduction import block_means
 
 
@@ -123,3 +124,10 @@ def test_block_means_keep_a_flat_picture():
     flat = np.full((13, 10, 3), 0.3, np.float32)
     assert np.array_equal(block_means(flat, 4), np.full((4, 3, 3), 0.3, np.float32))
     assert block_means(flat, 1) is flat
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (3, 2), (24, 31)])
+def test_the_tensor_at_a_pixel_is_that_of_the_whole_picture(shape):
+    picture = np.random.default_rng(1).random((*shape, 3)).astype(np.float32)
+    y, x = (index.ravel() for index in np.mgrid[: shape[0], : shape[1]])
+    assert np.array_equal(tensors(picture, x, y).reshape(*shape, 3), tensor_plain(picture))
