@@ -1,6 +1,7 @@
 """Small clips, a source that counts, and settings that take a blink: what the tests of the codec share."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from fractions import Fraction
 from io import BytesIO
 
@@ -11,6 +12,7 @@ from gsvc_ref.errors import GsvcError
 from gsvc_ref.main_encoder.inter import InterSettings
 from gsvc_ref.main_encoder.intra import IntraSettings
 from gsvc_ref.stream import decode
+from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Growth, Rates
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 
@@ -48,6 +50,23 @@ def fast(**overrides) -> Settings:
 def paper_fast(**overrides) -> Settings:
     """The same for profile `paper`: few iterations, b given, one key frame."""
     return paper_quick(**{"iterations": 4, "cholesky_bits": 8, "key_frames": (), "threads": 1} | overrides)
+
+
+def adan_fast(iterations=4, **overrides) -> Settings:
+    """The same, fitted and fine-tuned by Adan with few and well-sized steps."""
+    settings = paper_fast(**overrides)
+    few = FitSettings(
+        iterations=iterations, schedule=Cosine(iterations, 0.02), optimizer=AdanSettings(0.9, 0.92, 0.99),
+        learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
+    )  # fmt: skip
+    tune = few.with_(iterations=max(1, round(0.4 * iterations)), rates=Rates(0.1, 0.05, 0.01))
+    intra = few.with_(rates=Rates(1.0, 0.5, 0.05, 0.05), growth=Growth())
+    inter = few.with_(iterations=max(1, round(0.4 * iterations)), rates=Rates(0.2, 0.08, 0.008, 0.008))
+    return replace(
+        settings,
+        intra=replace(settings.intra, fit=intra, tune=tune),
+        inter=replace(settings.inter, fit=inter, tune=tune.with_(iterations=max(1, round(0.2 * iterations)))),
+    )
 
 
 def paper_quick(**overrides) -> Settings:

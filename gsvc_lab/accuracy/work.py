@@ -18,18 +18,27 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
+    AdanSettings,
+    Cosine,
     FitSettings,
     FrameQuantizer,
+    Growth,
     OnIteration,
     Population,
-    fine_tune,
+    Rates,
     fit,
     image_start,
+    quantised,
     random_splats,
     uniform_numbers,
 )
 
-QUICK_FIT: Final[FitSettings] = Settings.quick(profile="paper").intra.fit
+QUICK_FIT: Final = FitSettings(
+    iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), schedule=Cosine(steps=150, final=0.02), growth=Growth(),
+    optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), learn_pixels=True, relative_steps=True,
+    convergence=None, pruning=None,
+)  # fmt: skip
+"""Adan with few and well-sized steps: what preset quick was before it took L-BFGS, whose parts the groups compare."""
 
 ASSESSED_WITH: Final[Precision] = "deterministic"
 """Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""
@@ -181,7 +190,7 @@ class Coding:
         blocks = settings.intra.quantizer, settings.inter.quantizer
         quantizer = FrameQuantizer(picture.population, picture.objective(), *blocks, before, rng)
         values = picture.population.parameters()
-        codes, state, _ = fine_tune(values, quantizer, picture.objective(), settings.intra.tune)
+        codes, state, _ = quantised(values, quantizer, picture.objective(), settings.intra.tune)
         return codes, state, frame_bytes(codes, settings, before)
 
     def assess(self, picture: SourcePicture, outcome: tuple[FrameCodes, State, int]) -> Quality:

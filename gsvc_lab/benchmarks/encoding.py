@@ -37,7 +37,7 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
-    FitSettings,
+    AnyFit,
     Population,
     fit,
     image_start,
@@ -45,6 +45,7 @@ from gsvc_ref.training import (
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.motion import estimated_motion
 
 BUDGETS: Final = (10, 20, 30, 40, 60, 80, 100, 125, 150, 200, 300, 500, 1000, 2000)
@@ -73,14 +74,15 @@ class Run:
         CHECKPOINTS that were passed, with the parameters (N, 8) f4.
     """
 
-    def __init__(self, start: Callable[[], Population], objective: Objective, settings: FitSettings, total: int,
-                 rng: np.random.Generator, *, keep: bool = False) -> None:  # fmt: skip
+    def __init__(self, start: Callable[[], Population], objective: Objective, settings: AnyFit, total: int,
+                 rng: np.random.Generator, *, sizes: Sizes, keep: bool = False) -> None:  # fmt: skip
         self.kept: dict[int, F4] = {}
         self.curve: list[tuple[int, float]] = []
         self.keep = keep
         wall, cpu = time.perf_counter(), time.process_time()
         self.population = start()
-        loss, done = fit(self.population, objective, settings, rng, total=total, on_iteration=self._on_iteration)
+        loss, done = fit(self.population, objective, settings, rng, total=total, sizes=sizes,
+                         on_iteration=self._on_iteration)  # fmt: skip
         psnr = psnr_of_loss(loss)
         self.note: dict[str, Any] = {
             "iterations": done,
@@ -107,6 +109,8 @@ class Case:
         self.seed, self.threads = seed, threads
         self.frames = pictures(size, name)
         self.objectives = [Objective(frame, threads) for frame in self.frames]
+        pairs = zip(self.frames, self.objectives, strict=True)
+        self.sizes = [Sizes(frame, threads, full=objective) for frame, objective in pairs]
         presets = (Settings.paper, Settings.quick)
         self.paper, self.quick = (preset(profile="paper", splats=self.total) for preset in presets)
 
@@ -114,7 +118,7 @@ class Case:
         """The generator of a frame, seeded as `FrameEncoder` does it."""
         return np.random.default_rng([self.seed, number])
 
-    def intra(self, settings: Settings, fit_settings: FitSettings, *, keep: bool = False) -> Run:
+    def intra(self, settings: Settings, fit_settings: AnyFit, *, keep: bool = False) -> Run:
         """An I-frame's fit, as `FrameEncoder` makes it."""
         rng = self.rng(0)
 
@@ -126,9 +130,9 @@ class Case:
                 splats, weight = random_splats(uniform_numbers(count, rng), self.width, self.height), NEW_WEIGHT
             return Population(splats, weight, np.full(count, NEW, np.int64), fit_settings)
 
-        return Run(start, self.objectives[0], fit_settings, self.total, rng, keep=keep)
+        return Run(start, self.objectives[0], fit_settings, self.total, rng, sizes=self.sizes[0], keep=keep)
 
-    def inter(self, settings: Settings, fit_settings: FitSettings, before: Splats, *, keep: bool = False) -> Run:
+    def inter(self, settings: Settings, fit_settings: AnyFit, before: Splats, *, keep: bool = False) -> Run:
         """A P-frame's fit, as `FrameEncoder` makes it, from the splats of the I-frame before quantisation."""
         rng, objective, kind = self.rng(1), self.objectives[1], settings.inter
 
@@ -143,16 +147,21 @@ class Case:
             if kind.new_from_residual:
                 everywhere = np.ones((self.height, self.width), np.bool_)
                 add_where_wrong(
-                    population, objective, make_room(population, objective, new, self.total), rng, everywhere
+                    population,
+                    objective,
+                    make_room(population, objective, new, self.total),
+                    rng,
+                    everywhere,
+                    self.sizes[1],
                 )
             else:
                 population.augment(uniform_numbers(new, rng), self.width, self.height)
             return population
 
-        return Run(start, objective, fit_settings, self.total, rng, keep=keep)
+        return Run(start, objective, fit_settings, self.total, rng, sizes=self.sizes[1], keep=keep)
 
     def climb(
-        self, run: Callable[[FitSettings], Run], settings: FitSettings, goal: float, budgets: tuple[int, ...] = BUDGETS
+        self, run: Callable[[AnyFit], Run], settings: AnyFit, goal: float, budgets: tuple[int, ...] = BUDGETS
     ) -> list[dict[str, Any]]:
         """Quick's fits with more and more iterations, the last of which reaches the goal in dB, if any does."""
         notes = []
@@ -248,12 +257,12 @@ def paper_inter(case: Case, path: Path) -> Run:
     return case.inter(case.paper, case.paper.inter.fit, Splats.from_array(kept[max(kept)]), keep=True)
 
 
-def quick_intra(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
+def quick_intra(case: Case) -> tuple[Callable[[AnyFit], Run], AnyFit]:
     """A function that makes quick's I-frame, and its settings."""
     return lambda settings: case.intra(case.quick, settings), case.quick.intra.fit
 
 
-def quick_inter(case: Case) -> tuple[Callable[[FitSettings], Run], FitSettings]:
+def quick_inter(case: Case) -> tuple[Callable[[AnyFit], Run], AnyFit]:
     """A function that makes quick's P-frame, and its settings."""
     before = case.intra(case.quick, case.quick.intra.fit).population.splats()
     return lambda settings: case.inter(case.quick, settings, before), case.quick.inter.fit
@@ -285,7 +294,7 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
     print(path.stem, *(f"{kind}: {clock(note[kind])}" for kind in frame_types if kind in note), flush=True)
 
 
-def iteration_seconds(objective: Objective, parameters: F4, settings: FitSettings) -> float:
+def iteration_seconds(objective: Objective, parameters: F4, settings: AnyFit) -> float:
     """Seconds of an iteration with these splats: SAMPLE of them after two others."""
     sample = replace(settings, iterations=SAMPLE, pruning=replace(settings.pruning, fraction=0.0)
                      if settings.pruning else None)  # fmt: skip

@@ -21,6 +21,7 @@ from gsvc_ref.arrays import F4
 from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import Objective, covered_pixels
 from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start
+from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 CACHE: Final = Path(__file__).parent / "cache"
@@ -136,7 +137,8 @@ def _train(target: F4, count: int) -> F4:
     rng = np.random.default_rng(SEED)
     splats = image_start(target, settings.growth.start(count), rng)
     population = Population(splats, KEPT_WEIGHT, np.full(len(splats), NEW, np.int64), settings)
-    fit(population, Objective(target), settings, rng, total=count)
+    objective = Objective(target)
+    fit(population, objective, settings, rng, total=count, sizes=Sizes(target, full=objective))
     return population.splats().to_array()
 
 

@@ -1,7 +1,6 @@
 """Frames, gradients and training iterations: against the C++ limit, between precisions, and against peers."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -11,10 +10,10 @@ from gsvc_lab.benchmarks.material import SIZES, Case, cases, changed, limit_case
 from gsvc_lab.benchmarks.peers import DensePyTorch, Limit, PairListPyTorch, load_torch, numpy_frame
 from gsvc_lab.benchmarks.results import Goal, Section, Table
 from gsvc_lab.benchmarks.timing import Spread, interleaved, ratio
-from gsvc_ref import Settings, Splats
+from gsvc_ref import Splats
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.rendering.precision import Precision
-from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, Rates, fit
+from gsvc_ref.training import KEPT_WEIGHT, NEW, FitSettings, Population, Rates, fit
 
 FIT_ITERATIONS: Final = 10
 """Iterations that are timed together; the loss at the end of `fit` adds some 4 % to each."""
@@ -38,7 +37,9 @@ MEANING: Final = {
 def fitting(case: Case, threads: int) -> Callable[[], object]:
     """FIT_ITERATIONS training iterations of `fit` that hardly move the splats, each time from the same state."""
     rates = Rates(1e-4, 1e-4, 1e-6)
-    settings = replace(Settings.quick(profile="paper").intra.fit, iterations=FIT_ITERATIONS, rates=rates, growth=None)
+    settings = FitSettings(
+        iterations=FIT_ITERATIONS, rates=rates, learn_pixels=True, relative_steps=True, convergence=None, pruning=None
+    )
     objective, rng = Objective(case.target, threads), np.random.default_rng(0)
 
     def call() -> None:

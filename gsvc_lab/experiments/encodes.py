@@ -24,6 +24,7 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
+    FitSettings,
     Population,
     Rates,
     StepDecay,
@@ -61,6 +62,8 @@ def shortened(settings: Settings, iterations: int, rate: float) -> Settings:
     def kind(frame: FrameSettings) -> FrameSettings:
         tune = max(1, round(iterations * frame.tune.iterations / frame.fit.iterations))
         pruning = frame.fit.pruning
+        assert isinstance(frame.fit, FitSettings)  # the paper's settings have no others
+        assert isinstance(frame.tune, FitSettings)
         assert pruning is not None
         pruning = replace(
             pruning,

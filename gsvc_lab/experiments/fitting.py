@@ -12,6 +12,7 @@ from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, NEW_WEIGHT, Population, fit, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.coarse import Sizes
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,9 @@ def fitted(
     """
     rng = np.random.default_rng(seed)
     population = intra_start(picture, settings, count, rng, weight)
+    sizes = Sizes(picture.samples, full=picture.objective)
     step = None if on_step is None else lambda done, _, loss: on_step(done, loss, population)
-    _, done = fit(population, picture.objective, settings.fit, rng, total=count, on_iteration=step)
+    _, done = fit(population, picture.objective, settings.fit, rng, total=count, sizes=sizes, on_iteration=step)
     return population, done
 
 

@@ -11,7 +11,7 @@ from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, sc
 from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings
-from gsvc_ref.training import ConvergenceTest, Population
+from gsvc_ref.training import ConvergenceTest, FitSettings, Population
 
 TIMES: Final = (200, 800, 3200, 12_800)
 """Iterations t of the paper's figure."""
@@ -54,6 +54,7 @@ class PaperRun:
         self.moments: list[Moment] = []
         self.converged: int | None = None
         schedule, start = settings.fit.with_(iterations=times[-1]), pruned_to(count, settings)
+        assert isinstance(schedule, FitSettings)
         assert schedule.convergence is not None  # the paper's settings have the rule
         assert schedule.pruning is not None
         self.rule: ConvergenceTest = schedule.convergence.start()

@@ -17,6 +17,7 @@ from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
+from gsvc_ref.training.coarse import Sizes
 
 SCENE: Final = "jumping-circle"
 
@@ -163,9 +164,10 @@ def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: s
     jump.before.objective.loss(reference.to_array())
     left = block_errors(jump.before.objective.residual())
     past = Past(jump.before.samples, left, float(left.sum()))
-    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng)
+    sizes = Sizes(jump.after.samples, full=jump.after.objective)
+    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng, sizes)
     prediction = predict(frame, FrameLog())
-    fit(prediction.population, jump.after.objective, prediction.fit, rng)
+    fit(prediction.population, jump.after.objective, prediction.fit, rng, sizes=sizes)
     return prediction.population.splats()
 
 

@@ -12,6 +12,7 @@ from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.settings import FrameSettings, Settings
 from gsvc_ref.errors import UsageError
+from gsvc_ref.training import FitSettings
 
 COUNTS: Final = (10, 100, 1000, 10_000)
 """N, as in the paper's figure."""
@@ -121,6 +122,7 @@ def table(fits: dict[str, list[Fit]]) -> Table:
 def reach(iterations: int) -> float:
     """The distance in pixels that steps of the learning rate lead in a number of iterations of the paper's schedule."""
     fit = Settings.paper().intra.fit
+    assert isinstance(fit, FitSettings)
     return sum(fit.rates.cholesky * fit.schedule(iteration) for iteration in range(iterations))
 
 

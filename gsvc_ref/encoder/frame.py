@@ -32,18 +32,19 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
-    FitSettings,
     FrameQuantizer,
     OnIteration,
     Population,
-    fine_tune,
+    RoundingSettings,
     fit,
     image_start,
     loss_of_psnr,
     psnr_of_loss,
+    quantised,
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.coarse import Sizes
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
@@ -206,7 +207,9 @@ class _FrameWork:
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
-        self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
+        threads, precision = self.settings.threads, self.settings.precision
+        self.objective = Objective(self.picture, threads, precision=precision)
+        self.sizes = Sizes(self.picture, threads, precision=precision, full=self.objective)
         self.seconds: dict[str, float] = {}
         self.iterations = 0
         self.log = FrameLog()
@@ -258,8 +261,9 @@ class _FrameWork:
             reference = self.before.splats
             total = self.total if self.settings.psnr is None else len(reference)
             frame = PFrame(
-                self.settings, self.picture, self.objective, reference, past, total, self.encoder.most, self.rng
-            )
+                self.settings, self.picture, self.objective, reference, past, total, self.encoder.most, self.rng,
+                self.sizes,
+            )  # fmt: skip
             prediction = predict(frame, self.log)
             self.worse, self.predicted_error = prediction.worse, prediction.error
         if effects.frames == "auto" and self.settings.psnr is None:
@@ -268,7 +272,7 @@ class _FrameWork:
                 self.log.add("frames", reason, done=False, saved=_steps(settings))
                 return self.repeat()
             if (ratio := prediction.error_ratio) <= SAME_RATIO:
-                less = replace(settings, fit=fewer(prediction.fit), tune=fewer(settings.tune))
+                less = fewer(replace(settings, fit=prediction.fit))
                 reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
                 self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before)
@@ -278,8 +282,9 @@ class _FrameWork:
         """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
         with self._timed("fit"):
             _, done = fit(
-                population, self.objective, settings.fit, self.rng, total=self.total, on_iteration=self._report("fit")
-            )
+                population, self.objective, settings.fit, self.rng, total=self.total, sizes=self.sizes,
+                on_iteration=self._report("fit"),
+            )  # fmt: skip
             self.iterations += done
         if self.encoder.is_first:
             with self._timed("choose"):
@@ -294,7 +299,7 @@ class _FrameWork:
         for _ in range(QUALITY_ROUNDS):
             with self._timed("rate"):
                 self.iterations += hold_quality(
-                    population, self.objective, goal, most, settings.tune, self.rng, self._report("rate"),
+                    population, self.objective, goal, most, settings.short_fit, self.rng, self._report("rate"),
                     may_prune=may_prune,
                 )  # fmt: skip
             result = self._finish(*self._quantize(population, settings, before))
@@ -315,8 +320,11 @@ class _FrameWork:
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
-            quantizer = FrameQuantizer(population, self.objective, intra, inter, before, self.rng)
-            codes, state, done = fine_tune(
+            quantizer = FrameQuantizer(
+                population, self.objective, intra, inter, before, self.rng,
+                in_stages=isinstance(settings.tune, RoundingSettings),
+            )  # fmt: skip
+            codes, state, done = quantised(
                 population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
             )
             self.iterations += done
@@ -351,6 +359,13 @@ def _steps(settings: FrameSettings) -> int:
     return settings.fit.iterations + settings.tune.iterations
 
 
-def fewer(settings: FitSettings) -> FitSettings:
-    """The settings with a part of their iterations."""
-    return settings.with_(iterations=max(1, round(FEWER * settings.iterations)))
+def fewer(settings: FrameSettings) -> FrameSettings:
+    """The settings with a part of the iterations."""
+    fit, tune = settings.fit, settings.tune
+    return replace(
+        settings, fit=fit.with_(iterations=_part(fit.iterations)), tune=tune.with_(iterations=_part(tune.iterations))
+    )
+
+
+def _part(iterations: int) -> int:
+    return max(1, round(FEWER * iterations))

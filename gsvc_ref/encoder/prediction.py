@@ -22,12 +22,13 @@ from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW_WEIGHT,
-    FitSettings,
+    AnyFit,
     Population,
     psnr_of_loss,
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.motion import estimated_motion
 
 STATIC_RATIO: Final = 1.05
@@ -92,6 +93,8 @@ class PFrame:
         N, the number of splats that the frame is meant to have, and the maximum that it may get.
     rng
         Draws new splats.
+    sizes
+        The picture's sizes, of which the objective is the full one.
     """
 
     settings: Settings
@@ -102,6 +105,7 @@ class PFrame:
     total: int
     most: int
     rng: np.random.Generator
+    sizes: Sizes
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,7 @@ class Prediction:
     """
 
     population: Population
-    fit: FitSettings
+    fit: AnyFit
     worse: NDArray[np.bool_]
     error: float
     error_ratio: float
@@ -196,9 +200,7 @@ def _move(frame: PFrame, population: Population, worse: NDArray[np.bool_], loss:
     return True
 
 
-def _augment(
-    frame: PFrame, population: Population, changed: NDArray[np.bool_], errors: F8, log: FrameLog
-) -> FitSettings:
+def _augment(frame: PFrame, population: Population, changed: NDArray[np.bool_], errors: F8, log: FrameLog) -> AnyFit:
     """Add splats (GSA), and make room for them if the rate asks for it (GSP); how to fit them all."""
     settings, effects, left = frame.settings, frame.settings.effects, frame.past.left
     where, share, need = changed, 1.0, 1.0
@@ -222,7 +224,8 @@ def _augment(
     if new and effects.gsa == "all" and not settings.inter.new_from_residual:
         _append_random(population, new, frame, learn_weights=fit.pruning is not None)
     elif new:
-        add_where_wrong(population, frame.objective, new, frame.rng, where)
+        sizes = frame.sizes if settings.inter.new_from_residual else None
+        add_where_wrong(population, frame.objective, new, frame.rng, where, sizes)
     log.add("gsa", _gsa_reason(effects.gsa, new, share), done=new > 0)
     log.add("gsp", _gsp_reason(effects.gsp, new, removed), done=(new if effects.gsp == "all" else removed) > 0)
     return pruning_as_many(fit, new, len(population)) if effects.gsp == "all" else fit
@@ -269,7 +272,7 @@ def _gsp_reason(mode: Mode, new: int, removed: int) -> str:
     return f"{removed:,} splats make room for new ones" if removed else "the rate has room for all splats"
 
 
-def pruning_as_many(settings: FitSettings, count: int, splats: int) -> FitSettings:
+def pruning_as_many(settings: AnyFit, count: int, splats: int) -> AnyFit:
     """The settings of a fit of `splats` splats that removes `count` of them, as many as were added."""
     if settings.pruning is None or not 0 < count < splats:
         return replace(settings, pruning=None)

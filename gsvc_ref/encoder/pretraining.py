@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, Splats
-from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, random_splats, uniform_numbers
+from gsvc_ref.training import KEPT_WEIGHT, NEW, AnyFit, Population, fit, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.reduction import reduced
 
 
@@ -20,6 +20,8 @@ class Pretraining:
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self.detection = settings, settings.detection
+        self.intra = self.detection.intra_fit or settings.intra.fit
+        self.inter = self.detection.inter_fit or settings.inter.fit
         self.rng = np.random.default_rng([settings.seed, 0x444B53])
         self.before: Splats | None = None
         self.iterations = 0
@@ -34,17 +36,17 @@ class Pretraining:
         )
         start = image_start(small, count, self.rng) if self.settings.intra.start == "image" else None
         intra_loss, splats = self._fit(
-            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.settings.intra
+            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.intra
         )
         inter_loss = None
         if self.before is not None:
-            inter_loss, _ = self._fit(self.before, objective, self.settings.inter)
+            inter_loss, _ = self._fit(self.before, objective, self.inter)
         self.before = splats
         return intra_loss, inter_loss
 
-    def _fit(self, start: Splats, objective: Objective, frame: FrameSettings) -> tuple[float, Splats]:
+    def _fit(self, start: Splats, objective: Objective, fit_settings: AnyFit) -> tuple[float, Splats]:
         """A short fit without growth and pruning: its loss and splats."""
-        settings = frame.fit.with_(iterations=self.detection.iterations, growth=None, pruning=None)
+        settings = fit_settings.with_(iterations=self.detection.iterations, growth=None, pruning=None)
         population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
         loss, made = fit(population, objective, settings, self.rng)
         self.iterations += made

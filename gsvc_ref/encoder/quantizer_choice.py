@@ -12,10 +12,10 @@ from gsvc_ref.portable import log2
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
 from gsvc_ref.stream import StreamWriter
-from gsvc_ref.training import FrameQuantizer, Population, fine_tune, psnr_of_loss
+from gsvc_ref.training import FitSettings, FrameQuantizer, Population, RoundingSettings, psnr_of_loss, quantised
 
 TRIAL_ITERATIONS: Final = 10
-"""Number of fine-tuning iterations of each candidate."""
+"""Number of fine-tuning iterations of each candidate; rounding in stages makes one evaluation."""
 
 MAX_PSNR: Final = 59.0
 """PSNR in dB from which on a frame cannot tell one quantiser from another: rounding to 8 bits leaves 58.9 dB."""
@@ -35,9 +35,11 @@ def with_best_quantizer(
     for choice in settings.intra.candidates:
         candidate = with_quantizer(settings, choice)
         blocks = candidate.intra.quantizer, candidate.inter.quantizer
-        quantizer = FrameQuantizer(population, objective, *blocks, before, np.random.default_rng(seed))
-        tune = candidate.intra.tune.with_(iterations=TRIAL_ITERATIONS)
-        codes, state, _ = fine_tune(population.parameters(), quantizer, objective, tune)
+        in_stages = isinstance(candidate.intra.tune, RoundingSettings)
+        quantizer = FrameQuantizer(
+            population, objective, *blocks, before, np.random.default_rng(seed), in_stages=in_stages
+        )
+        codes, state, _ = quantised(population.parameters(), quantizer, objective, trial_of(candidate.intra.tune))
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
         if psnr >= MAX_PSNR:
             return settings
@@ -59,6 +61,11 @@ def chosen_quantizer(settings: Settings) -> tuple[int, ...]:
     quantizer = settings.intra.quantizer
     codewords = quantizer.colors.codewords
     return quantizer.cholesky_bits, len(codewords), codewords[0]
+
+
+def trial_of(tune: FitSettings | RoundingSettings) -> FitSettings | RoundingSettings:
+    """The settings of a candidate's trial."""
+    return tune.with_(iterations=0 if isinstance(tune, RoundingSettings) else TRIAL_ITERATIONS)
 
 
 def quantizer_fields(settings: Settings) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from gsvc_ref.arrays import F8
 from gsvc_ref.portable import power
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4
-from gsvc_ref.training import KEPT_WEIGHT, FitSettings, OnIteration, Population, fit, new_splats, psnr_of_loss
+from gsvc_ref.splats import F4, Splats
+from gsvc_ref.training import KEPT_WEIGHT, AnyFit, OnIteration, Population, fit, new_splats, psnr_of_loss
+from gsvc_ref.training.coarse import Sizes
 
 DB_PER_DOUBLING: Final = 3.4
 """PSNR gained by twice the splats, as measured on photographs, by which the sizes of changes are guessed."""
@@ -92,11 +93,21 @@ def make_room(population: Population, objective: Objective, new: int, total: int
 
 
 def add_where_wrong(
-    population: Population, objective: Objective, new: int, rng: np.random.Generator, where: NDArray[np.bool_]
+    population: Population,
+    objective: Objective,
+    new: int,
+    rng: np.random.Generator,
+    where: NDArray[np.bool_],
+    sizes: Sizes | None = None,
 ) -> None:
-    """Add `new` splats where the picture is wrong and `where` (H, W) bool is set."""
+    """Add `new` splats where the picture is wrong and `where` (H, W) bool is set; with `sizes` along its edges."""
     objective.loss(population.parameters())
-    population.append(new_splats(objective, new, len(population) + new, rng, where), KEPT_WEIGHT)
+    total = len(population) + new
+    if sizes is None:
+        splats = new_splats(objective, new, total, rng, where)
+    else:
+        splats = Splats.from_array(sizes.of(1).new_splats(new, total, rng, where))
+    population.append(splats, KEPT_WEIGHT)
 
 
 def hold_quality(
@@ -104,7 +115,7 @@ def hold_quality(
     objective: Objective,
     goal: float,
     most: int,
-    settings: FitSettings,
+    settings: AnyFit,
     rng: np.random.Generator,
     on_iteration: OnIteration | None = None,
     *,

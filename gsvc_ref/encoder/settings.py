@@ -24,12 +24,15 @@ from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training import (
     MAX_ITERATIONS,
     AdanSettings,
+    AnyFit,
     BlockSettings,
     Cosine,
+    DescentSettings,
     FitSettings,
     Growth,
     PruningSchedule,
     Rates,
+    RoundingSettings,
 )
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
@@ -46,6 +49,9 @@ MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
 
 LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
+
+SHORT_FIT: Final = 12
+"""Constant quality: evaluations by L-BFGS after each change of the number of splats, at most."""
 
 MAX_FRAMES: Final = 2**32 - 1
 """Maximum number of frames of a stream."""
@@ -80,7 +86,7 @@ class FrameSettings:
     fit
         The fit in binary32, before quantisation.
     tune
-        Quantisation-aware fine-tuning after it.
+        How splats are quantised after it: by quantisation-aware fine-tuning, or by rounding in stages.
     quantizer
         The quantisers.
     candidates
@@ -91,12 +97,12 @@ class FrameSettings:
     new_fraction
         P-frames: the fraction of N that GSA adds.
     new_from_residual
-        P-frames: add where the prediction is wrong, and prune as many of the least visible splats before, so that the
-        count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
+        P-frames: add where the prediction is wrong, along edges, and prune as many of the least visible splats before,
+        so that the count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
     """
 
-    fit: FitSettings
-    tune: FitSettings
+    fit: AnyFit
+    tune: FitSettings | RoundingSettings
     quantizer: BlockSettings
     candidates: tuple[tuple[int, int, int], ...] = ()
     start: Literal["random", "image"] = "random"
@@ -109,6 +115,13 @@ class FrameSettings:
         for candidate in self.candidates:
             for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
                 _check_range(f"{name} of candidates", value, *limits)
+
+    @property
+    def short_fit(self) -> AnyFit:
+        """The fit after each change of the number of splats by constant quality: fine-tuning's, if there is any."""
+        if isinstance(self.tune, FitSettings):
+            return self.tune
+        return self.fit.with_(iterations=min(self.fit.iterations, SHORT_FIT), growth=None, pruning=None)
 
     def with_(self, **changes: Any) -> Self:
         """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
@@ -137,6 +150,9 @@ class DetectionSettings:
         ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
     guard_ratio
         By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
+    intra_fit, inter_fit
+        How frames are pre-trained, but for the number of iterations; None: as they are fitted. What tells a cut is how
+        far short fits get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
     """
 
     iterations: int = 500
@@ -146,6 +162,8 @@ class DetectionSettings:
     threshold: float = 3.0
     rule: Literal["paper", "robust"] = "paper"
     guard_ratio: float = GUARD_RATIO
+    intra_fit: FitSettings | None = None
+    inter_fit: FitSettings | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -306,20 +324,9 @@ class Settings:
 
         That way is a start drawn from the image, splats added where the residual is, few and well-sized steps.
         """
-        few = FitSettings(
-            schedule=Cosine(steps=150, final=0.02), optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99),
-            learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
-        )  # fmt: skip
-        few_tuned = few.with_(
-            rates=Rates(position=0.1, cholesky=0.05, color=0.01), schedule=Cosine(steps=60, final=0.05)
-        )
         intra = FrameSettings(
-            fit=few.with_(
-                iterations=150,
-                rates=Rates(position=1.0, cholesky=0.5, color=0.05, weight=0.05),
-                growth=Growth(),
-            ),
-            tune=few_tuned.with_(iterations=60),
+            fit=DescentSettings(iterations=100, pull=0.0, least_gain=0.015, growth=Growth(end=0.24)),
+            tune=RoundingSettings(iterations=3, before=0.0),
             quantizer=BlockSettings(
                 position_step=0.05,
                 cholesky_bits=8,
@@ -331,25 +338,29 @@ class Settings:
             start="image",
         )
         inter = FrameSettings(
-            fit=few.with_(
-                iterations=60,
-                rates=Rates(position=0.2, cholesky=0.08, color=0.008, weight=0.008),
-                schedule=Cosine(steps=60, final=0.05),
-            ),
-            tune=few_tuned.with_(iterations=30),
+            fit=DescentSettings(),
+            tune=RoundingSettings(),
             quantizer=BlockSettings(
-                position_step=0.1,
+                position_step=0.2,
                 cholesky_bits=8,
-                cholesky_step=0.1,
+                cholesky_step=0.14,
                 colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
                 weigh_by_area=True,
                 quantizer_rate=0.0,
-                static_threshold=0.5,
+                static_threshold=0.55,
             ),
             new_fraction=0.03,
             new_from_residual=True,
         )
-        detection = DetectionSettings(iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5)
+        few = FitSettings(
+            iterations=30, schedule=Cosine(steps=30, final=0.05), learn_pixels=True, relative_steps=True,
+            optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), convergence=None, pruning=None,
+        )  # fmt: skip
+        detection = DetectionSettings(
+            iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5,
+            intra_fit=few.with_(rates=Rates(1.0, 0.5, 0.05), schedule=Cosine(steps=30, final=0.02)),
+            inter_fit=few.with_(rates=Rates(0.2, 0.08, 0.008)),
+        )  # fmt: skip
         return cls("quick", intra, inter, detection).with_(**overrides)
 
     @classmethod
@@ -435,7 +446,7 @@ class Settings:
         below = (0, *self.layer_splats)
         return [replace(alone, splats=total - fewer) for fewer, total in zip(below, self.layer_splats, strict=False)]
 
-    def pruned(self, fit: FitSettings) -> FitSettings:
+    def pruned(self, fit: AnyFit) -> AnyFit:
         """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
         pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
         return fit.with_(pruning=pruning)
@@ -493,9 +504,15 @@ def _of_other_profile(name: str) -> UsageError:
 
 
 def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:
-    """The settings with this share of the iterations, at least 1."""
-    fit, tune = (part.with_(iterations=max(1, round(part.iterations * share))) for part in (frame.fit, frame.tune))
-    return replace(frame, fit=fit, tune=tune)
+    """The settings with this share of the iterations, at least 1; L-BFGS goes on for as much less gain."""
+
+    def stretched(part: Any) -> Any:
+        changes: dict[str, Any] = {"iterations": max(1, round(part.iterations * share))}
+        if isinstance(part, DescentSettings):
+            changes["least_gain"] = part.least_gain / share
+        return part.with_(**changes)
+
+    return replace(frame, fit=stretched(frame.fit), tune=stretched(frame.tune))
 
 
 def _whole(name: str, value: Any) -> int:

@@ -7,8 +7,10 @@ and of `fine_tuning`, which trains them through the quantisers that a decoder wi
 The parts of an iteration are `weighting` (the colours w c'), `events` (splats come by `augmentation`, GSA, and go by
 `pruning`, GSP), `adan` (the step), `schedule` (its rates) and `convergence`. All choices are in `settings`.
 
-`coordinates` are what the encoders measure changes of splats in, since those of the same length cost the picture about
-the same; `descent` is L-BFGS in them.
+Preset `quick` has another way. `coordinates` are what the encoders measure changes of splats in, since those of the
+same length cost the picture about the same; `descent` is L-BFGS in them, `walk` its way over a picture's splats, and
+`descending` the fit of a frame, at the sizes of `coarse`, with new splats along `edges`. `staged_rounding` makes codes,
+with the colours and the feedback of the Gram matrix in `gram`.
 """
 
 from gsvc_ref.training.adan import Adan, AdanSettings
@@ -16,14 +18,24 @@ from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start,
 from gsvc_ref.training.convergence import Convergence, ConvergenceTest
 from gsvc_ref.training.events import new_splats
 from gsvc_ref.training.fine_tuning import fine_tune
-from gsvc_ref.training.fitting import fit
+from gsvc_ref.training.fitting import fit, quantised
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import MIN_FACTOR, OnIteration
 from gsvc_ref.training.population import NEW, Population
 from gsvc_ref.training.pruning import PruningSchedule
 from gsvc_ref.training.psnr import loss_of_psnr, psnr_of_loss
 from gsvc_ref.training.schedule import PAPER_SCHEDULE, Constant, Cosine, Schedule, StepDecay
-from gsvc_ref.training.settings import MAX_ITERATIONS, BlockSettings, FitSettings, Growth, Rates
+from gsvc_ref.training.settings import (
+    MAX_ITERATIONS,
+    AnyFit,
+    BlockSettings,
+    DescentSettings,
+    FitSettings,
+    Growth,
+    Rates,
+    RoundingSettings,
+)
+from gsvc_ref.training.staged_rounding import round_in_stages
 
 __all__ = [
     "KEPT_WEIGHT",
@@ -34,11 +46,13 @@ __all__ = [
     "PAPER_SCHEDULE",
     "Adan",
     "AdanSettings",
+    "AnyFit",
     "BlockSettings",
     "Constant",
     "Convergence",
     "ConvergenceTest",
     "Cosine",
+    "DescentSettings",
     "FitSettings",
     "FrameQuantizer",
     "Growth",
@@ -46,6 +60,7 @@ __all__ = [
     "Population",
     "PruningSchedule",
     "Rates",
+    "RoundingSettings",
     "Schedule",
     "StepDecay",
     "fine_tune",
@@ -54,6 +69,8 @@ __all__ = [
     "loss_of_psnr",
     "new_splats",
     "psnr_of_loss",
+    "quantised",
     "random_splats",
+    "round_in_stages",
     "uniform_numbers",
 ]

@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F8
@@ -54,6 +55,11 @@ class LBFGS:
         self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
         self._step, self._error, self._least = None, math.inf, math.inf
 
+    def take(self, indices: NDArray[np.int64]) -> None:
+        """Keep the splats of these indices; the next gradient makes no pair."""
+        self._steps, self._changes = self._steps[:, indices], self._changes[:, indices]
+        self._step, self._error, self._least = None, math.inf, math.inf
+
     def step(self, z: F8, error: float, gradient: F8) -> F8:
         """The step (N, 8) from coordinates z (N, 8), given the error there and its gradient (N, 8)."""
         self._learn(z, gradient)
@@ -68,11 +74,16 @@ class LBFGS:
         )  # fmt: skip
         return self._step
 
-    def restart(self) -> None:
-        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
+    def restart(self, length: float | None = None) -> None:
+        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain.
+
+        With a length the next step is `length` times as long, and those after it grow to twice the one before.
+        """
         self._pairs, self._scale, self._step, self._error = 0, 0.1, None, math.inf
         self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
         self._restarts += 1
+        if length is not None:
+            self._shrink = length / 2  # the next step doubles it
 
     def _learn(self, z: F8, gradient: F8) -> None:
         """Keep the pair of the last step, if its curvature is positive."""

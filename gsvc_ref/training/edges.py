@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.training.augmentation import residual_splats
 from gsvc_ref.training.events import NEW_SIZE
 
@@ -38,10 +39,7 @@ class Edges:
     """
 
     def __init__(self, picture: F4) -> None:
-        grey = np.pad((picture[..., 0] + picture[..., 1] + picture[..., 2]).astype(np.float64) / 3, 1, mode="edge")
-        dx = (grey[1:-1, 2:] - grey[1:-1, :-2]) / 2
-        dy = (grey[2:, 1:-1] - grey[:-2, 1:-1]) / 2
-        self._tensor = np.stack([_smoothed(p) for p in (dx * dx, dx * dy, dy * dy)], axis=2)  # (H, W, 3) f8
+        self._picture = np.ascontiguousarray(picture)
 
     def new_splats(self, missing: F4, count: int, total: int, rng: Generator) -> F4:
         """Splats that are drawn in proportion to the cube of what is missing, coloured with half of it.
@@ -67,7 +65,7 @@ class Edges:
         p = residual_splats(missing, count, size, rng, most_per_square=MOST_PER_SQUARE).to_array()
         x = np.minimum(p[:, 0].astype(np.int64), width - 1)
         y = np.minimum(p[:, 1].astype(np.int64), height - 1)
-        p[:, 2:5] = self._along(self._tensor[y, x], size)
+        p[:, 2:5] = self._along(tensors(self._picture, x, y), size)
         return p
 
     def _along(self, tensor: F8, size: float) -> F8:
@@ -83,6 +81,14 @@ class Edges:
         return np.stack([l11, l21, l22], axis=1)
 
 
+def tensor_plain(picture: F4) -> F8:
+    """The definition of the tensor: (H, W, 3) f8, the smoothed dx dx, dx dy and dy dy of each pixel."""
+    grey = np.pad((picture[..., 0] + picture[..., 1] + picture[..., 2]).astype(np.float64) / 3, 1, mode="edge")
+    dx = (grey[1:-1, 2:] - grey[1:-1, :-2]) / 2
+    dy = (grey[2:, 1:-1] - grey[:-2, 1:-1]) / 2
+    return np.stack([_smoothed(p) for p in (dx * dx, dx * dy, dy * dy)], axis=2)
+
+
 def _smoothed(plane: F8) -> F8:
     """(1 2 1) / 4 twice along both axes: a deviation of 1 px; the edges are repeated."""
     for _ in range(2):
@@ -90,3 +96,51 @@ def _smoothed(plane: F8) -> F8:
         p = (p[:-2] + 2 * p[1:-1] + p[2:]) / 4
         plane = (p[:, :-2] + 2 * p[:, 1:-1] + p[:, 2:]) / 4
     return plane
+
+
+def tensors(picture: F4, x: I8, y: I8) -> F8:
+    """The tensors (n, 3) of the pixels in columns x (n,) and rows y (n,), with the bits of `tensor_plain`."""
+    out = np.empty((len(x), 3))
+    _tensors(picture, x, y, out)
+    return out
+
+
+@kernel()
+def _tensors(picture: F4, x: I8, y: I8, tensors: F8) -> None:
+    """`tensors`: from 5 by 5 products around each pixel."""
+    height, width = picture.shape[:2]
+    products, rows = np.empty((5, 5, 3)), np.empty((3, 3, 3))
+    for n in range(len(x)):
+        for j in range(5):
+            for i in range(5):
+                row, column = min(max(y[n] + j - 2, 0), height - 1), min(max(x[n] + i - 2, 0), width - 1)
+                right, left = _grey(picture, row, column + 1), _grey(picture, row, column - 1)
+                below, above = _grey(picture, row + 1, column), _grey(picture, row - 1, column)
+                dx, dy = (right - left) / 2, (below - above) / 2
+                products[j, i, 0], products[j, i, 1], products[j, i, 2] = dx * dx, dx * dy, dy * dy
+        # Smoothed once at 3 by 3 pixels; those beyond the frame repeat its edge.
+        for j in range(3):
+            for i in range(3):
+                row = min(max(y[n] + j - 1, 0), height - 1) - y[n] + 2
+                column = min(max(x[n] + i - 1, 0), width - 1) - x[n] + 2
+                for k in range(3):
+                    rows[j, i, k] = _smooth(products[row - 1 : row + 2, column - 1 : column + 2, k])
+        for k in range(3):
+            tensors[n, k] = _smooth(rows[:, :, k])
+
+
+@kernel(inline=True)
+def _smooth(p: F8) -> float:
+    """(1 2 1) / 4 down the columns of (3, 3), then across."""
+    a = ((p[0, 0] + 2 * p[1, 0]) + p[2, 0]) / 4
+    b = ((p[0, 1] + 2 * p[1, 1]) + p[2, 1]) / 4
+    c = ((p[0, 2] + 2 * p[1, 2]) + p[2, 2]) / 4
+    return float(((a + 2 * b) + c) / 4)
+
+
+@kernel(inline=True)
+def _grey(picture: F4, row: int, column: int) -> float:
+    """The mean of the channels; pixels beyond the frame repeat its edge."""
+    row, column = min(max(row, 0), picture.shape[0] - 1), min(max(column, 0), picture.shape[1] - 1)
+    total = (picture[row, column, 0] + picture[row, column, 1]) + picture[row, column, 2]
+    return float(np.float64(total) / 3)

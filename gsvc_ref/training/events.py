@@ -12,7 +12,7 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, residual_splats
 from gsvc_ref.training.population import Population
 from gsvc_ref.training.pruning import prune
-from gsvc_ref.training.settings import FitSettings
+from gsvc_ref.training.settings import AnyFit, FitSettings
 
 NEW_SIZE: Final = 0.165
 """Deviation of a splat that is added where the residual is, in units of the mean distance between splats; measured."""
@@ -25,7 +25,7 @@ class Event(NamedTuple):
     remove: int = 0
 
 
-def schedule(settings: FitSettings, count: int, total: int) -> dict[int, Event]:
+def schedule(settings: AnyFit, count: int, total: int) -> dict[int, Event]:
     """The event of each iteration, from 0, at which `count` splats grow towards `total` or are pruned."""
     events: dict[int, Event] = {}
     if settings.growth:

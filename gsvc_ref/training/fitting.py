@@ -1,21 +1,29 @@
-"""Fitting the splats of one frame to its picture, before anything is quantised."""
+"""From splats to a picture's splats, by Adan or L-BFGS, and from those to codes, by fine-tuning or rounding."""
 
 import numpy as np
 
+from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
+from gsvc_ref.splats import F4
+from gsvc_ref.training.coarse import Sizes
+from gsvc_ref.training.descending import descend
 from gsvc_ref.training.events import Events
+from gsvc_ref.training.fine_tuning import fine_tune
+from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import OnIteration, minimise
 from gsvc_ref.training.population import Population
-from gsvc_ref.training.settings import FitSettings
+from gsvc_ref.training.settings import AnyFit, DescentSettings, FitSettings, RoundingSettings
+from gsvc_ref.training.staged_rounding import round_in_stages
 
 
 def fit(
     population: Population,
     objective: Objective,
-    settings: FitSettings,
+    settings: AnyFit,
     rng: np.random.Generator,
     *,
     total: int | None = None,
+    sizes: Sizes | None = None,
     on_iteration: OnIteration | None = None,
 ) -> tuple[float, int]:
     """Minimise the loss of one frame over the parameters of a population, which is changed in place.
@@ -27,11 +35,14 @@ def fit(
     objective
         The frame's picture.
     settings
-        How to fit.
+        How to fit: by Adan (`loop`), or by L-BFGS (`descending`).
     rng
         Draws the splats that growth adds.
     total
         The number of splats that growth leads to; needed when `settings.growth` is set.
+    sizes
+        The picture at several sizes, of which `objective` is the full one. With them L-BFGS adds splats along edges
+        and fits large ones coarse to fine.
     on_iteration
         Called after each iteration.
 
@@ -42,6 +53,24 @@ def fit(
     iterations
         The number of iterations made.
     """
+    if isinstance(settings, DescentSettings):
+        return descend(population, objective, settings, rng, total or len(population), sizes, on_iteration)
     events = Events(population, objective, settings, total or len(population), rng)
     iterations = minimise(population, objective, settings, events, on_iteration)
     return objective.loss(population.parameters()), iterations
+
+
+def quantised(
+    values: F4,
+    quantizer: FrameQuantizer,
+    objective: Objective,
+    settings: FitSettings | RoundingSettings,
+    on_iteration: OnIteration | None = None,
+) -> tuple[FrameCodes, State, int]:
+    """The codes of fitted values (n, 8) f4, the decoder's state after them, and the number of iterations made.
+
+    By `fine_tune`, or by `round_in_stages`, whose parameters these are.
+    """
+    if isinstance(settings, RoundingSettings):
+        return round_in_stages(values, quantizer, objective, settings, on_iteration)
+    return fine_tune(values, quantizer, objective, settings, on_iteration)

@@ -11,7 +11,7 @@ from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.augmentation import augment
 from gsvc_ref.training.pruning import compact
-from gsvc_ref.training.settings import FitSettings
+from gsvc_ref.training.settings import AnyFit, FitSettings
 from gsvc_ref.training.weighting import WEIGHT, weighted_gradients, weighted_parameters
 
 NEW: Final = -1
@@ -35,11 +35,12 @@ class Population:
 
     keeps_best: ClassVar[bool] = False
 
-    def __init__(self, splats: Splats, weight: float, origins: NDArray[np.int64], settings: FitSettings) -> None:
+    def __init__(self, splats: Splats, weight: float, origins: NDArray[np.int64], settings: AnyFit) -> None:
         self.values = _rows(splats, weight)  # (N, 9) f4
         self.origins = origins
         self.frozen = np.zeros(len(splats), np.bool_)
-        self.optimizer = Adan(len(splats), PARAMETERS_PER_SPLAT + 1, settings.optimizer)
+        optimizer = settings.optimizer if isinstance(settings, FitSettings) else None
+        self.optimizer = Adan(len(splats), PARAMETERS_PER_SPLAT + 1, optimizer)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -73,6 +74,10 @@ class Population:
     def augment(self, uniforms: F4, width: int, height: int) -> None:
         """Add random splats of small weight at the end, with fresh optimiser state; see `augmentation.augment`."""
         self._grow(augment(self.values, uniforms, width, height))
+
+    def put(self, parameters: F4) -> None:
+        """Take other parameters (N, 8) f4 for the same splats, with weights of 1 from now on."""
+        self.values[:, :WEIGHT], self.values[:, WEIGHT] = parameters, 1
 
     def _grow(self, values: F4) -> None:
         """Take values with new rows at their end."""

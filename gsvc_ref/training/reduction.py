@@ -1,4 +1,4 @@
-"""Frames reduced in size, on which key frames are looked for and motion is estimated."""
+"""Frames reduced in size, on which key frames are looked for, motion is estimated and large splats are fitted."""
 
 import numpy as np
 
@@ -8,7 +8,11 @@ from gsvc_ref.splats import F4
 
 def reduced(picture: F4, longest_side: int | None) -> F4:
     """The picture (H, W, 3) f4 with its longer side brought to at most this many pixels by averaging blocks."""
-    step = 1 if longest_side is None else -(-max(picture.shape[:2]) // longest_side)
+    return block_means(picture, 1 if longest_side is None else -(-max(picture.shape[:2]) // longest_side))
+
+
+def block_means(picture: F4, step: int) -> F4:
+    """The means (h, w, 3) f4 of blocks of step by step pixels of a picture (H, W, 3) f4, itself if step is 1."""
     if step == 1:
         return picture
     height, width = (-(-side // step) for side in picture.shape[:2])

@@ -125,6 +125,77 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
+class DescentSettings:
+    """How a frame is fitted by L-BFGS (`walk`), preset `quick`'s way; the defaults are those of its P-frames.
+
+    Attributes
+    ----------
+    iterations
+        Maximum number of steps, for each of which the picture is evaluated, and once more for each addition of growth.
+    pull
+        lambda of the pull of splats towards where they began, as a share of the metric: so that no bits go to
+        directions that gain next to nothing. Splats that the reference does not have are free of it.
+    least_gain
+        The fit is over once PATIENCE evaluations in a row have gained fewer dB than this on average; 0: never.
+    pruning
+        When the faintest splats are removed, and how many; None: never.
+    growth
+        As in `FitSettings`.
+    """
+
+    iterations: int = 24
+    pull: float = 0.01
+    least_gain: float = 0.06
+    pruning: PruningSchedule | None = None
+    growth: Growth | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        if not 0 <= self.iterations <= MAX_ITERATIONS:
+            raise UsageError(f"iterations is {self.iterations}; it must be in 0..{MAX_ITERATIONS}")
+        if not (0 <= self.pull <= 1e3 and 0 <= self.least_gain <= 1e3):
+            raise UsageError(f"{self}: pull and least_gain must be in 0..1000")
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with other fields by name."""
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True)
+class RoundingSettings:
+    """How fitted splats are rounded to codes in stages (`staged_rounding`), preset `quick`'s way.
+
+    Attributes
+    ----------
+    iterations
+        Steps of L-BFGS on the way, beside the evaluation by which colours are solved.
+    before
+        The share of them that comes before positions are rounded.
+    """
+
+    iterations: int = 4
+    before: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        if not 0 <= self.iterations <= MAX_ITERATIONS or not 0 <= self.before <= 1:
+            raise UsageError(f"{self}: iterations must be in 0..{MAX_ITERATIONS} and before in 0..1")
+
+    @property
+    def first(self) -> int:
+        """The steps before positions are rounded."""
+        return round(self.before * self.iterations)
+
+    def with_(self, **changes: Any) -> Self:
+        """A copy with other fields by name."""
+        return replace(self, **changes)
+
+
+AnyFit = FitSettings | DescentSettings
+"""How a frame is fitted: by Adan, or by L-BFGS."""
+
+
+@dataclass(frozen=True)
 class BlockSettings:
     """The quantisers of a block; the defaults are those of the paper and, where it is silent, of its public code.
 

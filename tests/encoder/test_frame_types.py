@@ -95,7 +95,7 @@ def test_key_frames_that_were_asked_for_come_even_if_nothing_changed():
 def test_the_reason_is_told():
     clip = waves(40, 30, 4, cut=2, speed=0.2)
     clip.append(clip[-1].copy())
-    report, _ = encoded(clip, auto())
+    report, _ = encoded(clip, auto(iterations=60))
     reasons = [(frame.type, frame.reason) for frame in report.frames]
     assert [kind for kind, _ in reasons] == ["I", "P", "I", "P", "R"]
     assert len({reason for _, reason in reasons}) == 4

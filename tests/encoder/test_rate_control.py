@@ -29,7 +29,7 @@ from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, lo
 WIDTH, HEIGHT = 32, 24
 PICTURE = waves(WIDTH, HEIGHT, 1)[0].astype(np.float32) / 255
 EVERYWHERE = np.ones((HEIGHT, WIDTH), bool)
-TUNE = paper_fast(iterations=30).intra.tune
+TUNE = paper_fast(iterations=30).intra.short_fit
 
 
 def population(count, picture=PICTURE, iterations=15) -> tuple[Population, Objective]:

@@ -11,6 +11,7 @@ from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training import random_splats, uniform_numbers
+from gsvc_ref.training.coarse import Sizes
 
 
 @pytest.mark.parametrize(("effects", "visible"), [("all,gsp=off", True), ("all,gsp=auto", True), ("all", False)])
@@ -29,7 +30,8 @@ def test_new_splats_are_faint_but_not_held_back_where_nothing_is_pruned():
     objective.loss(reference.to_array())
     left = block_errors(objective.residual())
     past = Past(picture, left, float(left.sum()))
-    population = predict(PFrame(settings, picture, objective, reference, past, 60, 70, rng), FrameLog()).population
+    frame = PFrame(settings, picture, objective, reference, past, 60, 70, rng, Sizes(picture, 1))
+    population = predict(frame, FrameLog()).population
     assert len(population) == 56
     assert (population.weights == 1).all()
     assert population.parameters()[50:, 5:8].max() <= 0.01

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from codec_cases import adan_fast
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
@@ -39,7 +39,7 @@ PICTURE = np.stack(
 ).astype(np.float32)  # fmt: skip
 NO_STEPS = Rates(0, 0, 0, 0)
 BARE = FitSettings(iterations=10, convergence=None, pruning=None)
-QUICK = Settings.quick(profile="paper", iterations=40)
+QUICK = adan_fast(iterations=40)
 
 
 def population(count=12, weight=1.0, settings=BARE, seed=0) -> Population:
