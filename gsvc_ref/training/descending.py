@@ -45,7 +45,7 @@ def descend(
         done += 1
         if on_iteration:
             on_iteration(done, settings.iterations, loss)
-        if work.is_over(i):
+        if work.is_over(i) and not work.has_refined():
             break
         work.step(i)
     return work.finish(), done
@@ -70,6 +70,7 @@ class _Descent:
         self._last_event = max(self._events, default=-1)
         self._enough = float(power(10.0, -PATIENCE * settings.least_gain / 10))
         self._least: list[float] = []  # the least error after each evaluation of the present splats
+        self._is_refined = False
         self._level: Objective | Level = self._level_of(0)
         self._begin()
         self._walk = Walk(len(self._z))
@@ -78,7 +79,8 @@ class _Descent:
         """The picture at the size for the splats of now; P-frames, whose splats are made already, have the full one."""
         if self._sizes is None:
             return self._objective
-        is_coarse = self._settings.growth is not None and iteration < COARSE_PART * self._settings.iterations
+        is_early = iteration < COARSE_PART * self._settings.iterations
+        is_coarse = self._settings.growth is not None and is_early and not self._is_refined
         width, height = self._objective.width, self._objective.height
         return self._sizes.of(step_for(width, height, len(self._population)) if is_coarse else 1)
 
@@ -104,6 +106,12 @@ class _Descent:
         if iteration <= self._last_event or self._settings.least_gain == 0 or len(self._least) <= PATIENCE:
             return False
         return self._least[-1] > self._enough * self._least[-1 - PATIENCE]
+
+    def has_refined(self) -> bool:
+        """Go on at the full size from now on, unless that is the size already."""
+        is_reduced = isinstance(self._level, Level) and self._level.step > 1
+        self._is_refined |= is_reduced
+        return is_reduced
 
     def step(self, iteration: int) -> None:
         """Add splats or change the size where it is time for that, go one step, and remove splats."""
