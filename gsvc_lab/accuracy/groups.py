@@ -228,7 +228,8 @@ GROUPS: Final = (
             Setting("without relative steps", Training(fit=replace(QUICK_FIT, relative_steps=False))),
             Setting("per attribute, cosine", Training(), base=True, usual="quick"),
         ),
-        "All for the 150 iterations of the preset quick; the paper makes up to 50,000 (see the curves).",
+        "All for 150 iterations of Adan, as preset quick made them before it took L-BFGS; the paper makes up to 50,000 "
+        "(see the curves).",
     ),
 )
 
