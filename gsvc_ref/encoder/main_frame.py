@@ -43,7 +43,7 @@ from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 
-HALF, QUARTER = 48.0, 160.0
+HALF_FROM, QUARTER_FROM = 48.0, 160.0
 """The search for a P-frame looks at half of the pixels in turns from the first number of pixels for each splat on, and
 at a quarter from the second on. With fewer it follows what single pixels say, and that costs bits."""
 
@@ -467,7 +467,7 @@ class _WatchedSamples(SampledObjective):
 
 def _steps(pixels: float) -> tuple[Steps, Steps]:
     """Of the lattice, down and right, where there are so many pixels for each splat."""
-    return (2 if pixels >= HALF else 1, 2 if pixels >= QUARTER else 1)
+    return (2 if pixels >= HALF_FROM else 1, 2 if pixels >= QUARTER_FROM else 1)
 
 
 def _inter_encoder(settings: Settings) -> InterEncoder:

@@ -54,7 +54,7 @@ class Buffers(NamedTuple):
     weights
         ((height + SPARE_ROWS) * TILE_WIDTH,) f4: the weights of one splat, in the layout (row, lane).
     kept
-        (KEPT,) f4: the weights of many splats, one after the other, for the way back.
+        (KEPT,) f4, or none of it: the weights of many splats, one after the other, for the way back.
     """
 
     tile: F4
@@ -63,9 +63,13 @@ class Buffers(NamedTuple):
 
     @classmethod
     def of(cls, height: int) -> "Buffers":
-        """Buffers for frames of a height."""
+        """Buffers for frames of a height, which keep no weights."""
         rows = height + SPARE_ROWS
-        return cls(aligned((rows * ROW,)), aligned((rows * TILE_WIDTH,)), aligned((KEPT,)))
+        return cls(aligned((rows * ROW,)), aligned((rows * TILE_WIDTH,)), aligned((0,)))
+
+    def keeping(self) -> "Buffers":
+        """The same with room for weights, for those who go back."""
+        return self._replace(kept=aligned((KEPT,)))
 
 
 def bytes_of_thread(height: int) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_ref.rendering.fast.batches import Buffers, bytes_of_thread
 from gsvc_ref.rendering.fast.binning import Binning, Bins
-from gsvc_ref.rendering.fast.jobs import Job, covered_task, gradients_task, run_task
+from gsvc_ref.rendering.fast.jobs import LOSS_AND_GRADIENTS, Job, covered_task, gradients_task, run_task
 from gsvc_ref.rendering.fast.regions import Regions
 from gsvc_ref.rendering.fast.sums import MOMENTS
 from gsvc_ref.rendering.fast.threads import run_tasks, thread_count
@@ -64,6 +64,8 @@ class Rasterizer:
 
     def run(self, job: Job, regions: Regions) -> None:
         """Do a job for the tiles that have a dirty region."""
+        if job.kind == LOSS_AND_GRADIENTS and self.buffers[0].kept.size == 0:
+            self.buffers = [buffers.keeping() for buffers in self.buffers]
         tasks = 1 if self.threads == 1 else TASKS_PER_THREAD * self.threads
         for bins in self.binning.windows():
             free = list(self.buffers)
