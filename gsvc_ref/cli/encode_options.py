@@ -30,7 +30,7 @@ def add_options(parser: ArgumentParser) -> None:
     """Add all options to the parser of the command."""
     parser.add_argument(
         "--preset", choices=("quick", "slow", "paper"), default="quick",
-        help="quick (default): some 100 to 300 steps a frame; slow: several times as many, fewer bits; paper: the "
+        help="quick (default): some 10 to 250 steps a frame; slow: several times as many, fewer bits; paper: the "
         "settings of the paper, in profile paper, minutes a frame",
     )  # fmt: skip
     parser.add_argument(
