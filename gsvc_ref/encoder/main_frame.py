@@ -27,6 +27,7 @@ from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
 from gsvc_ref.main_encoder.intra import Target, encode_intra
@@ -37,15 +38,10 @@ from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
 from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
-from gsvc_ref.rendering import Objective, Renderer, SampledObjective
-from gsvc_ref.rendering.sampled import Steps
+from gsvc_ref.rendering import Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
-
-HALF_FROM, QUARTER_FROM = 48.0, 160.0
-"""The search for a P-frame looks at half of the pixels in turns from the first number of pixels for each splat on, and
-at a quarter from the second on. With fewer it follows what single pixels say, and that costs bits."""
 
 ENOUGH: Final = 0.1
 """Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
@@ -337,15 +333,10 @@ class _FrameWork:
         if len(above) and settings.effects.motion != "off":
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
-        watch = self._watch(count)
         splats = len(encoder.state.values) + len(beside)
-        steps = _steps(self.picture[:, :, 0].size / splats)
+        objective, sampled = watched_objectives(self.picture, beside, splats, settings, self._watch(count))
         inter = copy(encoder.inter)
-        frame = PFrame(
-            encoder.state, _WatchedObjective(self.picture, beside, settings, watch),
-            _WatchedSamples(self.picture, beside, settings, watch, steps), encoder.before, self.picture, quantizer,
-            encoder.total,
-        )  # fmt: skip
+        frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
         return self._decoded(inter.encode(frame), inter)
 
     def _coarsest(
@@ -426,48 +417,6 @@ class _FrameWork:
         begin = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
-
-
-class _WatchedObjective(Objective):
-    """An objective that tells its evaluations."""
-
-    def __init__(self, picture: F4, below: F4, settings: Settings, on_evaluation: Callable[[float], None]) -> None:
-        super().__init__(picture, settings.threads, precision=settings.precision, background=below)
-        self._on_evaluation = on_evaluation
-
-    def evaluate(self, parameters: Any) -> tuple[float, F4]:
-        """As `Objective.evaluate`."""
-        loss, gradient = super().evaluate(parameters)
-        self._on_evaluation(loss)
-        return loss, gradient
-
-
-class _WatchedSamples(SampledObjective):
-    """A sampled objective that tells its evaluations."""
-
-    def __init__(
-        self,
-        picture: F4,
-        below: F4,
-        settings: Settings,
-        on_evaluation: Callable[[float], None],
-        steps: tuple[Steps, Steps],
-    ) -> None:
-        super().__init__(
-            picture, settings.threads, precision=settings.precision, background=below, down=steps[0], right=steps[1]
-        )
-        self._on_evaluation = on_evaluation
-
-    def evaluate(self, parameters: F4, turn: int = 0) -> tuple[float, F4]:
-        """As `SampledObjective.evaluate`."""
-        loss, gradient = super().evaluate(parameters, turn)
-        self._on_evaluation(loss)
-        return loss, gradient
-
-
-def _steps(pixels: float) -> tuple[Steps, Steps]:
-    """Of the lattice, down and right, where there are so many pixels for each splat."""
-    return (2 if pixels >= HALF_FROM else 1, 2 if pixels >= QUARTER_FROM else 1)
 
 
 def _inter_encoder(settings: Settings) -> InterEncoder:

@@ -1,15 +1,12 @@
 """The loss on every second row, or on a quarter of the pixels: a share of the work, for steps that need no more."""
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.tiles import F4
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.precision import Precision
-
-Steps = Literal[1, 2]
 
 
 class SampledObjective:
@@ -26,6 +23,11 @@ class SampledObjective:
         As for `Objective`.
     down, right
         Every `down`-th row and every `right`-th column are a lattice, 1 or 2 each; a side of one pixel has the step 1.
+
+    Raises
+    ------
+    UsageError
+        A step is neither 1 nor 2, or as in `Objective`.
     """
 
     def __init__(
@@ -35,9 +37,11 @@ class SampledObjective:
         *,
         precision: Precision = "fast",
         background: ArrayLike | None = None,
-        down: Steps = 1,
-        right: Steps = 1,
+        down: int = 1,
+        right: int = 1,
     ) -> None:
+        if down not in (1, 2) or right not in (1, 2):
+            raise UsageError(f"the steps are {down} and {right}; each must be 1 or 2")
         self.height, self.width = target.shape[:2]
         self._down, self._right = min(down, self.height), min(right, self.width)
         high, wide = 1 / self._down, 1 / self._right

@@ -21,14 +21,13 @@ from gsvc_ref.main_profile.reconstruct import intra_state, position_steps
 from gsvc_ref.main_profile.state import SHEAR_STEPS, SIZE_STEPS, classes, to_splats
 from gsvc_ref.main_profile.tables import step_of
 from gsvc_ref.rendering import Objective, Precision, SampledObjective
-from gsvc_ref.rendering.sampled import Steps
 
 WIDTH, HEIGHT = 96, 64
 QUANTIZER = 40
 D = step_of(QUANTIZER)
 LIMITS = np.tile(np.array([-200, 200]), (3, 11, 1))
 DENSITIES = Densities((Density(scale_code=16),) * len(PLANES), (0,) * halving_count(WIDTH, HEIGHT))
-LATTICES: tuple[tuple[Steps, Steps], ...] = ((1, 1), (2, 1), (2, 2))
+LATTICES: tuple[tuple[int, int], ...] = ((1, 1), (2, 1), (2, 2))
 HALF_A_UNIT = 2 ** (0.5 / 1024) - 1 + 2**-15
 """How far a decoder's colours are from the exact ones: it takes (A + B) / 2 in whole units, and 16 bits of 2^x."""
 SHORT = InterSettings(motion_steps=3, motion_rounds=3, iterations=24, rounded_iterations=9)
@@ -61,7 +60,7 @@ def values() -> I8:
 
 def encoded(
     values: I8, target: F4, settings: InterSettings = SHORT, threads: int = 1, precision: Precision = "fast",
-    densities: Densities | None = DENSITIES, lattice: tuple[Steps, Steps] = (2, 1),
+    densities: Densities | None = DENSITIES, lattice: tuple[int, int] = (2, 1),
 ) -> MainCodes:  # fmt: skip
     objective = Objective(target, threads=threads, precision=precision)
     sampled = SampledObjective(target, threads, precision=precision, down=lattice[0], right=lattice[1])
@@ -133,7 +132,7 @@ def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> Non
 
 
 @pytest.mark.parametrize("lattice", LATTICES)
-def test_a_still_picture_needs_no_codes(values: I8, lattice: tuple[Steps, Steps]) -> None:
+def test_a_still_picture_needs_no_codes(values: I8, lattice: tuple[int, int]) -> None:
     codes = encoded(values, picture(values), lattice=lattice)
     assert codes.motion_cell == 0
     assert not codes.modes.any()

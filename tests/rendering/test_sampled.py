@@ -5,10 +5,10 @@ import pytest
 from render_cases import population
 
 from gsvc_ref.arrays import F4
+from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, Precision, SampledObjective
-from gsvc_ref.rendering.sampled import Steps
 
-LATTICES: tuple[tuple[Steps, Steps], ...] = ((1, 1), (2, 1), (1, 2), (2, 2))
+LATTICES: tuple[tuple[int, int], ...] = ((1, 1), (2, 1), (1, 2), (2, 2))
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def target() -> F4:
 
 @pytest.mark.parametrize("precision", ["fast", "deterministic"])
 @pytest.mark.parametrize(("down", "right"), LATTICES)
-def test_the_turns_together_see_every_pixel(target: F4, down: Steps, right: Steps, precision: Precision) -> None:
+def test_the_turns_together_see_every_pixel(target: F4, down: int, right: int, precision: Precision) -> None:
     splats = population(12, 38, 24).to_array()
     behind, front = splats[:5], splats[5:]
     whole, gradient = Objective(target, 1, precision=precision, background=behind).evaluate(front)
@@ -42,7 +42,7 @@ def test_each_turn_sees_its_own_pixels(target: F4) -> None:
 
 
 @pytest.mark.parametrize(("down", "right"), LATTICES)
-def test_a_quarter_of_the_picture(target: F4, down: Steps, right: Steps) -> None:
+def test_a_quarter_of_the_picture(target: F4, down: int, right: int) -> None:
     splats = population(12, 38, 24).to_array()
     objective = Objective(target, 1)
     objective.loss(splats)
@@ -70,3 +70,9 @@ def test_threads_do_not_matter(target: F4) -> None:
     one, two = (SampledObjective(target, threads, down=2, right=2).evaluate(splats, 3) for threads in (1, 2))
     assert one[0] == two[0]
     np.testing.assert_array_equal(one[1], two[1])
+
+
+@pytest.mark.parametrize(("down", "right"), [(0, 1), (1, 3), (2, -1)])
+def test_other_steps_are_refused(target: F4, down: int, right: int) -> None:
+    with pytest.raises(UsageError, match="each must be 1 or 2"):
+        SampledObjective(target, 1, down=down, right=right)

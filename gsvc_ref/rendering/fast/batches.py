@@ -18,10 +18,10 @@ BATCH: Final = 1 << 12
 """Maximum number of intersections in a batch."""
 
 KEPT: Final = 1 << 19
-"""Maximum number of weights, 4 bytes each, that a thread keeps from the way there for the way back. A tile of a trained
-population of 1920x1080 pixels has 260,000 (N = 10,000). They are written and read one after the other, so that it does
-not matter that a second-level cache holds fewer: with an eighth of this room, the loss and its gradient took a fifth
-longer."""
+"""Maximum number of weights, 4 bytes each, that a thread keeps from the forward pass for the backward pass. A tile of a
+trained population of 1920x1080 pixels has 260,000 (N = 10,000). They are written and read one after the other, so that
+it does not matter that a second-level cache holds fewer: with an eighth of this room, the loss and its gradient took a
+fifth longer."""
 
 INDEX, PLACE = 2, 3
 NOT_KEPT: Final = -1
@@ -54,7 +54,7 @@ class Buffers(NamedTuple):
     weights
         ((height + SPARE_ROWS) * TILE_WIDTH,) f4: the weights of one splat, in the layout (row, lane).
     kept
-        (KEPT,) f4, or none of it: the weights of many splats, one after the other, for the way back.
+        (KEPT,) f4, or none of it: the weights of many splats, one after the other, for the backward pass.
     """
 
     tile: F4
@@ -68,7 +68,7 @@ class Buffers(NamedTuple):
         return cls(aligned((rows * ROW,)), aligned((rows * TILE_WIDTH,)), aligned((0,)))
 
     def keeping(self) -> "Buffers":
-        """The same with room for weights, for those who go back."""
+        """The same with room for weights, for jobs with a backward pass."""
         return self._replace(kept=aligned((KEPT,)))
 
 

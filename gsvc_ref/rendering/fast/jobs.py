@@ -93,8 +93,8 @@ def render_tile(buffers: Buffers, t: int, bins: Bins, batch: Batch, count: int, 
     since to gather the others for every region might take longer than to render what is not dirty, which changes
     nothing; the batch is filled with them one after the other.
 
-    Weights are kept for the way back where it begins from this batch. The rows below a region are spoiled as far as
-    `add_batch` says.
+    Weights are kept for the backward pass where it begins from this batch. The rows below a region are spoiled as far
+    as `add_batch` says.
     """
     tile = buffers.tile
     rows = regions.rows if count == intersections_of(t, bins) else job.height

@@ -4,8 +4,8 @@ The definition is `definition.py`, and the names are those of spec.md: the splat
 u1^2 + u2^2, the weight g, e = dL/dC, q = g (e . c') of (10-6), and the moments S of (13-12). All loops over
 `TILE_WIDTH` have constant bounds and constant offsets into one flat buffer, which is what makes LLVM turn them into
 vector code; a test looks at the result. Per tile the splats come in index order, so that each sum has one fixed order
-whoever owns the tile. The way there keeps its weights for the way back, which is then half the work. The loops exist
-twice: with contraction, and `_strict` with every operation rounded as it is written (spec.md section 9.3).
+whoever owns the tile. The forward pass keeps its weights for the backward pass, which need not find them again. The
+loops exist twice: with contraction, and `_strict` with every operation rounded as it is written (spec.md section 9.3).
 """
 
 from typing import Any, Final
