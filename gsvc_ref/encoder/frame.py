@@ -32,10 +32,8 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
-    FrameQuantizer,
     OnIteration,
     Population,
-    RoundingSettings,
     fit,
     image_start,
     loss_of_psnr,
@@ -320,12 +318,8 @@ class _FrameWork:
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
-            quantizer = FrameQuantizer(
-                population, self.objective, intra, inter, before, self.rng,
-                in_stages=isinstance(settings.tune, RoundingSettings),
-            )  # fmt: skip
             codes, state, done = quantised(
-                population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
+                population, self.objective, intra, inter, before, self.rng, settings.tune, self._report("quantize")
             )
             self.iterations += done
             return codes, state
