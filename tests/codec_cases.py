@@ -40,6 +40,17 @@ def flat(value, width=32, height=24, frames=1, dtype=np.uint8) -> list[np.ndarra
     return [np.full((height, width, 3), value, dtype) for _ in range(frames)]
 
 
+def faint_splats(count: int, seed: int, side: int) -> np.ndarray:
+    """Parameters (count, 8) f4 of splats a few pixels wide on a square, so faint that few pixels are clamped."""
+    rng = np.random.default_rng(seed)
+    p = np.empty((count, 8), np.float32)
+    p[:, :2] = rng.uniform(4, side - 4, (count, 2))
+    p[:, 2], p[:, 4] = rng.uniform(1.5, 4, (2, count))
+    p[:, 3] = rng.normal(0, 1, count)
+    p[:, 5:] = rng.uniform(0, 0.2, (count, 3))
+    return p
+
+
 def fast(**overrides) -> Settings:
     """Quick settings that are over in a blink: few evaluations, one key frame."""
     intra = IntraSettings(grow=8, weigh=6, settle=1)

@@ -138,7 +138,8 @@ GROUPS: Final = (
             *(Setting(f"{bits} bits", Coding(position_bits=bits)) for bits in (7, 8, 9, 10, 11)),
             Setting("binary16", Coding(), base=True, usual="paper"),
         ),
-        "The preset quick keeps steps of 0.05 pixels, which lies between the last two at this size.",
+        "Preset quick kept steps of 0.05 pixels until it rounded in stages; that lies between the last two "
+        "at this size.",
     ),
     Group(
         "cholesky",

@@ -26,9 +26,9 @@ from gsvc_ref.training import (
     OnIteration,
     Population,
     Rates,
+    fine_tune,
     fit,
     image_start,
-    quantised,
     random_splats,
     uniform_numbers,
 )
@@ -39,6 +39,11 @@ QUICK_FIT: Final = FitSettings(
     convergence=None, pruning=None,
 )  # fmt: skip
 """Adan with few and well-sized steps: what preset quick was before it took L-BFGS, whose parts the groups compare."""
+
+QUICK_TUNE: Final = QUICK_FIT.with_(
+    iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(steps=60, final=0.05), growth=None
+)
+"""Its fine-tuning, by any quantisers; rounding in stages, which took its place, chooses steps of positions itself."""
 
 ASSESSED_WITH: Final[Precision] = "deterministic"
 """Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""
@@ -157,7 +162,7 @@ class CutOff:
 
 @dataclass(frozen=True)
 class Coding:
-    """Quantise the fitted splats, fine-tune them and code them as an I-frame, as the preset quick does.
+    """Quantise the fitted splats, fine-tune them and code them as an I-frame, as preset quick once did (QUICK_TUNE).
 
     Attributes
     ----------
@@ -190,7 +195,7 @@ class Coding:
         blocks = settings.intra.quantizer, settings.inter.quantizer
         quantizer = FrameQuantizer(picture.population, picture.objective(), *blocks, before, rng)
         values = picture.population.parameters()
-        codes, state, _ = quantised(values, quantizer, picture.objective(), settings.intra.tune)
+        codes, state, _ = fine_tune(values, quantizer, picture.objective(), QUICK_TUNE)
         return codes, state, frame_bytes(codes, settings, before)
 
     def assess(self, picture: SourcePicture, outcome: tuple[FrameCodes, State, int]) -> Quality:
@@ -202,7 +207,7 @@ class Coding:
 
 @dataclass(frozen=True)
 class Training:
-    """Fit splats to the picture; the defaults are those of the preset quick for an I-frame.
+    """Fit splats to the picture; the defaults are those that preset quick once had for an I-frame (QUICK_FIT).
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""One frame at a time, as in the paper's algorithm 1: start, fit, fine-tune with quantisation, reconstruct."""
+"""One frame at a time, as in the paper's algorithm 1: start, fit, quantise (`quantised`), reconstruct."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -32,10 +32,8 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
-    FrameQuantizer,
     OnIteration,
     Population,
-    RoundingSettings,
     fit,
     image_start,
     loss_of_psnr,
@@ -105,7 +103,7 @@ class EncodedFrame:
     psnr
         PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
     iterations
-        The number of iterations of all fits and fine-tuning together; in profile `main`, of evaluations.
+        The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
     seconds
         Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
     decisions
@@ -237,7 +235,7 @@ class _FrameWork:
         return self._finish(FrameCodes.repeated_frame(), self.before)
 
     def intra(self) -> EncodedFrame:
-        """An I-frame: fit from scratch, then fine-tune with quantisation."""
+        """An I-frame: fit from scratch, then quantise."""
         settings = self.settings.intra
         fit_settings = self.settings.pruned(settings.fit)
         with self._timed("start"):
@@ -279,7 +277,7 @@ class _FrameWork:
         return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
 
     def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
-        """Fit and fine-tune with quantisation; with a quality to hold, until the decoded frame holds it."""
+        """Fit and quantise; with a quality to hold, until the decoded frame holds it."""
         with self._timed("fit"):
             _, done = fit(
                 population, self.objective, settings.fit, self.rng, total=self.total, sizes=self.sizes,
@@ -320,12 +318,8 @@ class _FrameWork:
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
-            quantizer = FrameQuantizer(
-                population, self.objective, intra, inter, before, self.rng,
-                in_stages=isinstance(settings.tune, RoundingSettings),
-            )  # fmt: skip
             codes, state, done = quantised(
-                population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
+                population, self.objective, intra, inter, before, self.rng, settings.tune, self._report("quantize")
             )
             self.iterations += done
             return codes, state
@@ -355,7 +349,7 @@ def worked_on_again(result: EncodedFrame) -> EncodedFrame:
 
 
 def _steps(settings: FrameSettings) -> int:
-    """The iterations of fit and fine-tuning."""
+    """The iterations of fit and quantisation."""
     return settings.fit.iterations + settings.tune.iterations
 
 

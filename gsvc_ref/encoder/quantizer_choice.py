@@ -12,7 +12,7 @@ from gsvc_ref.portable import log2
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
 from gsvc_ref.stream import StreamWriter
-from gsvc_ref.training import FitSettings, FrameQuantizer, Population, RoundingSettings, psnr_of_loss, quantised
+from gsvc_ref.training import FitSettings, Population, RoundingSettings, psnr_of_loss, quantised
 
 TRIAL_ITERATIONS: Final = 10
 """Number of fine-tuning iterations of each candidate; rounding in stages makes one evaluation."""
@@ -27,19 +27,16 @@ def with_best_quantizer(
     """The settings with the candidate (b, M, B) that serves a fitted I-frame best; unchanged without candidates.
 
     They are unchanged as well if a candidate has next to no error: the smallest quantisers suffice for a black frame,
-    but not for the frames after it. The best candidate has the highest PSNR after a short fine-tuning, less the PSNR
-    that its bits could have bought otherwise: DB_PER_DOUBLING for each doubling, since twice the splats bring that for
-    about twice the bits.
+    but not for the frames after it. The best candidate has the highest PSNR after a short trial (`trial_of`), less
+    the PSNR that its bits could have bought otherwise: DB_PER_DOUBLING for each doubling, since twice the splats bring
+    that for about twice the bits.
     """
     best, highest = settings, -np.inf
     for choice in settings.intra.candidates:
         candidate = with_quantizer(settings, choice)
         blocks = candidate.intra.quantizer, candidate.inter.quantizer
-        in_stages = isinstance(candidate.intra.tune, RoundingSettings)
-        quantizer = FrameQuantizer(
-            population, objective, *blocks, before, np.random.default_rng(seed), in_stages=in_stages
-        )
-        codes, state, _ = quantised(population.parameters(), quantizer, objective, trial_of(candidate.intra.tune))
+        rng, tune = np.random.default_rng(seed), trial_of(candidate.intra.tune)
+        codes, state, _ = quantised(population, objective, *blocks, before, rng, tune)
         psnr = psnr_of_loss(objective.loss(state.splats.to_array()))
         if psnr >= MAX_PSNR:
             return settings

@@ -1,4 +1,4 @@
-"""The quantisers of one block while they are fine-tuned: values to codes, straight-through gradients, and learning.
+"""The quantisers of one block, fine-tuned or learned in stages: values to codes, gradients, and learning.
 
 The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.reconstruction`, so what fine-tuning
 sees is, bit for bit, what a decoder will have.

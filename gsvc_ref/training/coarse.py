@@ -99,10 +99,8 @@ class Sizes:
         (H, W, 3) f4.
     threads, precision
         As in `Objective`.
-    background
-        (B, 8) f4, splats that are in every picture, in pixels of the full size.
     full
-        The objective of the full size where there is one already, which has the same background.
+        The objective of the full size where there is one already.
     """
 
     def __init__(
@@ -111,18 +109,16 @@ class Sizes:
         threads: int | None = None,
         *,
         precision: Precision = "fast",
-        background: F4 | None = None,
         full: Objective | None = None,
     ) -> None:
-        self._picture, self._threads, self._precision, self._background = picture, threads, precision, background
+        self._picture, self._threads, self._precision = picture, threads, precision
         self._levels: dict[int, Level] = {} if full is None else {1: Level(full, picture, 1)}
 
     def of(self, step: int) -> Level:
         """The picture reduced by a step."""
         if step not in self._levels:
             small = block_means(self._picture, step)
-            below = None if self._background is None else resized(self._background, 1 / step)
-            objective = Objective(small, self._threads, precision=self._precision, background=below)
+            objective = Objective(small, self._threads, precision=self._precision)
             self._levels[step] = Level(objective, small, step)
         return self._levels[step]
 

@@ -41,7 +41,7 @@ def descend(
     work = _Descent(population, objective, settings, rng, total, sizes)
     done = 0
     for i in range(settings.iterations):
-        loss = work.evaluate(i)
+        loss = work.evaluate()
         done += 1
         if on_iteration:
             on_iteration(done, settings.iterations, loss)
@@ -93,7 +93,7 @@ class _Descent:
         origins = population.origins[self._free.rows]
         self._start, self._pull = self._z.copy(), np.where(origins == NEW, 0.0, self._settings.pull)
 
-    def evaluate(self, iteration: int) -> float:
+    def evaluate(self) -> float:
         """The loss here; keeps the error and its gradient for the step."""
         loss, self._error, self._gradient = self._free.evaluate(self._z)
         if self._pull.any():
@@ -161,7 +161,7 @@ class _Descent:
         start = self._start
         self._begin()
         self._start[: len(start)], self._z = start, z
-        _, self._error, self._gradient = self._free.evaluate(z)
+        self.evaluate()
         self._least = []
 
     def _keep(self, z: F8) -> None:

@@ -44,7 +44,7 @@ def shape_error(values: F4, reference: F4) -> float:
 
 
 def shape_weights(values: F4) -> F8:
-    """What the square of an error of each Cholesky factor counts in `effects`, (n, 3) f8."""
+    """What the square of an error of each Cholesky factor counts in `effects`, over pi / 4, (n, 3) f8."""
     l11, l21, l22 = values[:, 2:5].astype(np.float64).T
     seen = np.square(values[:, 5:8].astype(np.float64)).sum(axis=1) * (l11 * l22)
     slant = (l21 / l22) * (l21 / l22)

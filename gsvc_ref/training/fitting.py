@@ -1,10 +1,9 @@
-"""From splats to a picture's splats, by Adan or L-BFGS, and from those to codes, by fine-tuning or rounding."""
+"""Splats are fitted to a picture, by Adan or L-BFGS, and become codes, by fine-tuning or rounding in stages."""
 
 import numpy as np
 
 from gsvc_ref.reconstruction import FrameCodes, State
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4
 from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.descending import descend
 from gsvc_ref.training.events import Events
@@ -12,7 +11,7 @@ from gsvc_ref.training.fine_tuning import fine_tune
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import OnIteration, minimise
 from gsvc_ref.training.population import Population
-from gsvc_ref.training.settings import AnyFit, DescentSettings, FitSettings, RoundingSettings
+from gsvc_ref.training.settings import AnyFit, BlockSettings, DescentSettings, FitSettings, RoundingSettings
 from gsvc_ref.training.staged_rounding import round_in_stages
 
 
@@ -61,16 +60,28 @@ def fit(
 
 
 def quantised(
-    values: F4,
-    quantizer: FrameQuantizer,
+    population: Population,
     objective: Objective,
+    intra: BlockSettings,
+    inter: BlockSettings,
+    before: State,
+    rng: np.random.Generator,
     settings: FitSettings | RoundingSettings,
     on_iteration: OnIteration | None = None,
 ) -> tuple[FrameCodes, State, int]:
-    """The codes of fitted values (n, 8) f4, the decoder's state after them, and the number of iterations made.
+    """The codes of a fitted population, the decoder's state after them, and the number of iterations made.
 
-    By `fine_tune`, or by `round_in_stages`, whose parameters these are.
+    Parameters
+    ----------
+    population, objective, intra, inter, before, rng
+        As in `FrameQuantizer`.
+    settings
+        How to quantise: by `fine_tune`, or by `round_in_stages`.
+    on_iteration
+        Called after each evaluation.
     """
+    in_stages = isinstance(settings, RoundingSettings)
+    quantizer = FrameQuantizer(population, objective, intra, inter, before, rng, in_stages=in_stages)
     if isinstance(settings, RoundingSettings):
-        return round_in_stages(values, quantizer, objective, settings, on_iteration)
-    return fine_tune(values, quantizer, objective, settings, on_iteration)
+        return round_in_stages(population.parameters(), quantizer, objective, settings, on_iteration)
+    return fine_tune(population.parameters(), quantizer, objective, settings, on_iteration)

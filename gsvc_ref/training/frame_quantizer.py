@@ -1,4 +1,4 @@
-"""The quantisers of a frame while it is fine-tuned: what is coded as a difference, and what is used again."""
+"""The quantisers of a frame that is fine-tuned or rounded in stages: what is coded as a difference, and used again."""
 
 import math
 from collections.abc import Iterator

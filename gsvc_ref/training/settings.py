@@ -203,11 +203,13 @@ class BlockSettings:
     ----------
     position_step
         Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their
-        low bits cost nothing; None keeps all bits of binary16.
+        low bits cost nothing; None keeps all bits of binary16. Rounding in stages takes no notice of the number: the
+        error of the frame says which step (`steps_for`).
     cholesky_bits
         b, the bits of a Cholesky code.
     cholesky_step
-        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset.
+        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset. Rounding in stages
+        chooses the number as for positions.
     colors
         Stages, codewords and training of the residual vector quantiser.
     weigh_by_area

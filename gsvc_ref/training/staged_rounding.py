@@ -8,7 +8,7 @@ is done on splats alone:
 3. one evaluation gives what the picture lacks under each splat, and conjugate gradients in the Gram matrix (`gram`)
    the colours that bring the most of it;
 4. codebooks are learned for these colours, and each splat in turn takes the codeword that is best given what the
-   choices of its neighbours left: `rounded_with_feedback`.
+   choices of its neighbours left: `round_with_feedback`.
 """
 
 from typing import Final

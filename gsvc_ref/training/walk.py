@@ -173,27 +173,6 @@ class Walk:
         self.best = None
 
 
-def add_pull(z: F8, start: F8, weights: F8, gradient: F8) -> float:
-    """The pull of splats towards where they began; its gradient is added to another.
-
-    Parameters
-    ----------
-    z, start
-        (n, 8), coordinates now and at the start.
-    weights
-        (n,), lambda of each splat.
-    gradient
-        (n, 8) by (u, v, m, r, s, n0, n1, n2), changed in place.
-
-    Returns
-    -------
-    float
-        The sum over the splats of lambda times the metric of their change, with the start's energy and axes: lambda
-        times the error that the change would make, were it all in vain.
-    """
-    return _pull(z, start, weights, gradient)
-
-
 def pull_plain(z: F8, start: F8, weights: F8) -> tuple[float, F8]:
     """The definition of `add_pull`: the pull, and its gradient (n, 8)."""
     energy = weights * ((start[:, 5] * start[:, 5] + start[:, 6] * start[:, 6]) + start[:, 7] * start[:, 7])
@@ -216,8 +195,24 @@ def pull_plain(z: F8, start: F8, weights: F8) -> tuple[float, F8]:
 
 
 @kernel()
-def _pull(z: F8, start: F8, weights: F8, gradient: F8) -> float:
-    """Twin of `pull_plain` to rounding: splat by splat."""
+def add_pull(z: F8, start: F8, weights: F8, gradient: F8) -> float:
+    """The pull of splats towards where they began; its gradient is added to another.
+
+    Parameters
+    ----------
+    z, start
+        (n, 8), coordinates now and at the start.
+    weights
+        (n,), lambda of each splat.
+    gradient
+        (n, 8) by (u, v, m, r, s, n0, n1, n2), changed in place.
+
+    Returns
+    -------
+    float
+        The sum over the splats of lambda times the metric of their change, with the start's energy and axes: lambda
+        times the error that the change would make, were it all in vain.
+    """
     total = 0.0
     for i in range(len(z)):
         if weights[i] == 0:

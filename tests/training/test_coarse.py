@@ -76,13 +76,6 @@ def test_the_gradient_is_the_derivative(step):
             assert gradient[row, column] == pytest.approx((ends[0] - ends[1]) / (2 * width), rel=0.02, abs=1e-6)
 
 
-def test_a_background_is_in_the_picture_of_every_size():
-    picture, p = a_picture(), some_splats()
-    both, above = Sizes(picture, 1), Sizes(picture, 1, background=p[:10])
-    for step in (1, 2, 4):
-        assert above.of(step).loss(p[10:]) == pytest.approx(both.of(step).loss(p), rel=1e-5)
-
-
 def test_frozen_splats_have_no_gradient():
     level, p = Sizes(a_picture(), 1).of(2), some_splats()
     frozen = np.arange(len(p)) < 7

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from codec_cases import faint_splats
 
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import render_sum
@@ -24,13 +25,7 @@ def a_splat(**changes: float) -> np.ndarray:
 
 
 def many(count: int = 200) -> np.ndarray:
-    rng = np.random.default_rng(2)
-    p = np.empty((count, 8), np.float32)
-    p[:, :2] = rng.uniform(4, SIDE - 4, (count, 2))
-    p[:, 2], p[:, 4] = rng.uniform(1.5, 4, (2, count))
-    p[:, 3] = rng.normal(0, 1, count)
-    p[:, 5:] = rng.uniform(0, 0.2, (count, 3))
-    return p
+    return faint_splats(count, 2, SIDE)
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from codec_cases import faint_splats
 
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.errors import UsageError
 from gsvc_ref.quantization import rvq
 from gsvc_ref.reconstruction import State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
@@ -19,13 +21,7 @@ QUICK = Settings.quick(profile="paper")
 
 
 def some_splats(count: int = 50, seed: int = 1) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    p = np.empty((count, 8), np.float32)
-    p[:, :2] = rng.uniform(4, SIDE - 4, (count, 2))
-    p[:, 2], p[:, 4] = rng.uniform(1.5, 4, (2, count))
-    p[:, 3] = rng.normal(0, 1, count)
-    p[:, 5:] = rng.uniform(0, 0.2, (count, 3))
-    return p
+    return faint_splats(count, seed, SIDE)
 
 
 def population_of(p: np.ndarray, origins: np.ndarray | None = None) -> Population:
@@ -181,8 +177,6 @@ def test_the_objective_holds_no_splat_afterwards():
 
 
 def test_settings_refuse_what_makes_no_sense():
-    from gsvc_ref.errors import UsageError
-
     for changes in ({"iterations": -1}, {"before": 1.5}, {"before": -0.1}):
         with pytest.raises(UsageError):
             replace(RoundingSettings(), **changes)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from codec_cases import faint_splats
 
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render_sum
@@ -18,13 +19,7 @@ FEW = DescentSettings(iterations=12, pull=0.0, least_gain=0.0)
 
 
 def some_splats(count: int = 40, seed: int = 1) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    p = np.empty((count, 8), np.float32)
-    p[:, :2] = rng.uniform(4, SIDE - 4, (count, 2))
-    p[:, 2], p[:, 4] = rng.uniform(1.5, 4, (2, count))
-    p[:, 3] = rng.normal(0, 1, count)
-    p[:, 5:] = rng.uniform(0, 0.2, (count, 3))
-    return p
+    return faint_splats(count, seed, SIDE)
 
 
 def a_picture(side: int = SIDE) -> np.ndarray:

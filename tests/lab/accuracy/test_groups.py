@@ -12,7 +12,7 @@ from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, 
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import PRECISIONS
-from gsvc_ref.training import NEW, Population, image_start, quantised
+from gsvc_ref.training import NEW, Population, fine_tune, image_start
 
 JIT = not numba.config.DISABLE_JIT
 
@@ -105,9 +105,9 @@ def test_positions_have_the_bits_that_the_setting_says(picture, bits):
 
 def test_coarser_settings_cost_fewer_bytes(monkeypatch):
     def untuned(values, quantizer, objective, settings):
-        return quantised(values, quantizer, objective, replace(settings, iterations=0))
+        return fine_tune(values, quantizer, objective, replace(settings, iterations=0))
 
-    monkeypatch.setattr("gsvc_lab.accuracy.work.quantised", untuned)
+    monkeypatch.setattr("gsvc_lab.accuracy.work.fine_tune", untuned)
     picture = SourcePicture(scene_source("chelsea").picture[100:164, 200:280])
     splats = image_start(picture.picture, 300, np.random.default_rng(0))
     picture.population = Population(splats, 1.0, np.full(300, NEW), QUICK_FIT)
