@@ -40,10 +40,13 @@ UNVERSIONED = --ignore tests/viewer --ignore tests/viewing --ignore tests/kaitai
 	--ignore tests/conformance/test_diagnosis.py --ignore tests/conformance/test_generic_looks.py \
 	--ignore tests/adapters/test_pytorch.py --ignore tests/adapters/test_gsplat_cuda.py
 
-lowest:            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
+.venv-lowest/.ready-%: pyproject.toml conformance/pyproject.toml tests/supply_chain/lowest.txt
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
-		--constraint tests/supply_chain/lowest.txt --editable '.[$(EXTRAS)]' --editable ./conformance
+		--constraint tests/supply_chain/lowest.txt --editable '.[$*]' --editable ./conformance
+	@touch $@
+
+lowest: .venv-lowest/.ready-$(EXTRAS)            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
 	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive' $(UNVERSIONED)
 
 vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (nine minutes on two cores, and two for setting up)
