@@ -158,6 +158,7 @@ ENOUGH = 3000
 """Executions in which a planted defect must be found."""
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("what", PLANTED)
 def test_planted_defects_are_found(
     what: str, pools: dict[str, list[bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
