@@ -80,7 +80,13 @@ print(code.count("zmm") > 100, code.count("ymm") > 100)
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="another compiler makes other code")
-@pytest.mark.parametrize(("features", "wide"), [("+avx512f,+avx512vl", True), ("+avx2,-avx512f", False)])
+@pytest.mark.parametrize(
+    ("features", "wide"),
+    [
+        ("+avx512f,+avx512vl", True),
+        pytest.param("+avx2,-avx512f", False, marks=pytest.mark.exhaustive),
+    ],
+)
 def test_the_inner_loops_have_vectors_of_512_bits(tmp_path, features, wide):
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         pytest.skip("nothing is compiled")

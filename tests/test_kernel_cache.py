@@ -215,6 +215,7 @@ print(zeros(np.int32(2)).sum(), sum(zeros._cache_misses.values()))  # another fo
 """
 
 
+@pytest.mark.exhaustive
 def test_what_is_loaded_imports_none_of_numbas_modules_whose_functions_it_holds(package):
     """Numba would import its arrays and strings for every np.zeros: a tenth of a second."""
     with (package / "package" / "main.py").open("a") as file:

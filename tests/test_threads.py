@@ -141,7 +141,7 @@ def stream() -> bytes:
     return file.getvalue()
 
 
-@pytest.mark.parametrize("where", ["file", "memory"])
+@pytest.mark.parametrize("where", ["file", pytest.param("memory", marks=pytest.mark.exhaustive)])
 def test_one_open_stream_read_by_many_threads(stream, where, tmp_path):
     path = tmp_path / "clip.gsvc"
     path.write_bytes(stream)

@@ -9,6 +9,7 @@ stands for the folder wherever a folder is named.
 import hashlib
 import io
 import json
+import os
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -257,7 +258,9 @@ class _Folder(Mapping[str, bytes]):
             raise KeyError(name) from None
 
     def __iter__(self) -> Iterator[str]:
-        return (path.relative_to(self._home).as_posix() for path in self._home.rglob("*") if path.is_file())
+        for folder, _, names in os.walk(self._home):  # several times as fast as Path.rglob
+            below = Path(folder).relative_to(self._home).as_posix()
+            yield from (name if below == "." else f"{below}/{name}" for name in names)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)

@@ -17,6 +17,7 @@ _POLE: Final = math.sqrt(3) - 2
 _POWERS: Final = 30
 """The powers of the pole beyond are less than a unit in the last place."""
 _AT_ONCE: Final = 1 << 16  # places that are read together: what belongs to them stays in the cache
+_SUMS_AT_ONCE: Final = 1 << 14  # sums of neighbours that grow together, for the same reason
 
 
 def gaussian(deviation: float, reach: int) -> F8:
@@ -37,10 +38,16 @@ def correlated(samples: NDArray[Any], taps: F8, axis: int, beyond: Literal["symm
     """The sum of neighbours along an axis, each times its tap, from the first to the last: f8 of the same shape."""
     reach = len(taps) // 2
     widths = [(reach, reach) if dimension == axis else (0, 0) for dimension in range(samples.ndim)]
-    lines = np.moveaxis(np.pad(samples, widths, mode=beyond), axis, 0)
-    total = np.zeros(np.moveaxis(samples, axis, 0).shape)
-    for k, tap in enumerate(taps):
-        total += tap * lines[k : k + len(total)]
+    padded = np.pad(samples.astype(np.float64), widths, mode=beyond)
+    lines = np.ascontiguousarray(np.moveaxis(padded, axis, 0))
+    total = np.zeros((samples.shape[axis], *lines.shape[1:]))
+    some = max(1, _SUMS_AT_ONCE // max(1, lines[0].size))
+    for begin in range(0, len(total), some):
+        sums = total[begin : begin + some]
+        product = np.empty_like(sums)
+        for k, tap in enumerate(taps, begin):
+            np.multiply(lines[k : k + len(sums)], tap, out=product)
+            sums += product
     return np.moveaxis(total, 0, axis)
 
 

@@ -154,6 +154,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.exhaustive
 def test_processes_that_are_killed_again_and_again(clip, tmp_path):
     """As where there is no memory for a frame."""
     script, out = tmp_path / "dying.py", tmp_path / "out.gsvc"
@@ -169,6 +170,7 @@ def test_processes_that_are_killed_again_and_again(clip, tmp_path):
     assert len(list(gsvc_ref.decode(out))) == 3
 
 
+@pytest.mark.exhaustive
 def test_a_reader_that_has_enough_ends_all_processes_silently(clip):
     with subprocess.Popen(
         [sys.executable, "-c", START, "encode", str(clip), "-", *SMALL, *JOBS, "--quiet"],

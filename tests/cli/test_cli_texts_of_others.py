@@ -106,11 +106,11 @@ def test_a_stream_in_a_pipe_is_not_called_a_bad_video(clip, stream, tmp_path, ca
     ("words", "name"),
     [
         (["decode", "STREAM", "-"], "standard output"),
-        (["decode", "STREAM", "/dev/full", "--quiet"], "/dev/full"),
-        (["encode", "CLIP", "-", "--splats", "12"], "standard output"),
+        pytest.param(["decode", "STREAM", "/dev/full", "--quiet"], "/dev/full", marks=pytest.mark.exhaustive),
+        pytest.param(["encode", "CLIP", "-", "--splats", "12"], "standard output", marks=pytest.mark.exhaustive),
         (["encode", "CLIP", "/dev/full", "--splats", "12", "--quiet"], "/dev/full"),
         (["info", "STREAM"], "standard output"),
-        (["info", "STREAM", "--json"], "standard output"),
+        pytest.param(["info", "STREAM", "--json"], "standard output", marks=pytest.mark.exhaustive),
     ],
 )
 def test_a_full_disk_names_what_was_written(clip, stream, words, name):

@@ -98,6 +98,7 @@ def test_what_is_unsupported_or_takes_too_long_is_not_asked_again(folder, tmp_pa
     assert note.read_text() == "x"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another allocator")
 def test_memory_that_is_not_written_to_differs_in_a_command(folder, tmp_path, monkeypatch):
     """Each answer comes from a new process, whose new memory is zero as often as not.

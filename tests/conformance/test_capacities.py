@@ -13,6 +13,7 @@ def vectors_of(name):
     return [read(path.parent) for path in sorted(VECTORS.glob(f"*/{name}/*/manifest.json"))]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", operations())
 def test_every_capacity_is_caught(name):
     missed = {row.dimension: row.missed for row in rows(operations()[name], vectors_of(name)) if row.missed}

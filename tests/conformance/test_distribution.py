@@ -171,11 +171,11 @@ class Elsewhere:
         )
 
 
-@pytest.fixture(scope="module", params=["wheel", "sdist", "checkout"])
-def elsewhere(request, built, tmp_path_factory):
-    """An environment where the kit is installed, with NumPy beside it."""
-    found = Elsewhere(tmp_path_factory.mktemp(request.param))
-    found.python("-m", "pip", "install", "-q", "--disable-pip-version-check", built[request.param])
+@pytest.fixture(scope="module")
+def elsewhere(built, tmp_path_factory):
+    """An environment where the wheel is installed, with NumPy beside it."""
+    found = Elsewhere(tmp_path_factory.mktemp("elsewhere"))
+    found.python("-m", "pip", "install", "-q", "--disable-pip-version-check", built["wheel"])
     return found
 
 
@@ -191,7 +191,23 @@ def test_the_size_of_the_wheel_and_what_is_in_it(built):
 
 
 @pytest.mark.exhaustive
-def test_the_kit_elsewhere(elsewhere):
+@pytest.mark.parametrize("source", ["sdist", "checkout"])
+def test_what_pip_makes_of_others_is_the_wheel(built, source, tmp_path):
+    words = ["wheel", "-q", "--no-deps", "--disable-pip-version-check", "-w", tmp_path, built[source]]
+    subprocess.run([sys.executable, "-m", "pip", *words], check=True, capture_output=True)
+    (made,) = tmp_path.glob("*.whl")
+    assert contents(made) == contents(built["wheel"])
+
+
+def contents(wheel):
+    """The files of a wheel by name, the list of them as a set: it follows the order of the folder that was built."""
+    with zipfile.ZipFile(wheel) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    return {name: set(data.splitlines()) if name.endswith("/RECORD") else data for name, data in files.items()}
+
+
+@pytest.mark.exhaustive
+def test_the_kit_elsewhere(elsewhere, built):
     work = elsewhere.folder
     listed = elsewhere.python("-m", "pip", "list", "--format", "freeze", "--disable-pip-version-check").split()
     assert {line.partition("==")[0] for line in listed} - {"pip", "setuptools", "wheel"} == {
@@ -231,29 +247,20 @@ def test_the_kit_elsewhere(elsewhere):
     assert elsewhere.kit("mutants", "--operation", "to_frame")[0] == 0
     assert str(program / "protocol.md") in "".join(elsewhere.kit("run", "--help")[1].split())
 
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize(
-    ("words", "extra"),
-    [
-        (["run", "--reference"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
-        (["streams", "nowhere"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
-        (["generate", "--vectors", "nowhere"], "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"),
+    needs_gsvc_ref = "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"
+    for words, extra in (
+        (["run", "--reference"], needs_gsvc_ref),
+        (["streams", "nowhere"], needs_gsvc_ref),
+        (["generate", "--vectors", "nowhere"], needs_gsvc_ref),
         (["verify"], "needs jsonschema: pip install 'gsvc-conformance[verify]'"),
         (["generate"], "vectors.zip is an archive: name a folder to write to, with --vectors DIR"),
-    ],
-)
-def test_what_an_extra_brings(elsewhere, words, extra):
-    status, said = elsewhere.kit(*words)
-    assert status == 2
-    assert said.count("\n") == 1
-    assert extra in said
+    ):
+        status, said = elsewhere.kit(*words)
+        assert status == 2
+        assert said.count("\n") == 1
+        assert extra in said
 
-
-@pytest.mark.exhaustive
-def test_the_vectors_verify_elsewhere(built, tmp_path):
-    found = Elsewhere(tmp_path)
-    found.python("-m", "pip", "install", "-q", "--disable-pip-version-check", f"{built['wheel']}[verify]")
-    status, said = found.kit("verify")
+    elsewhere.python("-m", "pip", "install", "-q", "--disable-pip-version-check", f"{built['wheel']}[verify]")
+    status, said = elsewhere.kit("verify")
     assert status == 0, said
     assert said.endswith("nothing is wrong\n")

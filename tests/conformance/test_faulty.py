@@ -86,6 +86,7 @@ def test_slugs_say_the_rule():
         assert re.fullmatch(r"r(_\d+)+_[a-z0-9_]+", fault.slug)
 
 
+@pytest.mark.exhaustive
 def test_each_stream_is_another():
     streams = [fault.make() for fault in faults()]
     assert len(set(streams)) == len(streams)

@@ -39,7 +39,9 @@ def large(operation="weighted_parameters", rows=ROWS):
     return Vector(f"stress/{operation}/large", manifest, operations()[operation], {"values": values}, expected)
 
 
-@pytest.mark.parametrize("capacity", [32, 64, 96, 1024, 40_000, 65_536])
+@pytest.mark.parametrize(
+    "capacity", [32, 96, 65_536, *(pytest.param(more, marks=pytest.mark.exhaustive) for more in (64, 1024, 40_000))]
+)
 def test_rows_from_a_capacity_on(capacity):
     vector = large()
     mine = vector.expected["parameters"].value.astype(np.float32)

@@ -97,6 +97,7 @@ def answers(forgetful: Decoder) -> dict[str, dict[str, Any]]:
     return found
 
 
+@pytest.mark.exhaustive
 def test_a_decoder_without_the_check_is_judged_wrong(answers: dict[str, dict[str, Any]]) -> None:
     alike = set()
     for fault in faults():

@@ -11,6 +11,7 @@ from gsvc_conformance.preconditions import RANGES, ROWS, broken
 from gsvc_conformance.vector import VECTORS, read
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", operations())
 def test_vectors_keep_the_preconditions(name: str) -> None:
     operation = operations()[name]

@@ -39,6 +39,7 @@ def all_values(streams):
     return found
 
 
+@pytest.mark.exhaustive
 def test_sixty_streams_of_profile_main_use_every_element():
     sixty = [random_main_stream(number) for number in range(60)]
     found = all_values(sixty)

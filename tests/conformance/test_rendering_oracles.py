@@ -107,6 +107,7 @@ def test_legal_sums_are_within_the_bounds_of_every_vector(arithmetic):
         assert verdict.passed, f"{name} {verdict.message}"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")
 @pytest.mark.parametrize("arithmetic", ARITHMETIC.values(), ids=ARITHMETIC)
 def test_legal_frames_are_within_the_intervals_of_every_vector(arithmetic):

@@ -30,6 +30,7 @@ def test_vectors_come_by_tier_and_then_in_the_order_of_the_operations(folder):
     assert [name.split("/")[0] for name in order] == ["core"] * 5 + ["uncommon"] * 2 + ["stress", "faulty"]
 
 
+@pytest.mark.exhaustive
 def test_the_reference_passes_as_a_process(folder, tmp_path):
     report = judge(folder, ProcessImplementation(good_program(tmp_path), 60))
     assert set(outcomes(report).values()) == {"pass"}

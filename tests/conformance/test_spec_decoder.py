@@ -70,7 +70,7 @@ def outcome(data: bytes) -> Values:
 
 
 @given(streams(max_frames=4, max_count=60))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_streams(stream: Stream) -> None:
     decoded = spec("reconstruct_stream", stream=stream.data)
     assert decoded["error"] == ""
@@ -121,7 +121,7 @@ def damaged(draw: st.DrawFn) -> bytes:
 
 
 @given(damaged())
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_damaged_streams_break_the_same_rule_at_the_same_bit(data: bytes) -> None:
     assert_same(spec("reconstruct_stream", stream=data), outcome(data))
 
@@ -134,7 +134,7 @@ def test_cut_streams(stream: Stream, data: st.DataObject) -> None:
 
 
 @given(splat_sets(40, 30, hard=True, max_count=30))
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_rendering(splats: Splats) -> None:
     given = {"parameters": splats.to_array(), "width": 40, "height": 30}
     assert spec("render_sum_deterministic", **given)["sum"].tobytes() == sum_plain(splats, 40, 30).tobytes()

@@ -88,8 +88,13 @@ PRESETS = {
     "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
 }
 
+LIKE_OTHERS = ("main, quality", "quick")
+"""Presets whose ways "main, PSNR" and "detected" take as well."""
 
-@pytest.mark.parametrize("preset", PRESETS)
+
+@pytest.mark.parametrize(
+    "preset", [pytest.param(name, marks=[pytest.mark.exhaustive] if name in LIKE_OTHERS else []) for name in PRESETS]
+)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_it_makes_the_round_trip(kind, preset):
     for (width, height), depth in SIZES.items():

@@ -1,7 +1,6 @@
 """Encodes with quality layers: each is fitted to what is below it, and predicted from itself."""
 
 from io import BytesIO
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from gsvc_ref.testing import split_chunks
 from gsvc_ref.video import open_writer
 from tests.cli.conftest import video_format
 
-CLIP = np.stack([frame for number in (0, 1, 2, 2) for frame in islice(demo_clip(48, 32, 3), number, number + 1)])
+CLIP = np.stack(list(demo_clip(48, 32, 3)))[[0, 1, 2, 2]]
 """Four frames, of which the last is the third once more."""
 
 

@@ -42,6 +42,14 @@ SETTINGS = {
     "paper, every effect": paper_fast(key_frames=5, effects="all,dks=off"),
 }
 
+LIKE_OTHERS = ("main, one splat, checksums, lanes", "main, layers", "main, paced", "paper")
+"""Settings that take the ways that others take as well, or that test_resume.py takes."""
+
+PARAMETERS = [
+    pytest.param(settings, id=name, marks=[pytest.mark.exhaustive] if name in LIKE_OTHERS else [])
+    for name, settings in SETTINGS.items()
+]
+
 
 class Here(Executor):
     """Makes each call at once."""
@@ -104,7 +112,7 @@ def nothing_is_left_behind():
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("gsvc_ref groups")]
 
 
-@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+@pytest.mark.parametrize("settings", PARAMETERS)
 def test_the_same_bytes_and_reports_whoever_encodes(settings):
     report, data = encoded(CLIP, settings)
     assert sum(frame.type == "I" for frame in report.frames) > 1

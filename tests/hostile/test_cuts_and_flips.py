@@ -24,6 +24,7 @@ def test_library(name: str) -> None:
         assert decoder.outcome(damage.data, damage.offset) == damage.error, damage.name
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", core_streams())
 def test_decoder_of_the_spec(name: str) -> None:
     data = core_streams()[name]

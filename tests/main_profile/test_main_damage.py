@@ -26,8 +26,9 @@ def test_some_damages(name: str) -> None:
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("name", STREAMS)
-def test_all_damages(name: str) -> None:
-    check(name, 1)
+def test_more_damages(name: str) -> None:
+    """A third of them: neighbouring cuts and bits hurt the same element, and the fuzzer finds places of its own."""
+    check(name, 3)
 
 
 def check(name: str, step: int) -> None:

@@ -137,7 +137,7 @@ def test_some_damages(checksums: bool) -> None:
         profile=MAIN, level=1, width=20, height=9, lane_count=2, layer_count=3, parameter_checksum_flag=checksums
     )
     stream = layered("IPR", ({1: "I", 2: "I"}, {1: "P", 2: "R"}, {1: "P"}), header, count=2)
-    for what, damaged in damages(stream, 17, first=5 + checksums):
+    for what, damaged in damages(stream, 41, first=5 + checksums):
         for layer in (1, 2):
             ours, theirs = both(damaged, layer)
             assert ours == theirs, (what, layer)

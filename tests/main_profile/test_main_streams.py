@@ -37,7 +37,7 @@ def test_what_is_written_is_read(stream: Stream) -> None:
         assert frame.codes.survivor_count + frame.codes.intra_count == len(frame.splats) or frame.type == "R"
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(main_streams(**SMALL))
 def test_the_code_of_the_document_reads_the_same(stream: Stream) -> None:
     ours, theirs = both(stream.data)

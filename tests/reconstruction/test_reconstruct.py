@@ -83,7 +83,7 @@ def expected(codes: FrameCodes, state: State) -> Splats:
 
 
 @given(headers(), st.data())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_formulas(header: SequenceHeader, data: st.DataObject) -> None:
     state = State.initial(header.width, header.height)
     for number in range(4):

@@ -76,7 +76,7 @@ def part_lists(draw):
 
 @pytest.mark.exhaustive
 @given(part_lists())
-@settings(max_examples=80)
+@settings(max_examples=40)
 def test_the_result_is_the_parts_one_after_the_other(parts):
     result = joined(*parts)
     answer, answers = gsvc_ref.reconstruct_stream(result), [gsvc_ref.reconstruct_stream(part) for part in parts]
@@ -101,7 +101,7 @@ def _rows(counts, number):
 
 
 @given(part_lists())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_it_does_not_matter_in_which_steps_parts_are_joined(parts):
     at_once = joined(*parts)
     step = joined(parts[0])

@@ -401,7 +401,7 @@ def damages(draw: st.DrawFn) -> bytes:
 
 
 @given(damages())
-@settings(max_examples=120)
+@settings(max_examples=60)
 def test_random_damage(data: bytes) -> None:
     """Frames are those of the undamaged stream at their numbers, and nothing is lost without being in a gap."""
     salvage(data, TRUTH, total=TOTAL)

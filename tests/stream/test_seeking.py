@@ -50,7 +50,7 @@ class Counted(io.BytesIO):
 
 
 @given(streams(max_count=10), st.data())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_any_range(stream: Stream, data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(stream.frames) + 1))
     stop = data.draw(st.one_of(st.none(), st.integers(start, len(stream.frames) + 2)))
@@ -60,7 +60,7 @@ def test_any_range(stream: Stream, data: st.DataObject) -> None:
 
 
 @given(streams(max_count=8), st.data())
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_what_is_sought_is_what_decoding_from_the_start_gives(stream: Stream, data: st.DataObject) -> None:
     first = data.draw(st.integers(0, len(stream.frames) + 1))
     last = data.draw(st.integers(first, len(stream.frames) + 2))
@@ -88,7 +88,7 @@ def hostile(draw: st.DataObject) -> bytes:
 
 
 @given(st.data())
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_hostile_streams_end_alike_in_the_code_of_the_spec(draw: st.DataObject) -> None:
     data = hostile(draw)
     first = draw.draw(st.integers(0, len(SMALL) + 1))

@@ -64,7 +64,7 @@ class Pipe(io.RawIOBase):
 
 
 @given(streams())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_round_trip(stream: Stream) -> None:
     reader = StreamReader(stream.data)
     assert reader.header == stream.header

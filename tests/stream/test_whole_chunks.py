@@ -59,7 +59,7 @@ PARTS = st.one_of(
 
 
 @given(st.lists(PARTS, max_size=8).map(b"".join), st.sampled_from([1, 7, 64, 1000]))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_any_bytes(data: bytes, step: int) -> None:
     sizes = [size_by_definition(data, offset) for offset in range(len(data))]
     asked = SmallWindows(data, step)

@@ -78,20 +78,16 @@ def test_the_page_has_what_is_left_of_each_fault(name):
     example, count = on_the_page(name)
     assert len(example) == count == fewest
     assert is_wrong(example)
-    for seed in range(3):
-        splats = smallest(name, seed)
-        assert len(splats) == fewest
-        assert np.array_equal(8 * splats.to_array(), np.rint(8 * splats.to_array()))
+    splats = smallest(name, 1)
+    assert len(splats) == fewest
+    assert np.array_equal(8 * splats.to_array(), np.rint(8 * splats.to_array()))
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", range(3))
-def test_small_streams_shrink_to_one_splat(seed):
+def test_small_streams_shrink_to_one_splat():
     few = settings(QUIETLY, max_examples=1000)
     small = streams(max_frames=1, max_count=8)
-    stream = find(
-        small, lambda stream: (stream.splats[0].to_array() < 0).any(), settings=few, random=random.Random(seed)
-    )
+    stream = find(small, lambda stream: (stream.splats[0].to_array() < 0).any(), settings=few, random=random.Random(0))
     assert [len(splats) for splats in stream.splats] == [1]
 
 

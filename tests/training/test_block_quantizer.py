@@ -228,7 +228,7 @@ CHOICES = st.builds(
 
 
 @given(CHOICES, st.integers(1, 60), st.booleans(), st.integers(0, 999))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_a_pass_is_what_codes_decode_to_and_its_gradient_the_plain_one(chosen, count, predicted, seed):
     rng = np.random.default_rng(seed)
     reference, values = parameters(count, seed), parameters(count, seed + 1)
@@ -279,7 +279,7 @@ def test_a_fixed_step_is_not_learned_and_has_an_exact_zero():
     st.integers(1, 6), st.integers(1, 12), st.integers(1, 8), st.sampled_from((1, 2, 16, 100)),
     st.sampled_from((None, 0.05, 4.0)), st.booleans(), st.integers(0, 99),
 )  # fmt: skip
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_any_settings_make_legal_codes(count, bits, stages, codewords, step, weigh, seed):
     chosen = BlockSettings(step, bits, None, RvqSettings((codewords,) * stages), weigh)
     values = parameters(count, seed)

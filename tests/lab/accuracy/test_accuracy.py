@@ -37,6 +37,7 @@ def report():
     return measure_accuracy(small_source(), seconds=2, repeats=1)
 
 
+@pytest.mark.exhaustive
 def test_every_group_and_setting_has_finite_numbers(report):
     found = json.loads(json.dumps(to_json(accuracy_object(report)), allow_nan=False))
     assert [(group["name"], [rung["name"] for rung in group["rungs"]]) for group in found["groups"]] == [

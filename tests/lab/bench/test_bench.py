@@ -94,6 +94,7 @@ def test_a_page_of_no_coder_is_not_written(tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.exhaustive
 def test_points_of_an_executor_are_those_that_are_measured_here(clip, tmp_path):
     """All of them are asked for at once; the codec's are measured here."""
     clip.path.write_bytes(np.random.default_rng(0).integers(0, 256, 3 * clip.frame_bytes, np.uint8).tobytes())

@@ -11,7 +11,10 @@ from gsvc_lab.benchmarks.encoders import CHECKOUT, Case, Worker, fall, mean_psnr
 TINY = Case("scene:water", 3, 96, 64, 80)
 
 
-@pytest.mark.parametrize("profile", encoders.PROFILES)
+@pytest.mark.parametrize(
+    "profile",
+    [pytest.param(name, marks=[] if name == "main" else [pytest.mark.exhaustive]) for name in encoders.PROFILES],
+)
 def test_a_worker_tells_each_frame_of_an_encode(profile):
     with Worker(CHECKOUT) as worker:
         first, again = (worker.encoded(TINY.request(profile, 1)) for _ in range(2))
@@ -40,6 +43,7 @@ def test_numbers_of_a_gop():
     assert seconds([answer, answer], "P") == 3.0
 
 
+@pytest.mark.exhaustive
 def test_tables_tell_before_and_after(monkeypatch):
     monkeypatch.setattr(encoders, "LEVELS", (TINY,))
     monkeypatch.setattr(encoders, "PROFILES", ("main",))
