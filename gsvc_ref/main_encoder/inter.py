@@ -52,6 +52,10 @@ NEW_RATE: Final = 0.25
 NEW_SIZES: Final = (0.165, 0.33, 0.66)
 """Deviations of new splats to try, in mean distances of splats."""
 
+LEAST_NEW_SIZE: Final = 0.5
+"""Smallest of them in pixels. The picture of a smaller splat on few pixels has more energy than the splat has in the
+plane: below 0.4 px more than twice as much, so that taking it off the residual would make that larger."""
+
 FIRST_PRICE: Final = 0.3
 """The price of a group begins with this share of it."""
 
@@ -311,7 +315,7 @@ class _Updates:
         s, total = self.settings, self.frame.total
         self.frame.objective.loss(self.parameters)
         mean = math.sqrt(self.width * self.height / max(total, 1))
-        sizes = tuple(share * mean for share in NEW_SIZES)
+        sizes = tuple(max(share * mean, LEAST_NEW_SIZE) for share in NEW_SIZES)
         least, most = s.new_gain * self.D * self.D, math.floor(s.new_share * total + 0.5)
         z = best_candidates(-self.frame.objective.residual(), sizes, least, most)
         self.new = NewSplats(z, self.D, self.width, self.height)

@@ -10,6 +10,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import differences
 from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
+from gsvc_ref.main_encoder.intra import encode_intra
 from gsvc_ref.main_encoder.motion_field import best_field, flow_at_points
 from gsvc_ref.main_encoder.new_splats import best_candidates, rounded, state_parameters
 from gsvc_ref.main_profile.cells import halving_count
@@ -216,6 +217,20 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy() -> None:
     np.testing.assert_allclose(z[0, :2], (40.5, 20.5), atol=1.5)
     np.testing.assert_allclose((z[0, 5:] ** 2).sum(), ((255 * residual) ** 2).sum(), rtol=0.1)  # on a grid of 2 px
     assert len(best_candidates(residual, (4.0,), 1e9, 5)) == 0
+
+
+@pytest.mark.parametrize("total", [300, 768])
+def test_a_frame_of_noise_with_up_to_a_splat_a_pixel_has_codes(total: int) -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.random((2, 24, 32, 3), np.float32)
+    state = MainState.initial(32, 24)
+    intra = encode_intra(noise[0], total, rng, 24).codes
+    state = frame_body(Writer(), "I", state, 1, 1 << 16, intra).after
+    objective, sampled = Objective(noise[1]), SampledObjective(noise[1])
+    frame = PFrame(state, objective, sampled, noise[0], noise[1], 24, total)
+    codes = InterEncoder(InterSettings.quick()).encode(frame)
+    after = frame_body(Writer(), "P", state, 1, 1 << 16, codes).after
+    assert objective.loss(after.splats.to_array()) < objective.loss(state.splats.to_array()) / 2
 
 
 def test_codes_are_the_same_for_any_number_of_threads(values: I8) -> None:
