@@ -186,6 +186,29 @@ def proximal_step(
 
 
 @kernel()
+def idle(
+    anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float, y: F8, q: F8, length: F8, sparsity: float,
+    price: float,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Which splats (N,) have no difference, and would have none after a `proximal_step` at this price."""
+    out, step = np.empty(len(q), np.bool_), np.empty(8)
+    for i in range(len(q)):
+        out[i] = True
+        for k in range(8):
+            out[i] &= q[i, k] == 0 and y[i, k] == 0
+        if not out[i]:
+            continue
+        put_gradient(anchor[i], y[i], parameters[i], g[i], quantizer, scale, step)
+        for group in range(3):
+            square = 0.0
+            for k in range(FIRST[group], FIRST[group + 1]):
+                value = length[i] * max(abs(step[k]) - sparsity, 0.0)
+                square += value * value
+            out[i] &= square < 2 * length[i] * price
+    return out
+
+
+@kernel()
 def rounded_step(
     anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float, y: F8, q: F8, length: F8, offset: float,
     mask: NDArray[np.bool_],

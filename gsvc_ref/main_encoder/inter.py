@@ -2,9 +2,10 @@
 
 1. The motion field, by `motion_field`.
 2. Proximal descent on the differences q (`differences`): the squared error, an L1 term, and a price for each group
-   (position, shape, colour) that has any difference. A splat whose groups stay 0 costs next to nothing.
+   (position, shape, colour) that has any difference. A splat whose groups stay 0 costs next to nothing. Splats that are
+   far from any difference rest: they are rendered once for the next LOOK iterations.
 3. A third of the way, new splats where they gain more than they cost (`new_splats`).
-4. Descent with rounding, over the groups that were not 0; the best iterate is kept.
+4. Descent with rounding, over the groups that were not 0, with the other splats at rest; the best iterate is kept.
 
 Splats that the picture hardly misses are removed.
 """
@@ -60,7 +61,12 @@ FIRST_PRICE: Final = 0.3
 """The price of a group begins with this share of it."""
 
 LOOK: Final = 10
-"""Every so many iterations of proximal descent it is asked whether more are worth their time."""
+"""Every so many iterations of proximal descent it is asked which splats rest, and whether more are worth their time."""
+
+REST: Final = 0.25
+"""A splat rests if it has no difference, and its next step would have to have a squared length of more than this share
+of what it has to bring one about. Where little moves, descent takes half the time; on six clips the bits at equal PSNR
+stayed the same within what seeds scatter by, with shares of 0.25 and 0.5."""
 
 MOST_TIMES: Final = 6
 """There are at most so many times `InterSettings.iterations`."""
@@ -265,6 +271,8 @@ class _Updates:
         (N + n, 8) f4, of the splats with the differences y and of the new ones.
     length
         (N,) f8, step lengths.
+    idle
+        (N,) bool, the splats at rest, which the objectives hold.
     """
 
     def __init__(self, frame: PFrame, anchor: F8, settings: InterSettings) -> None:
@@ -280,6 +288,7 @@ class _Updates:
         crowding = differences.crowding(self.parameters)
         self.length = np.clip(settings.length / crowding, LEAST_LENGTH, MOST_LENGTH)
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
+        self.idle = np.zeros(self.count, np.bool_)
 
     def codes(self) -> tuple[I8, NDArray[np.bool_], NewCodes]:
         """Descend, add, descend, round: the differences, which splats are removed, and the new ones."""
@@ -301,13 +310,24 @@ class _Updates:
     def _descend(self, iteration: int, ramp: float) -> float:
         """One iteration of step 2, with prices times `ramp`; the loss before it on the lattice of its turn."""
         s, count = self.settings, self.count
+        looks = iteration > 0 and iteration % LOOK == 0
+        if looks:
+            self._rest(np.zeros(count, np.bool_), self.frame.sampled)
         self.new.put_parameters(self.parameters[count:])
-        loss, gradient = self.frame.sampled.evaluate(self.parameters, iteration)
+        loss, gradient = self._evaluate(iteration)
+        idle = self.idle
+        if looks:
+            idle = differences.idle(
+                self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, self.length,
+                s.sparsity, REST * s.price * ramp,
+            )  # fmt: skip
         differences.proximal_step(
             self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, self.length,
             s.momentum, s.sparsity, s.price * ramp,
         )  # fmt: skip
         self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
+        if looks:
+            self._rest(idle, self.frame.sampled)
         return loss
 
     def _add(self) -> None:
@@ -321,6 +341,23 @@ class _Updates:
         self.new = NewSplats(z, self.D, self.width, self.height)
         self.parameters = np.concatenate([self.parameters, np.empty((len(z), 8), np.float32)])
 
+    def _rest(self, idle: NDArray[np.bool_], *objectives: Objective | SampledObjective) -> None:
+        """Let the splats (N,) bool rest, and no others; the objectives hold them as they are."""
+        self.idle = idle
+        for objective in objectives:
+            objective.hold(self.parameters[: self.count][idle])
+
+    def _evaluate(self, turn: int | None = None) -> tuple[float, F4]:
+        """The loss on the lattice of a turn, None: all pixels; the gradient (N + n, 8), zero where splats rest."""
+        moving = np.ones(len(self.parameters), np.bool_)
+        moving[: self.count] = ~self.idle
+        parameters, gradient = self.parameters[moving], np.zeros(self.parameters.shape, np.float32)
+        if turn is None:
+            loss, gradient[moving] = self.frame.objective.evaluate(parameters)
+        else:
+            loss, gradient[moving] = self.frame.sampled.evaluate(parameters, turn)
+        return loss, gradient
+
     def _prune(self) -> None:
         """Drop new splats that have become too weak."""
         self.new.keep(self.settings.new_energy)
@@ -329,9 +366,11 @@ class _Updates:
     def _round(self) -> tuple[I8, NDArray[np.bool_], NewCodes]:
         """Step 4."""
         count, last = self.count, self.settings.rounded_iterations
+        objectives = self.frame.sampled, self.frame.objective
         mask = np.stack([(self.q[:, first:end] != 0).any(axis=1) for first, end in differences.GROUPS], axis=1)
         self.y = np.sign(self.q) * np.floor(np.abs(self.q) + ROUNDING_OFFSET)
         differences.values(self.anchor, self.y, self.D, self.parameters[:count])
+        self._rest(np.asarray((~mask).all(axis=1)), *objectives)
         length, least = self.length / 2, math.inf
         for iteration in range(last + 1):
             if iteration % PRUNING_INTERVAL == 0 and 3 * iteration <= 2 * last:
@@ -341,35 +380,33 @@ class _Updates:
             )  # fmt: skip
             state_parameters(codes.state, self.parameters[count:])
             is_near_end = 3 * iteration >= 2 * last
-            if is_near_end:
-                loss, gradient = self.frame.objective.evaluate(self.parameters)
-            else:
-                loss, gradient = self.frame.sampled.evaluate(self.parameters, iteration)
+            loss, gradient = self._evaluate(None if is_near_end else iteration)
             if is_near_end and loss < least:
-                least, best, best_new = loss, self.y.astype(np.int64), codes
-                added = self._added_by_removal(gradient[:count])
+                least, best, best_new, parameters = loss, self.y.astype(np.int64), codes, self.parameters.copy()
             differences.rounded_step(
                 self.anchor, self.parameters[:count], gradient[:count], self.D, self.by_q, self.y, self.q, length,
                 ROUNDING_OFFSET, mask,
             )  # fmt: skip
             self.new.step(self.parameters[count:], gradient[count:], self.scale, NEW_RATE)
-        removed = added < self.settings.worth
+        self._rest(np.zeros(count, np.bool_), *objectives)
+        removed = self._added_by_removal(best, parameters) < self.settings.worth
         visible = (best_new.colors != 0).any(axis=1)
         return np.clip(best, -MOST_DIFFERENCE, MOST_DIFFERENCE), removed, best_new.take(np.flatnonzero(visible))
 
-    def _added_by_removal(self, gradient: F4) -> F8:
-        """What the squared error would rise by without each splat alone, (N,) f8 in D^2, given the gradient (N, 8).
+    def _added_by_removal(self, q: I8, parameters: F4) -> F8:
+        """What the squared error would rise by without each splat alone, (N,) f8 in D^2, at the differences q (N, 8).
 
         The error is quadratic in a splat's colour n: |n|^2 - n . gradient; a splat outside the frame adds nothing.
         """
-        parameters, by_q = self.parameters[: self.count], np.empty((self.count, 8))
-        differences.gradients(self.anchor, self.y, parameters, gradient, self.D, self.by_q, by_q)
-        n, g = self.anchor[:, 10:] / self.D + self.y[:, 5:], 2 * by_q[:, 5:]
+        _, gradient = self.frame.objective.evaluate(parameters)
+        y, by_q = q.astype(np.float64), np.empty((self.count, 8))
+        differences.gradients(self.anchor, y, parameters, gradient, self.D, self.by_q, by_q)
+        n, g = self.anchor[:, 10:] / self.D + y[:, 5:], 2 * by_q[:, 5:]
         added = n * (n - g)
-        return np.where(self._outside(), 0.0, (added[:, 0] + added[:, 1]) + added[:, 2])
+        return np.where(self._outside(parameters), 0.0, (added[:, 0] + added[:, 1]) + added[:, 2])
 
-    def _outside(self) -> NDArray[np.bool_]:
+    def _outside(self, parameters: F4) -> NDArray[np.bool_]:
         """Which splats lie outside the frame with all of their deviations up to REACH, (N,) bool."""
-        x, y, l11, l21, l22 = self.parameters[: self.count, :5].astype(np.float64).T
+        x, y, l11, l21, l22 = parameters[: self.count, :5].astype(np.float64).T
         wide, high = REACH * l11, REACH * np.sqrt(l21 * l21 + l22 * l22)
         return np.asarray((x < -wide) | (x > self.width + wide) | (y < -high) | (y > self.height + high))

@@ -254,12 +254,12 @@ class Target:
         self._edges = Edges(picture)
         self._scale = self.height * self.width * 255.0 * 255.0
         self._base = np.zeros((0, 8), np.float32) if base is None else base
-        self._held, self._frozen = self._base, 0
+        self.hold(self._base[:0])
 
     def start(self, count: int, rng: Generator) -> F8:
         """Coordinates (count, 8) of splats to begin with."""
         if len(self._base):
-            self._objective.loss(self._base)
+            self._objective.loss(self._base[:0])
             return self.new_splats(count, count + len(self._base), rng)
         return to_coordinates(image_start(self._picture, count, rng).to_array())
 
@@ -269,25 +269,19 @@ class Target:
 
     def hold(self, parameters: F4) -> None:
         """From now on splats (n, 8) f4 are in every picture, beside the base and those that are evaluated."""
-        self._held, self._frozen = np.concatenate([self._base, parameters]), 0
-        self._objective.thaw()
+        self._objective.hold(np.concatenate([self._base, parameters]))
 
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
-        held = len(self._held)
-        every = np.concatenate([self._held, parameters])
-        if held and len(every) != self._frozen:  # frozen splats are counted with the others
-            self._objective.freeze(every, np.arange(len(every)) < held)
-            self._frozen = len(every)
-        loss, gradient = self._objective.evaluate(every)
+        loss, gradient = self._objective.evaluate(parameters)
         if self._on_evaluation:
             self._on_evaluation(loss)
-        return loss * self._scale, gradient_by_coordinates(parameters, gradient[held:] * np.float32(self._scale))
+        return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
 
     def psnr(self, parameters: F4) -> float:
         """The PSNR in dB of the picture of the base and splats (N, 8) f4."""
         self.hold(parameters)
-        error = self._objective.loss(self._held)
+        error = self._objective.loss(parameters[:0])
         return 10 * float(log10(3 / max(error, 1e-12)))
 
 
@@ -342,30 +336,32 @@ def weigh(target: Target, z: F8, quantizer: float, rng: Generator, settings: Int
         As in `encode_intra`.
     """
     least = settings.least_energy * settings.least_energy * quantizer * quantizer
-    done = 0
+    done, descent = 0, LBFGS(len(z), quantizer)
     for part in sorted({*settings.moves, *settings.removals, 1.0}):
         stop = int(settings.weigh * part)
-        z = _descended(target, z, quantizer, stop - done)
+        z = _descended(target, z, descent, stop - done)
         done = stop
         weak = int(np.count_nonzero(_energies(z) <= least))
         moved_away = part in settings.moves
         count = max(weak, int(settings.moved_share * len(z))) if moved_away else weak
         total = len(z)
-        z = z[np.sort(np.argsort(_energies(z), kind="stable")[count:])]
+        kept = np.sort(np.argsort(_energies(z), kind="stable")[count:])
+        z = z[kept]
+        descent.take(kept)
         if moved_away and count:
             target.evaluate(to_parameters(z))
             z = np.concatenate([z, target.new_splats(count, total, rng)])
+            descent.append(count)
     return z
 
 
-def _descended(target: Target, z: F8, quantizer: float, evaluations: int) -> F8:
+def _descended(target: Target, z: F8, descent: LBFGS, evaluations: int) -> F8:
     """Descend the error of splats with the term of the bits; those that the objective holds are not in z."""
-    descent = LBFGS(len(z), quantizer)
     best: tuple[float, F8, F8] | None = None
     for _ in range(evaluations):
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
-        error += add_bits(z, quantizer, BITS_WEIGHT, gradient)
+        error += add_bits(z, descent.quantizer, BITS_WEIGHT, gradient)
         if best is None or error < best[0]:
             best = error, z, gradient
         elif error > RISE * best[0]:
@@ -397,14 +393,14 @@ def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: Intr
     sizes = np.round(np.array(settings.parts) * len(z)).astype(np.int64)
     ends = np.minimum(np.cumsum(sizes), len(z))
     ends[-1] = len(z)
-    z = _descended(target, z, quantizer / 16, settings.settle)
+    z = _descended(target, z, LBFGS(len(z), quantizer / 16), settings.settle)
     result = rounded(z, quantizer, target.width, target.height)
     for first, end in zip((0, *ends[:-1]), ends, strict=True):
         part, free = order[first:end], order[end:]
         result.put(part, rounded(z[part], quantizer, target.width, target.height))
         if len(free):
             target.hold(result.parameters[order[:end]])
-            z[free] = _descended(target, z[free], quantizer / 16, settings.settle)
+            z[free] = _descended(target, z[free], LBFGS(len(free), quantizer / 16), settings.settle)
     target.hold(result.parameters[:0])
     return result
 

@@ -112,6 +112,25 @@ def test_gradients_by_differences_are_those_of_the_error(values: I8) -> None:
         np.testing.assert_allclose(found[:, k], wanted, atol=2e-3 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("price", [0.0, 0.3, 3.0])
+def test_idle_splats_are_those_that_a_proximal_step_leaves_as_they_are(values: I8, price: float) -> None:
+    rng, count = np.random.default_rng(2), len(values)
+    anchor, length, q = anchors(values), np.full(count, 0.2), np.zeros((count, 8))
+    q[:5, 3] = 1
+    parameters = np.empty((count, 8), np.float32)
+    differences.values(anchor, q, D / 16, parameters)
+    gradient = rng.normal(0, 1, (count, 8)).astype(np.float32) * rng.uniform(0, 0.5, (count, 1)).astype(np.float32)
+    how = (anchor, parameters, gradient, D / 16, 1.0)
+    idle = differences.idle(*how, q, q, length, 0.4, price)
+    y, after = q.copy(), q.copy()
+    differences.proximal_step(*how, y, after, length, 0.9, 0.4, price)
+    unchanged = (after == 0).all(axis=1)
+    np.testing.assert_array_equal(idle[5:], unchanged[5:] & (price > 0))
+    assert not idle[:5].any()
+    assert idle.any() == (price > 0)
+    assert not unchanged.all()
+
+
 def test_crowding_of_splats_alone_and_in_the_same_place(values: I8) -> None:
     parameters = to_splats(values).to_array()[:2].copy()
     parameters[1] = parameters[0]
