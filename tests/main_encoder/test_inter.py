@@ -112,7 +112,7 @@ def test_gradients_by_differences_are_those_of_the_error(values: I8) -> None:
         np.testing.assert_allclose(found[:, k], wanted, atol=2e-3 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("price", [0.0, 0.3, 3.0])
+@pytest.mark.parametrize("price", [0.0, 0.1, 0.3])
 def test_idle_splats_are_those_that_a_proximal_step_leaves_as_they_are(values: I8, price: float) -> None:
     rng, count = np.random.default_rng(2), len(values)
     anchor, length, q = anchors(values), np.full(count, 0.2), np.zeros((count, 8))
