@@ -4,26 +4,26 @@
 2. Proximal descent on the differences q (`differences`): the squared error, an L1 term, and a price for each group
    (position, shape, colour) that has any difference. A splat whose groups stay 0 costs next to nothing. Splats that are
    far from any difference rest: they are rendered once for the next LOOK iterations.
-3. A third of the way, new splats where they gain more than they cost (`new_splats`).
+3. A third of the way, new splats where they gain more than they cost (`candidates`, `new_splats`).
 4. Descent with rounding, over the groups that were not 0, with the other splats at rest; the best iterate is kept.
 
 Splats that the picture hardly misses are removed.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder import differences
+from gsvc_ref.main_encoder.candidates import REACH, best_candidates
 from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.motion_field import Field, best_field, flow_at_points
-from gsvc_ref.main_encoder.new_splats import REACH, NewCodes, NewSplats, best_candidates, rounded, state_parameters
+from gsvc_ref.main_encoder.new_splats import NewCodes, NewSplats, rounded, state_parameters
+from gsvc_ref.main_encoder.settings import InterSettings
 from gsvc_ref.main_profile.cells import cell_order
 from gsvc_ref.main_profile.codes import SIDES, IntraCodes, MainCodes, modes_of
 from gsvc_ref.main_profile.densities import PLANES, Densities, Density, windows_of
@@ -76,89 +76,6 @@ PRUNING_INTERVAL: Final = 5
 
 ROUNDING_OFFSET: Final = 0.4
 """Differences are rounded away from 0 from 1 - offset on."""
-
-
-@dataclass(frozen=True)
-class InterSettings:
-    """How a P-frame is encoded; the defaults are preset `slow`.
-
-    Attributes
-    ----------
-    cells
-        The sides of the motion field's cells to choose from, in pixels, from large to small.
-    motion_steps
-        Gauss-Newton steps for each of them.
-    motion_rounds
-        How often the vectors of each are chosen by error and bits.
-    motion_price
-        Squared error that a bit of the field is worth, in D^2.
-    cell_gain
-        Bits that a splat is worth each time that the squared error halves, when cells are compared.
-    iterations, rounded_iterations
-        Of steps 2 and 4.
-    progress
-        Step 2 goes on for as long as LOOK iterations take this share off the squared error. Splats that overlap much
-        need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 % off the bits.
-    length
-        The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH.
-    momentum
-        Of the proximal descent.
-    sparsity
-        Weight of the L1 term.
-    price
-        What a group costs, in 2 D^2.
-    new_gain
-        A new splat must promise to take more than this off the squared error, in D^2.
-    new_energy
-        New splats with an energy below this many D are dropped.
-    worth
-        A splat is removed where the squared error does not rise by this many D^2 without it.
-    new_share
-        Most new splats of a frame, as a share of the clip's number.
-    """
-
-    cells: tuple[int, ...] = (64, 32, 16)
-    motion_steps: int = 4
-    motion_rounds: int = 6
-    motion_price: float = 1.2
-    cell_gain: float = 2.4
-    iterations: int = 80
-    rounded_iterations: int = 30
-    progress: float = 0.01
-    length: float = 0.5
-    momentum: float = 0.95
-    sparsity: float = 0.4
-    price: float = 0.9
-    new_gain: float = 9.0
-    new_energy: float = 4.5
-    worth: float = 1.0
-    new_share: float = 0.1
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        sides = all(cell in SIDES[1:] for cell in self.cells) and tuple(sorted(self.cells, reverse=True)) == self.cells
-        numbers = [getattr(self, field.name) for field in fields(self) if field.name != "cells"]
-        if (
-            not sides
-            or min(numbers) < 0
-            or self.motion_rounds < 1
-            or self.iterations < 1
-            or self.rounded_iterations < 1
-        ):
-            raise UsageError(
-                f"{self}: cells must be of 64, 32 and 16 in this order, the others at least 0, and motion_rounds, "
-                "iterations and rounded_iterations at least 1"
-            )
-
-    @classmethod
-    def quick(cls) -> "InterSettings":
-        """About as long for a frame as preset `quick` of profile `paper`."""
-        return cls(motion_steps=3, motion_rounds=4, iterations=30, rounded_iterations=12, progress=0.02)
-
-    @classmethod
-    def slow(cls) -> "InterSettings":
-        """About one and a half times as long."""
-        return cls()
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ from gsvc_ref.arrays import F4, I8
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import differences
-from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
+from gsvc_ref.main_encoder.candidates import best_candidates
+from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
 from gsvc_ref.main_encoder.intra import encode_intra
 from gsvc_ref.main_encoder.motion_field import best_field, flow_at_points
-from gsvc_ref.main_encoder.new_splats import best_candidates, rounded, state_parameters
+from gsvc_ref.main_encoder.new_splats import rounded, state_parameters
+from gsvc_ref.main_encoder.settings import InterSettings
 from gsvc_ref.main_profile.cells import halving_count
 from gsvc_ref.main_profile.codes import REMOVED, IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import PLANES, Densities, Density

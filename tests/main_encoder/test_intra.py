@@ -10,6 +10,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import intra
 from gsvc_ref.main_encoder.density_choice import choose_densities, choose_halving_codes
 from gsvc_ref.main_encoder.rounding import coordinates_of_state, rounded
+from gsvc_ref.main_encoder.settings import IntraSettings
 from gsvc_ref.main_profile.cells import cell_order, halving_count
 from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import PLANES, Densities
@@ -19,7 +20,7 @@ from gsvc_ref.main_profile.state import S_MOST, classes, to_splats
 from gsvc_ref.main_profile.tables import step_of
 from gsvc_ref.training.coordinates import to_coordinates
 
-FEW = intra.IntraSettings(grow=20, weigh=12, settle=3)
+FEW = IntraSettings(grow=20, weigh=12, settle=3)
 
 
 def a_picture(height: int = 40, width: int = 56) -> np.ndarray:
@@ -64,7 +65,7 @@ def test_threads_do_not_matter() -> None:
 
 def test_settling_beats_rounding() -> None:
     """By a dB or two, in the mean over draws: one draw says little."""
-    settings, gains = intra.IntraSettings.quick(), []
+    settings, gains = IntraSettings.quick(), []
     for seed in range(3):
         target, rng = intra.Target(a_picture(), threads=1), np.random.default_rng(seed)
         z = intra.grow(target, 150, rng, settings)
