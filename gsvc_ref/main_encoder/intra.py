@@ -1,9 +1,9 @@
 """I-frames of profile `main`: from a picture to the codes of its splats.
 
 Three stages share one metric (`coordinates`) and one optimiser (`descent`). `grow` adds splats where the picture is
-worst. `weigh` goes on with a term for their bits, and removes the weakest. `settle` rounds them to codes part by part:
-after each part the others, which are still free, make good for its rounding errors. Last, the densities of the codes
-are chosen by their length.
+worst, on a smaller picture as long as they are few. `weigh` goes on with a term for their bits, and removes the
+weakest. `settle` rounds them to codes part by part: after each part the others, which are still free, make good for its
+rounding errors. Last, the densities of the codes are chosen by their length.
 """
 
 import math
@@ -155,6 +155,8 @@ def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFram
 def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) -> F8:
     """Coordinates (N, 8) of splats that are close to a picture, without rounding and whatever their bits.
 
+    As long as splats are added, a picture with many pixels for each is evaluated at half or a quarter of its size.
+
     Parameters
     ----------
     target
@@ -169,6 +171,9 @@ def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) ->
     descent = LBFGS(len(z), GROWTH_QUANTIZER)
     best: tuple[float, F8, F8] | None = None  # the error, the coordinates, and the gradient there
     for i in range(settings.grow):
+        if target.resize(len(z) if i <= max(plan, default=0) else None):
+            best = None
+            descent.append(0)
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
         new = plan.get(i, 0) - len(z)
@@ -185,6 +190,7 @@ def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) ->
             best = error, z, gradient
             step = descent.step(z, error, gradient)
         z = moved(z, step)
+    target.resize()
     return z if best is None else best[1]
 
 

@@ -55,7 +55,7 @@ class LBFGS:
         self._gradient = np.zeros((0, 8))
 
     def append(self, new: int) -> None:
-        """Let splats follow the others; the next gradient makes no pair."""
+        """Let `new` splats, or none, follow the others; the next gradient makes no pair."""
         zeros = np.zeros((MEMORY, new, 8))
         self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
         self._step, self._error, self._least = None, math.inf, math.inf
