@@ -9,8 +9,7 @@ import numpy as np
 
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.main_encoder.inter import InterSettings
-from gsvc_ref.main_encoder.intra import IntraSettings
+from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
 from gsvc_ref.stream import decode
 from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Growth, Rates
 from gsvc_ref.video import ColorDescription, VideoFormat

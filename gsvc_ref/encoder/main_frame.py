@@ -30,8 +30,9 @@ from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
-from gsvc_ref.main_encoder.intra import Target, encode_intra
+from gsvc_ref.main_encoder.intra import encode_intra
 from gsvc_ref.main_encoder.splat_number import splats_for
+from gsvc_ref.main_encoder.target import Target
 from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of

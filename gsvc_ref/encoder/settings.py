@@ -15,8 +15,7 @@ from gsvc_ref.checks import check_types
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.key_frames import GUARD_RATIO
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_encoder.inter import InterSettings
-from gsvc_ref.main_encoder.intra import IntraSettings
+from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
 from gsvc_ref.main_profile.tables import QUANTIZERS
 from gsvc_ref.quantization import RvqSettings
 from gsvc_ref.rendering import Precision

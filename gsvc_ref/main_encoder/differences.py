@@ -186,6 +186,29 @@ def proximal_step(
 
 
 @kernel()
+def idle(
+    anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float, y: F8, q: F8, length: F8, sparsity: float,
+    price: float,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Which splats (N,) have no difference, and would have none after a `proximal_step` at this price."""
+    out, step = np.empty(len(q), np.bool_), np.empty(8)
+    for i in range(len(q)):
+        out[i] = True
+        for k in range(8):
+            out[i] &= q[i, k] == 0 and y[i, k] == 0
+        if not out[i]:
+            continue
+        put_gradient(anchor[i], y[i], parameters[i], g[i], quantizer, scale, step)
+        for group in range(3):
+            square = 0.0
+            for k in range(FIRST[group], FIRST[group + 1]):
+                value = length[i] * max(abs(step[k]) - sparsity, 0.0)
+                square += value * value
+            out[i] &= square < 2 * length[i] * price
+    return out
+
+
+@kernel()
 def rounded_step(
     anchor: F8, parameters: F4, g: F4, quantizer: float, scale: float, y: F8, q: F8, length: F8, offset: float,
     mask: NDArray[np.bool_],
@@ -218,25 +241,25 @@ def crowding(parameters: F4) -> F8:
 
     It bounds the curvature of f along a splat's components by their row of J^T J, so 1 / crowding is a safe step.
     """
-    order = np.argsort(parameters[:, 1], kind="stable")
+    half = 3 * np.sqrt((parameters[:, 3:5].astype(np.float64) ** 2).sum(axis=1))  # of the height in which others count
+    order = np.argsort(parameters[:, 1] - half, kind="stable")
     x, y, a, b, c = np.ascontiguousarray(parameters[order, :5].T, np.float64)  # (N,) f8 each
-    reach = 3 * np.sqrt(b * b + c * c)  # along y
     sums = np.ones(len(parameters))
-    _crowding(x, y, a, b, c, reach, float(reach.max(initial=0.0)), sums)
+    _crowding(x, y, a, b, c, y - half[order], y + half[order], sums)
     out = np.empty(len(parameters))
     out[order] = sums
     return out
 
 
 @kernel()
-def _crowding(x: F8, y: F8, a: F8, b: F8, c: F8, reach: F8, most: float, out: F8) -> None:
-    """`crowding`, added to out, of splats in the order of y; a, b and c stand for l11, l21 and l22."""
+def _crowding(x: F8, y: F8, a: F8, b: F8, c: F8, top: F8, bottom: F8, out: F8) -> None:
+    """`crowding`, added to out, of splats in the order of their tops; a, b and c stand for l11, l21 and l22."""
     for i in range(len(x)):
         for j in range(i + 1, len(x)):
-            dx, dy = x[j] - x[i], y[j] - y[i]
-            if dy > reach[i] + most:
+            if top[j] > bottom[i]:
                 break
-            if dy > reach[i] + reach[j] or abs(dx) > 3 * (a[i] + a[j]):
+            dx, dy = x[j] - x[i], y[j] - y[i]
+            if abs(dx) > 3 * (a[i] + a[j]):
                 continue
             xx, xy = a[i] * a[i] + a[j] * a[j], a[i] * b[i] + a[j] * b[j]
             yy = ((b[i] * b[i] + c[i] * c[i]) + b[j] * b[j]) + c[j] * c[j]

@@ -1,14 +1,12 @@
 """I-frames of profile `main`: from a picture to the codes of its splats.
 
 Three stages share one metric (`coordinates`) and one optimiser (`descent`). `grow` adds splats where the picture is
-worst. `weigh` goes on with a term for their bits, and removes the weakest. `settle` rounds them to codes part by part:
-after each part the others, which are still free, make good for its rounding errors. Last, the densities of the codes
-are chosen by their length.
+worst, on a smaller picture as long as they are few. `weigh` goes on with a term for their bits, and removes the
+weakest. `settle` rounds them to codes part by part: after each part the others, which are still free, make good for its
+rounding errors. Last, the densities of the codes are chosen by their length.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,27 +14,21 @@ from numpy.random import Generator
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder.density_choice import choose_densities
 from gsvc_ref.main_encoder.rounding import MOST_SHEAR, Rounded, codes_of, rounded
+from gsvc_ref.main_encoder.settings import IntraSettings
+from gsvc_ref.main_encoder.target import OnEvaluation, Target
 from gsvc_ref.main_profile.cells import cell_order
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
-from gsvc_ref.portable import log10
-from gsvc_ref.rendering import Objective, Precision
-from gsvc_ref.training.augmentation import image_start
+from gsvc_ref.rendering import Precision
 from gsvc_ref.training.coordinates import (
     HALF,
-    gradient_by_coordinates,
     log_kernel,
     moved,
-    to_coordinates,
     to_parameters,
 )
 from gsvc_ref.training.descent import LBFGS
-from gsvc_ref.training.edges import Edges
-from gsvc_ref.training.settings import Growth
 
 LEAST_SIZE: Final = 0.27
 """Smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centres."""
@@ -64,71 +56,6 @@ BITS_WEIGHT: Final = 1.5
 
 Five codes of geometry and one or two of colour take log2 E bits each, and at a step D a bit is worth about 0.12 D^2.
 """
-
-OnEvaluation = Callable[[float], None]
-"""Called with the loss, as in `Objective`."""
-
-
-@dataclass(frozen=True)
-class IntraSettings:
-    """How long an I-frame is searched for.
-
-    Attributes
-    ----------
-    grow
-        Evaluations while splats are added, beside one for each addition, and until they have found their places.
-    weigh
-        Evaluations after that, with the term of the bits.
-    growth
-        How splats come in the first of these.
-    surplus
-        Splats of the fit for each splat that is asked for.
-    moves
-        At which parts of the second the weakest splats move to where the picture is worst.
-    moved_share
-        How many of them move each time, at least, as a share of all.
-    removals
-        At which parts of the second splats go whose energy is below `least_energy` D; they do at its end as well.
-    least_energy
-        In D.
-    parts
-        The shares of the splats that are rounded one after the other.
-    settle
-        Evaluations before the first part is rounded and after each but the last.
-    """
-
-    grow: int = 100
-    weigh: int = 80
-    growth: Growth = field(default_factory=lambda: Growth(end=0.45))
-    surplus: float = 1.2
-    moves: tuple[float, ...] = ()
-    moved_share: float = 0.04
-    removals: tuple[float, ...] = (0.6, 0.8, 0.95)
-    least_energy: float = 1.5
-    parts: tuple[float, ...] = (0.3, 0.25, 0.2, 0.15, 0.1)
-    settle: int = 8
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if self.grow < 1 or self.weigh < 0 or self.settle < 1 or self.surplus < 1 or not self.parts:
-            raise UsageError(f"{self}: grow and settle must be at least 1, weigh 0 and surplus 1, and parts be given")
-        if not all(0 <= share <= 1 for share in (*self.parts, *self.moves, *self.removals, self.moved_share)):
-            raise UsageError(f"{self}: parts, moves, removals and moved_share must be shares, in 0..1")
-
-    @property
-    def evaluations(self) -> int:
-        """How many evaluations an I-frame takes, about."""
-        return self.grow + self.weigh + self.settle * len(self.parts)
-
-    @classmethod
-    def quick(cls) -> "IntraSettings":
-        """As fast as the I-frames of profile `paper`."""
-        return cls()
-
-    @classmethod
-    def slow(cls) -> "IntraSettings":
-        """Five times the time of `quick`, for about a tenth fewer bits."""
-        return cls(grow=300, weigh=700, settle=25, moves=(0.1, 0.2, 0.3, 0.4, 0.5))
 
 
 class IntraFrame(NamedTuple):
@@ -225,74 +152,10 @@ def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFram
     return IntraFrame(MainCodes(quantizer, type="I", densities=densities, new=codes), result.state, result.parameters)
 
 
-class Target:
-    """A picture to be described, with the squared error of splats in units of 8 bits.
-
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4.
-    base
-        (B, 8) f4, splats that are in every picture, such as those of a lower layer.
-    threads, precision
-        As in `Objective`.
-    on_evaluation
-        Called after each evaluation.
-    """
-
-    def __init__(
-        self,
-        picture: F4,
-        base: F4 | None = None,
-        threads: int | None = None,
-        precision: Precision = "fast",
-        on_evaluation: OnEvaluation | None = None,
-    ) -> None:
-        self._on_evaluation = on_evaluation
-        self.height, self.width = picture.shape[:2]
-        self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
-        self._edges = Edges(picture)
-        self._scale = self.height * self.width * 255.0 * 255.0
-        self._base = np.zeros((0, 8), np.float32) if base is None else base
-        self._held, self._frozen = self._base, 0
-
-    def start(self, count: int, rng: Generator) -> F8:
-        """Coordinates (count, 8) of splats to begin with."""
-        if len(self._base):
-            self._objective.loss(self._base)
-            return self.new_splats(count, count + len(self._base), rng)
-        return to_coordinates(image_start(self._picture, count, rng).to_array())
-
-    def new_splats(self, count: int, total: int, rng: Generator) -> F8:
-        """Coordinates (count, 8) of splats where the splats evaluated last, of `total`, leave the most."""
-        return to_coordinates(self._edges.new_splats(-self._objective.residual(), count, total, rng))
-
-    def hold(self, parameters: F4) -> None:
-        """From now on splats (n, 8) f4 are in every picture, beside the base and those that are evaluated."""
-        self._held, self._frozen = np.concatenate([self._base, parameters]), 0
-        self._objective.thaw()
-
-    def evaluate(self, parameters: F4) -> tuple[float, F8]:
-        """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
-        held = len(self._held)
-        every = np.concatenate([self._held, parameters])
-        if held and len(every) != self._frozen:  # frozen splats are counted with the others
-            self._objective.freeze(every, np.arange(len(every)) < held)
-            self._frozen = len(every)
-        loss, gradient = self._objective.evaluate(every)
-        if self._on_evaluation:
-            self._on_evaluation(loss)
-        return loss * self._scale, gradient_by_coordinates(parameters, gradient[held:] * np.float32(self._scale))
-
-    def psnr(self, parameters: F4) -> float:
-        """The PSNR in dB of the picture of the base and splats (N, 8) f4."""
-        self.hold(parameters)
-        error = self._objective.loss(self._held)
-        return 10 * float(log10(3 / max(error, 1e-12)))
-
-
 def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) -> F8:
     """Coordinates (N, 8) of splats that are close to a picture, without rounding and whatever their bits.
+
+    As long as splats are added, a picture with many pixels for each is evaluated at half or a quarter of its size.
 
     Parameters
     ----------
@@ -308,6 +171,9 @@ def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) ->
     descent = LBFGS(len(z), GROWTH_QUANTIZER)
     best: tuple[float, F8, F8] | None = None  # the error, the coordinates, and the gradient there
     for i in range(settings.grow):
+        if target.resize(len(z) if i <= max(plan, default=0) else None):
+            best = None
+            descent.append(0)
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
         new = plan.get(i, 0) - len(z)
@@ -324,6 +190,7 @@ def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) ->
             best = error, z, gradient
             step = descent.step(z, error, gradient)
         z = moved(z, step)
+    target.resize()
     return z if best is None else best[1]
 
 
@@ -342,30 +209,32 @@ def weigh(target: Target, z: F8, quantizer: float, rng: Generator, settings: Int
         As in `encode_intra`.
     """
     least = settings.least_energy * settings.least_energy * quantizer * quantizer
-    done = 0
+    done, descent = 0, LBFGS(len(z), quantizer)
     for part in sorted({*settings.moves, *settings.removals, 1.0}):
         stop = int(settings.weigh * part)
-        z = _descended(target, z, quantizer, stop - done)
+        z = _descended(target, z, descent, stop - done)
         done = stop
         weak = int(np.count_nonzero(_energies(z) <= least))
         moved_away = part in settings.moves
         count = max(weak, int(settings.moved_share * len(z))) if moved_away else weak
         total = len(z)
-        z = z[np.sort(np.argsort(_energies(z), kind="stable")[count:])]
+        kept = np.sort(np.argsort(_energies(z), kind="stable")[count:])
+        z = z[kept]
+        descent.take(kept)
         if moved_away and count:
             target.evaluate(to_parameters(z))
             z = np.concatenate([z, target.new_splats(count, total, rng)])
+            descent.append(count)
     return z
 
 
-def _descended(target: Target, z: F8, quantizer: float, evaluations: int) -> F8:
+def _descended(target: Target, z: F8, descent: LBFGS, evaluations: int) -> F8:
     """Descend the error of splats with the term of the bits; those that the objective holds are not in z."""
-    descent = LBFGS(len(z), quantizer)
     best: tuple[float, F8, F8] | None = None
     for _ in range(evaluations):
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
-        error += add_bits(z, quantizer, BITS_WEIGHT, gradient)
+        error += add_bits(z, descent.quantizer, BITS_WEIGHT, gradient)
         if best is None or error < best[0]:
             best = error, z, gradient
         elif error > RISE * best[0]:
@@ -397,14 +266,14 @@ def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: Intr
     sizes = np.round(np.array(settings.parts) * len(z)).astype(np.int64)
     ends = np.minimum(np.cumsum(sizes), len(z))
     ends[-1] = len(z)
-    z = _descended(target, z, quantizer / 16, settings.settle)
+    z = _descended(target, z, LBFGS(len(z), quantizer / 16), settings.settle)
     result = rounded(z, quantizer, target.width, target.height)
     for first, end in zip((0, *ends[:-1]), ends, strict=True):
         part, free = order[first:end], order[end:]
         result.put(part, rounded(z[part], quantizer, target.width, target.height))
         if len(free):
             target.hold(result.parameters[order[:end]])
-            z[free] = _descended(target, z[free], quantizer / 16, settings.settle)
+            z[free] = _descended(target, z[free], LBFGS(len(free), quantizer / 16), settings.settle)
     target.hold(result.parameters[:0])
     return result
 

@@ -4,7 +4,9 @@ from typing import Final
 
 from numpy.random import Generator
 
-from gsvc_ref.main_encoder.intra import IntraSettings, Target, grow, quantizer_for
+from gsvc_ref.main_encoder.intra import grow, quantizer_for
+from gsvc_ref.main_encoder.settings import IntraSettings
+from gsvc_ref.main_encoder.target import Target
 from gsvc_ref.portable import power
 
 STEPS_PER_DOUBLING: Final = 7.0

@@ -137,6 +137,22 @@ class Objective:
         """Hold no splat fixed."""
         self._base, self._moving = self._background, None
 
+    def hold(self, parameters: ArrayLike) -> None:
+        """From now on splats (n, 8) f4 are in every picture, as those of the background; none: only these again.
+
+        They are rendered once, and take the place of those that were held or frozen before.
+
+        Raises
+        ------
+        UsageError
+            The parameters have another shape or a value that is not finite.
+        """
+        packed = _checked(parameters)
+        self.thaw()
+        if len(packed):
+            self._rasterizer.binning.load(packed)
+            self._base = to_tiles(self._draw(self._background, clamp=False))
+
     def loss(self, parameters: ArrayLike) -> float:
         """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""
         return self._run(parameters, LOSS)

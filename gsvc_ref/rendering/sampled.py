@@ -62,6 +62,11 @@ class SampledObjective:
         loss, gradient = self._objectives[turn].evaluate(self._seen(parameters, *self._origins[turn]))
         return loss, gradient * self._scale
 
+    def hold(self, parameters: F4) -> None:
+        """From now on splats (n, 8) f4 are in every picture, as in `Objective.hold`."""
+        for objective, origin in zip(self._objectives, self._origins, strict=True):
+            objective.hold(self._seen(parameters, *origin))
+
     def quarter(self) -> F4:
         """Every second pixel of every second row of the picture, (ceil(H / 2), ceil(W / 2), 3) f4, of turn 0.
 

@@ -38,10 +38,15 @@ class LBFGS:
         The number of splats.
     quantizer
         D, below LEAST_ENERGY times which the energy of a splat counts as that.
+
+    Attributes
+    ----------
+    quantizer
+        The one given.
     """
 
     def __init__(self, count: int, quantizer: float) -> None:
-        self._quantizer = quantizer
+        self.quantizer = quantizer
         self._steps, self._changes = np.zeros((2, MEMORY, count, 8))  # (MEMORY, N, 8) f8 each
         self._inverse = np.zeros(MEMORY)  # (MEMORY,) f8: 1 / (step . change)
         self._pairs, self._last, self._scale, self._shrink, self._error = 0, -1, FIRST_SCALE, 1.0, math.inf
@@ -50,7 +55,7 @@ class LBFGS:
         self._gradient = np.zeros((0, 8))
 
     def append(self, new: int) -> None:
-        """Let splats follow the others; the next gradient makes no pair."""
+        """Let `new` splats, or none, follow the others; the next gradient makes no pair."""
         zeros = np.zeros((MEMORY, new, 8))
         self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
         self._step, self._error, self._least = None, math.inf, math.inf
@@ -70,7 +75,7 @@ class LBFGS:
         self._step = np.empty_like(z)
         _direction(
             z, gradient, self._steps, self._changes, self._inverse, self._pairs, self._last, self._scale,
-            self._quantizer, self._shrink, self._step,
+            self.quantizer, self._shrink, self._step,
         )  # fmt: skip
         return self._step
 
@@ -91,7 +96,7 @@ class LBFGS:
             return
         at = (self._last + 1) % MEMORY
         change = gradient - self._gradient
-        product, square = _curvature(z, self._step, change, self._quantizer)
+        product, square = _curvature(z, self._step, change, self.quantizer)
         if product > 1e-30:
             self._steps[at], self._changes[at], self._inverse[at] = self._step, change, 1 / product
             self._last, self._pairs = at, min(self._pairs + 1, MEMORY)

@@ -9,9 +9,12 @@ from gsvc_ref.arrays import F4, I8
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import differences
-from gsvc_ref.main_encoder.inter import InterEncoder, InterSettings, PFrame
+from gsvc_ref.main_encoder.candidates import best_candidates
+from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
+from gsvc_ref.main_encoder.intra import encode_intra
 from gsvc_ref.main_encoder.motion_field import best_field, flow_at_points
-from gsvc_ref.main_encoder.new_splats import best_candidates, rounded, state_parameters
+from gsvc_ref.main_encoder.new_splats import rounded, state_parameters
+from gsvc_ref.main_encoder.settings import InterSettings
 from gsvc_ref.main_profile.cells import halving_count
 from gsvc_ref.main_profile.codes import REMOVED, IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import PLANES, Densities, Density
@@ -109,6 +112,25 @@ def test_gradients_by_differences_are_those_of_the_error(values: I8) -> None:
             differences.values(anchor, q + step * np.eye(8)[k], D / 16, side)
         wanted = ((sides[0].astype(np.float64) - sides[1]) * weights).sum(axis=1) / 0.1
         np.testing.assert_allclose(found[:, k], wanted, atol=2e-3 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("price", [0.0, 0.1, 0.3])
+def test_idle_splats_are_those_that_a_proximal_step_leaves_as_they_are(values: I8, price: float) -> None:
+    rng, count = np.random.default_rng(2), len(values)
+    anchor, length, q = anchors(values), np.full(count, 0.2), np.zeros((count, 8))
+    q[:5, 3] = 1
+    parameters = np.empty((count, 8), np.float32)
+    differences.values(anchor, q, D / 16, parameters)
+    gradient = rng.normal(0, 1, (count, 8)).astype(np.float32) * rng.uniform(0, 0.5, (count, 1)).astype(np.float32)
+    how = (anchor, parameters, gradient, D / 16, 1.0)
+    idle = differences.idle(*how, q, q, length, 0.4, price)
+    y, after = q.copy(), q.copy()
+    differences.proximal_step(*how, y, after, length, 0.9, 0.4, price)
+    unchanged = (after == 0).all(axis=1)
+    np.testing.assert_array_equal(idle[5:], unchanged[5:] & (price > 0))
+    assert not idle[:5].any()
+    assert idle.any() == (price > 0)
+    assert not unchanged.all()
 
 
 def test_crowding_of_splats_alone_and_in_the_same_place(values: I8) -> None:
@@ -216,6 +238,20 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy() -> None:
     np.testing.assert_allclose(z[0, :2], (40.5, 20.5), atol=1.5)
     np.testing.assert_allclose((z[0, 5:] ** 2).sum(), ((255 * residual) ** 2).sum(), rtol=0.1)  # on a grid of 2 px
     assert len(best_candidates(residual, (4.0,), 1e9, 5)) == 0
+
+
+@pytest.mark.parametrize("total", [300, 768])
+def test_a_frame_of_noise_with_up_to_a_splat_a_pixel_has_codes(total: int) -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.random((2, 24, 32, 3), np.float32)
+    state = MainState.initial(32, 24)
+    intra = encode_intra(noise[0], total, rng, 24).codes
+    state = frame_body(Writer(), "I", state, 1, 1 << 16, intra).after
+    objective, sampled = Objective(noise[1]), SampledObjective(noise[1])
+    frame = PFrame(state, objective, sampled, noise[0], noise[1], 24, total)
+    codes = InterEncoder(InterSettings.quick()).encode(frame)
+    after = frame_body(Writer(), "P", state, 1, 1 << 16, codes).after
+    assert objective.loss(after.splats.to_array()) < objective.loss(state.splats.to_array()) / 2
 
 
 def test_codes_are_the_same_for_any_number_of_threads(values: I8) -> None:

@@ -10,6 +10,8 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import intra
 from gsvc_ref.main_encoder.density_choice import choose_densities, choose_halving_codes
 from gsvc_ref.main_encoder.rounding import coordinates_of_state, rounded
+from gsvc_ref.main_encoder.settings import IntraSettings
+from gsvc_ref.main_encoder.target import Target
 from gsvc_ref.main_profile.cells import cell_order, halving_count
 from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
 from gsvc_ref.main_profile.densities import PLANES, Densities
@@ -17,9 +19,9 @@ from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.reconstruct import colors_of, place_bits
 from gsvc_ref.main_profile.state import S_MOST, classes, to_splats
 from gsvc_ref.main_profile.tables import step_of
-from gsvc_ref.training.coordinates import to_coordinates
+from gsvc_ref.training.coordinates import to_coordinates, to_parameters
 
-FEW = intra.IntraSettings(grow=20, weigh=12, settle=3)
+FEW = IntraSettings(grow=20, weigh=12, settle=3)
 
 
 def a_picture(height: int = 40, width: int = 56) -> np.ndarray:
@@ -64,7 +66,7 @@ def test_threads_do_not_matter() -> None:
 
 def test_settling_beats_rounding() -> None:
     """By a dB or two, in the mean over draws: one draw says little."""
-    settings, gains = intra.IntraSettings.quick(), []
+    settings, gains = IntraSettings.quick(), []
     for seed in range(3):
         target, rng = intra.Target(a_picture(), threads=1), np.random.default_rng(seed)
         z = intra.grow(target, 150, rng, settings)
@@ -152,3 +154,23 @@ def test_halvings_have_the_shapes_of_the_least_length() -> None:
         for code in range(6):
             other = replace(densities, halving_codes=(*chosen[:halving], code, *chosen[halving + 1 :]))
             assert length(codes, other, 56, 40, quantizer) >= least - 1e-3
+
+
+def test_few_splats_grow_on_a_smaller_picture_and_all_end_on_the_whole_one() -> None:
+    rng = np.random.default_rng(0)
+    picture = np.repeat(np.repeat(rng.random((18, 20, 3), np.float32), 8, axis=0), 8, axis=1)  # 160x144
+    target = Target(picture, threads=1)
+    splats = to_parameters(target.start(40, rng))
+    whole = target.evaluate(splats)[0]
+    assert not target.resize(3000)
+    assert target.resize(40)
+    assert not target.resize(45)
+    assert target.evaluate(splats)[0] == pytest.approx(whole, rel=0.1)
+    assert target.new_splats(5, 45, rng)[:, 0].max() > 80  # in pixels of the whole picture
+    assert target.resize()
+    assert target.evaluate(splats)[0] == whole
+    z = intra.grow(target, 60, rng, FEW)
+    assert not target.resize()
+    assert len(z) == 60
+    above = Target(picture, splats, threads=1)
+    assert not above.resize(40)

@@ -209,3 +209,24 @@ def test_a_background_is_in_every_picture():
     assert objective.loss(parameters[4:]) == frozen.loss(parameters)
     objective.thaw()
     assert objective.loss(parameters[4:4]) == Objective(target).loss(parameters[:4])
+
+
+@pytest.mark.parametrize("precision", ["fast", "deterministic"])
+def test_held_splats_are_like_more_of_a_background(precision):
+    target = np.random.default_rng(0).random((20, 30, 3))
+    parameters = np.random.default_rng(1).random((9, 8)).astype(np.float32) * 9 + 2
+    parameters[:, 5:] = 0.1
+    objective = Objective(target, precision=precision, background=parameters[:2])
+    alone = objective.loss(parameters[5:])
+    for first in (5, 3, 5):
+        behind = Objective(target, precision=precision, background=parameters[:first])
+        objective.hold(parameters[2:first])
+        ours, theirs = objective.evaluate(parameters[first:]), behind.evaluate(parameters[first:])
+        assert ours[0] == theirs[0]
+        assert np.array_equal(ours[1], theirs[1])
+        assert np.array_equal(objective.picture(), behind.picture())
+    assert ours[0] != alone
+    objective.hold(parameters[:0])
+    assert objective.loss(parameters[5:]) == alone
+    with pytest.raises(UsageError, match="NaN or infinite"):
+        objective.hold(np.full((1, 8), np.nan))

@@ -28,6 +28,12 @@ def test_the_turns_together_see_every_pixel(target: F4, down: int, right: int, p
     mean = np.mean([by for _, by in found], axis=0)
     np.testing.assert_allclose(mean, gradient, rtol=1e-3, atol=1e-4 * np.abs(gradient).max())
     assert sampled.evaluate(front, down * right)[0] == found[0][0]
+    held = SampledObjective(target, 1, precision=precision, down=down, right=right)
+    held.hold(behind)
+    for turn, (loss, by) in enumerate(found):
+        again = held.evaluate(front, turn)
+        assert again[0] == loss
+        np.testing.assert_array_equal(again[1], by)
 
 
 def test_each_turn_sees_its_own_pixels(target: F4) -> None:
