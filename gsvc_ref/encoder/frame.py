@@ -4,12 +4,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.encoder.blocks import block_errors, errors_left
+from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, most_spared
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import (
@@ -18,13 +19,13 @@ from gsvc_ref.encoder.quantizer_choice import (
     with_best_quantizer,
     with_quantizer,
 )
-from gsvc_ref.encoder.rate import hold_quality
+from gsvc_ref.encoder.rate import hold_quality, visibility
 from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.metrics import psnr
-from gsvc_ref.portable import power
-from gsvc_ref.reconstruction import FrameCodes, FrameType, State
+from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
@@ -46,12 +47,12 @@ from gsvc_ref.training.coarse import Sizes
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
-FIRST_MARGIN: Final = 0.85
-"""Constant quality: the fit aims at this fraction of the loss allowed, so that quantisation has room (0.7 dB)."""
+FIRST_MARGIN: Final = 0.7
+"""Constant quality: the dB that a first fit aims above the goal, so that quantisation has room."""
 
-SAFETY: Final = 0.05
-"""Constant quality: dB aimed above the goal after an attempt that missed it."""
-
+NEAR: Final = 0.2
+MOST_MARGIN: Final = 6.0
+DEBUG = __import__("os").environ.get("DBG")
 QUALITY_ROUNDS: Final = 8
 """Constant quality: maximum number of attempts to hold the quality of the decoded frame."""
 
@@ -66,6 +67,18 @@ FEWER: Final = 1 / 3
 
 OnStage = Callable[[str, int, int, float | None], None]
 """Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
+
+
+class _Tried(NamedTuple):
+    """An I-frame that is tried, and the settings with the quantisers that were chosen with it."""
+
+    frame: "EncodedFrame"
+    settings: Settings
+
+    @property
+    def psnr(self) -> float:
+        """Of the decoded frame, in dB."""
+        return self.frame.psnr
 
 
 @dataclass(frozen=True)
@@ -152,6 +165,7 @@ class FrameEncoder:
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
+        self.margin = FIRST_MARGIN
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
@@ -180,7 +194,7 @@ class FrameEncoder:
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
-        work = _FrameWork(self, frame, np.random.default_rng([self.settings.seed, number]), progress)
+        work = _FrameWork(self, frame, number, progress)
         is_again = self.past is not None and self.past.is_catching_up and frame_type == "R"
         if is_again:
             frame_type = "P"
@@ -198,9 +212,10 @@ class FrameEncoder:
 class _FrameWork:
     """The work on one frame: the objects that its steps share, and the time that each takes."""
 
-    def __init__(self, encoder: FrameEncoder, frame: Frame, rng: np.random.Generator, progress: OnStage) -> None:
+    def __init__(self, encoder: FrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
         self.encoder, self.settings = encoder, encoder.settings
-        self.frame, self.rng, self.progress = frame, rng, progress
+        self.frame, self.seed, self.progress = frame, [encoder.settings.seed, number], progress
+        self.rng = np.random.default_rng(self.seed)
         self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
@@ -235,11 +250,28 @@ class _FrameWork:
         return self._finish(FrameCodes.repeated_frame(), self.before)
 
     def intra(self) -> EncodedFrame:
-        """An I-frame: fit from scratch, then quantise."""
+        """An I-frame: fit from scratch, then quantise; with a quality to hold as few splats as reach it."""
+        encoder, psnr = self.encoder, self.settings.psnr
+        if psnr is None or self.settings.intra.fit.growth is None:
+            return self._intra(encoder.total)
+        first = encoder.settings
+
+        def tried(count: int) -> _Tried:
+            self.rng = np.random.default_rng(self.seed)  # each try begins with the same draws
+            encoder.settings = self.settings = first
+            return _Tried(self._intra(count), encoder.settings)
+
+        count, (frame, chosen) = fewest_splats(tried, min(encoder.total, encoder.most), encoder.most, psnr)
+        encoder.settings = self.settings = chosen
+        encoder.total = count
+        return self._thinned(frame, self.before.forget(), psnr)
+
+    def _intra(self, total: int) -> EncodedFrame:
+        """An I-frame of a number of splats."""
         settings = self.settings.intra
         fit_settings = self.settings.pruned(settings.fit)
         with self._timed("start"):
-            count = settings.fit.growth.start(self.total) if settings.fit.growth else self.total
+            count = settings.fit.growth.start(total) if settings.fit.growth else total
             if settings.start == "image":
                 splats, weight = image_start(self.picture, count, self.rng), KEPT_WEIGHT
             else:
@@ -247,9 +279,9 @@ class _FrameWork:
                 weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT  # w is learnt only for pruning
             population = Population(splats, weight, np.full(count, NEW, np.int64), settings.fit)
         if fit_settings.pruning is not None:
-            pruned = sum(fit_settings.pruning.counts(self.total, fit_settings.iterations).values())
+            pruned = sum(fit_settings.pruning.counts(total, fit_settings.iterations).values())
             self.log.add("gsp", f"{pruned:,} splats removed during the fit", done=True)
-        return self._encode(population, replace(settings, fit=fit_settings), self.before.forget())
+        return self._encode(population, replace(settings, fit=fit_settings), self.before.forget(), total)
 
     def inter(self) -> EncodedFrame:
         """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
@@ -273,14 +305,14 @@ class _FrameWork:
                 less = fewer(replace(settings, fit=prediction.fit))
                 reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
                 self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
-                return self._encode(prediction.population, less, self.before)
-        return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before)
+                return self._encode(prediction.population, less, self.before, total)
+        return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before, total)
 
-    def _encode(self, population: Population, settings: FrameSettings, before: State) -> EncodedFrame:
+    def _encode(self, population: Population, settings: FrameSettings, before: State, total: int) -> EncodedFrame:
         """Fit and quantise; with a quality to hold, until the decoded frame holds it."""
         with self._timed("fit"):
             _, done = fit(
-                population, self.objective, settings.fit, self.rng, total=self.total, sizes=self.sizes,
+                population, self.objective, settings.fit, self.rng, total=total, sizes=self.sizes,
                 on_iteration=self._report("fit"),
             )  # fmt: skip
             self.iterations += done
@@ -289,24 +321,35 @@ class _FrameWork:
                 self.encoder.settings = self.settings = with_best_quantizer(
                     population, self.objective, self.settings, before, [self.settings.seed]
                 )
-        if self.settings.psnr is None:
+        if self.settings.psnr is None or settings.fit.growth is not None:
             return self._finish(*self._quantize(population, settings, before))
-        goal, most = FIRST_MARGIN * loss_of_psnr(self.settings.psnr), self.encoder.most
+        return self._held(population, settings, before, self.settings.psnr)
+
+    def _held(self, population: Population, settings: FrameSettings, before: State, goal: float) -> EncodedFrame:
+        """Remove or add splats of a fitted population until the decoded frame holds a quality."""
+        most, margin = self.encoder.most, self.encoder.margin
         best: EncodedFrame | None = None
         fitted, may_prune = len(population), self.settings.effects.gsp != "off"
-        for _ in range(QUALITY_ROUNDS):
+        for attempt in range(QUALITY_ROUNDS):
             with self._timed("rate"):
-                self.iterations += hold_quality(
-                    population, self.objective, goal, most, settings.short_fit, self.rng, self._report("rate"),
-                    may_prune=may_prune,
+                made = hold_quality(
+                    population, self.objective, loss_of_psnr(goal + margin), most, settings.short_fit, self.rng,
+                    self._report("rate"), may_prune=may_prune,
                 )  # fmt: skip
+            if made == 0 and attempt > 0:
+                break  # nothing that can be removed or added is left
+            self.iterations += made
             result = self._finish(*self._quantize(population, settings, before))
-            if best is None or result.psnr > best.psnr:
+            margin = min(psnr_of_loss(self.objective.loss(population.parameters())) - result.psnr, MOST_MARGIN)
+            print("round", margin, result.psnr-goal, len(population)) if DEBUG else 0
+            if best is None or _is_better(result.psnr, best.psnr, goal):
                 best = result
-            if best.psnr >= self.settings.psnr or len(population) >= most:
+            if 0 <= result.psnr - goal <= NEAR:
                 break
-            goal *= power(10.0, (result.psnr - self.settings.psnr - SAFETY) / 10)
         assert best is not None  # there is at least one round
+        self.encoder.margin = margin
+        if may_prune:
+            best = self._thinned(best, before, goal)
         fewer_splats = fitted - len(best.state.splats)
         if self.settings.effects.gsp == "auto":
             spare = f"{fewer_splats:,} splats fewer hold the quality"
@@ -314,6 +357,22 @@ class _FrameWork:
                 "gsp", spare if fewer_splats > 0 else "the quality has nothing to spare", done=fewer_splats > 0
             )
         return replace(best, iterations=self.iterations, decisions=self.log.decisions)
+
+    def _thinned(self, frame: EncodedFrame, before: State, goal: float) -> EncodedFrame:
+        """A frame without as many of its weakest splats as it can spare for a PSNR, if that is more than it needs."""
+        if not frame.psnr - goal > ENOUGH:
+            return replace(frame, iterations=self.iterations, decisions=self.log.decisions)
+        codes = frame.codes
+        assert isinstance(codes, FrameCodes)
+        weakest = np.argsort(visibility(frame.state.splats.to_array()), kind="stable")
+
+        def without(count: int) -> EncodedFrame:
+            kept = np.ones(len(weakest), np.bool_)
+            kept[weakest[:count]] = False
+            fewer = thinned(codes, kept)
+            return self._finish(fewer, reconstruct(fewer, before))
+
+        return most_spared(without, frame, len(weakest), goal)
 
     def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
         with self._timed("quantize"):
@@ -346,6 +405,13 @@ def worked_on_again(result: EncodedFrame) -> EncodedFrame:
         return result
     why = "equal to the frame before, which is not yet as good as its I-frame"
     return replace(result, reason=why, decisions=(*result.decisions, Decision("frames", True, why)))
+
+
+def _is_better(psnr: float, other: float, goal: float) -> bool:
+    """Whether a frame of one PSNR serves a goal better than one of another: it reaches it, and with less to spare."""
+    if (psnr >= goal) != (other >= goal):
+        return psnr >= goal
+    return psnr < other if psnr >= goal else psnr > other
 
 
 def _steps(settings: FrameSettings) -> int:

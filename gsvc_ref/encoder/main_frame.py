@@ -24,6 +24,7 @@ from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
@@ -37,15 +38,11 @@ from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
-from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
-
-ENOUGH: Final = 0.1
-"""Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
 
 DB_PER_STEP: Final = 0.4
 """Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
@@ -62,17 +59,8 @@ PASS_GAIN: Final = 0.3
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
 
-I_TRIES: Final = 5
-"""Constant quality: the most numbers of splats that are tried for an I-frame."""
-
 D_TRIES: Final = 3
-"""Constant quality: the most values of D that are tried for it after that."""
-
-DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
-"""Constant quality: first guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
-
-MOST_DOUBLINGS: Final = 3.0
-"""Constant quality: by how much the number of splats changes at most between two tries."""
+"""Constant quality: the most values of D that are tried for an I-frame after the numbers of splats."""
 
 
 @dataclass(frozen=True)
@@ -267,32 +255,13 @@ class _FrameWork:
     def _held_intra(self, goal: float) -> _Coded:
         """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
 
-        The number follows from the last two by a line over its logarithm. If the result is still too good, its
-        weakest splats go; if that does not do, as with few splats, D becomes coarser.
+        If the result is still too good, its weakest splats go; if that does not do, as with few splats, D becomes
+        coarser.
         """
         encoder = self.encoder
-        tried: dict[int, _Coded] = {}
-        number, slope = encoder.total, DB_PER_DOUBLING
-        for _ in range(I_TRIES):
-            coded = tried[number] = self._searched(number, None)
-            excess = coded.psnr - goal
-            if 0 <= excess <= ENOUGH:
-                return coded
-            enough = min((n for n, found in tried.items() if found.psnr >= goal), default=encoder.most + 1)
-            short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
-            doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
-            following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
-            if following in tried or not 1 <= following <= encoder.most:
-                break
-            if short and enough <= encoder.most:
-                rise = tried[enough].psnr - tried[short].psnr
-                slope = min(max(rise / float(log2(enough / short)), LEAST_SLOPE), MOST_SLOPE)
-            number = following
-        reaching = [n for n, found in tried.items() if found.psnr >= goal]
-        if not reaching:
-            return max(tried.values(), key=lambda found: found.psnr)
-        number = min(reaching)
-        whole = tried[number]
+        number, whole = fewest_splats(lambda n: self._searched(n, None), encoder.total, encoder.most, goal)
+        if not whole.psnr - goal > ENOUGH:
+            return whole
         best = self._thinned(whole, goal)
         if best.psnr - goal <= ENOUGH:
             return best
@@ -305,17 +274,13 @@ class _FrameWork:
         """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
         new, state = coded.codes.new, coded.state
         weakest = np.argsort(visibility(state.splats.to_array()), kind="stable")
-        best, spared, needed = coded, 0, len(weakest)
-        while needed - spared > 1:
-            count = (spared + needed) // 2
+
+        def without(count: int) -> _Coded:
             kept = new.take(np.sort(weakest[count:]))
             densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
-            thinned = self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
-            if thinned.psnr >= goal:
-                best, spared = thinned, count
-            else:
-                needed = count
-        return best
+            return self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
+
+        return most_spared(without, coded, len(weakest), goal)
 
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
