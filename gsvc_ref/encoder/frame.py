@@ -1,16 +1,25 @@
 """One frame at a time, as in the paper's algorithm 1: start, fit, quantise (`quantised`), reconstruct."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.encoder.blocks import block_errors, errors_left
-from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, most_spared
+from gsvc_ref.encoder.held_quality import (
+    ENOUGH,
+    FIRST_MARGIN,
+    coarser,
+    fewest_splats,
+    held,
+    is_missed,
+    most_spared,
+)
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import (
@@ -47,15 +56,6 @@ from gsvc_ref.training.coarse import Sizes
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
-FIRST_MARGIN: Final = 0.7
-"""Constant quality: the dB that a first fit aims above the goal, so that quantisation has room."""
-
-NEAR: Final = 0.2
-MOST_MARGIN: Final = 6.0
-DEBUG = __import__("os").environ.get("DBG")
-QUALITY_ROUNDS: Final = 8
-"""Constant quality: maximum number of attempts to hold the quality of the decoded frame."""
-
 BEHIND: Final = 1.25
 """A P-frame with so many times the error of its I-frame, 1 dB, is worked on again where the source stays the same..."""
 
@@ -67,18 +67,6 @@ FEWER: Final = 1 / 3
 
 OnStage = Callable[[str, int, int, float | None], None]
 """Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
-
-
-class _Tried(NamedTuple):
-    """An I-frame that is tried, and the settings with the quantisers that were chosen with it."""
-
-    frame: "EncodedFrame"
-    settings: Settings
-
-    @property
-    def psnr(self) -> float:
-        """Of the decoded frame, in dB."""
-        return self.frame.psnr
 
 
 @dataclass(frozen=True)
@@ -165,7 +153,9 @@ class FrameEncoder:
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
-        self.margin = FIRST_MARGIN
+        self.margin = FIRST_MARGIN  # the dB that quantisation took from the last frame
+        self.level = math.inf  # PSNR of the last I-frame in dB
+        self.chosen_for = 0.0  # the number of splats for which quantisers were chosen
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
@@ -217,6 +207,7 @@ class _FrameWork:
         self.frame, self.seed, self.progress = frame, [encoder.settings.seed, number], progress
         self.rng = np.random.default_rng(self.seed)
         self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
+        self.candidates = encoder.settings
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
@@ -249,22 +240,21 @@ class _FrameWork:
         """An R-frame: nothing changes."""
         return self._finish(FrameCodes.repeated_frame(), self.before)
 
-    def intra(self) -> EncodedFrame:
+    def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame: fit from scratch, then quantise; with a quality to hold as few splats as reach it."""
         encoder, psnr = self.encoder, self.settings.psnr
         if psnr is None or self.settings.intra.fit.growth is None:
-            return self._intra(encoder.total)
-        first = encoder.settings
+            frame = self._intra(encoder.total)
+        else:
+            encoder.total, frame = fewest_splats(self._tried, min(encoder.total, encoder.most), encoder.most, psnr)
+            frame = self._thinned(frame, self.before.forget(), psnr)
+        encoder.level = frame.psnr
+        return replace(frame, reason=reason)
 
-        def tried(count: int) -> _Tried:
-            self.rng = np.random.default_rng(self.seed)  # each try begins with the same draws
-            encoder.settings = self.settings = first
-            return _Tried(self._intra(count), encoder.settings)
-
-        count, (frame, chosen) = fewest_splats(tried, min(encoder.total, encoder.most), encoder.most, psnr)
-        encoder.settings = self.settings = chosen
-        encoder.total = count
-        return self._thinned(frame, self.before.forget(), psnr)
+    def _tried(self, total: int) -> EncodedFrame:
+        """An I-frame of a number of splats; each begins with the same draws."""
+        self.rng = np.random.default_rng(self.seed)
+        return self._intra(total)
 
     def _intra(self, total: int) -> EncodedFrame:
         """An I-frame of a number of splats."""
@@ -285,8 +275,16 @@ class _FrameWork:
 
     def inter(self) -> EncodedFrame:
         """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
-        settings, effects, past = self.settings.inter, self.settings.effects, self.encoder.past
+        settings, effects, past, goal = (
+            self.settings.inter,
+            self.settings.effects,
+            self.encoder.past,
+            self.settings.psnr,
+        )
         assert past is not None
+        if goal is not None and effects.frames == "auto" and (repeated := self.repeat()).psnr >= goal:
+            self.log.add("frames", "the frame before has the quality", done=False, saved=_steps(settings))
+            return replace(repeated, decisions=self.log.decisions)
         with self._timed("start"):
             reference = self.before.splats
             total = self.total if self.settings.psnr is None else len(reference)
@@ -306,7 +304,10 @@ class _FrameWork:
                 reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
                 self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before, total)
-        return self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before, total)
+        result = self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before, total)
+        if goal is not None and is_missed(result.psnr, goal, self.encoder.level):
+            return self.intra("a P-frame does not reach the quality")
+        return result
 
     def _encode(self, population: Population, settings: FrameSettings, before: State, total: int) -> EncodedFrame:
         """Fit and quantise; with a quality to hold, until the decoded frame holds it."""
@@ -316,47 +317,47 @@ class _FrameWork:
                 on_iteration=self._report("fit"),
             )  # fmt: skip
             self.iterations += done
-        if self.encoder.is_first:
+        if self.encoder.is_first and not self.encoder.chosen_for / 2 < total < 2 * self.encoder.chosen_for:
+            self.encoder.chosen_for = total
             with self._timed("choose"):
                 self.encoder.settings = self.settings = with_best_quantizer(
-                    population, self.objective, self.settings, before, [self.settings.seed]
+                    population, self.objective, self.candidates, before, [self.settings.seed]
                 )
         if self.settings.psnr is None or settings.fit.growth is not None:
             return self._finish(*self._quantize(population, settings, before))
         return self._held(population, settings, before, self.settings.psnr)
 
     def _held(self, population: Population, settings: FrameSettings, before: State, goal: float) -> EncodedFrame:
-        """Remove or add splats of a fitted population until the decoded frame holds a quality."""
-        most, margin = self.encoder.most, self.encoder.margin
-        best: EncodedFrame | None = None
-        fitted, may_prune = len(population), self.settings.effects.gsp != "off"
-        for attempt in range(QUALITY_ROUNDS):
+        """The frame of fitted splats that holds a quality: some go or come, and changes need be worth more or less."""
+        encoder, fitted, may_prune = self.encoder, len(population), self.settings.effects.gsp != "off"
+
+        def change(aim: float) -> int:
             with self._timed("rate"):
-                made = hold_quality(
-                    population, self.objective, loss_of_psnr(goal + margin), most, settings.short_fit, self.rng,
+                done = hold_quality(
+                    population, self.objective, loss_of_psnr(aim), encoder.most, settings.short_fit, self.rng,
                     self._report("rate"), may_prune=may_prune,
                 )  # fmt: skip
-            if made == 0 and attempt > 0:
-                break  # nothing that can be removed or added is left
-            self.iterations += made
-            result = self._finish(*self._quantize(population, settings, before))
-            margin = min(psnr_of_loss(self.objective.loss(population.parameters())) - result.psnr, MOST_MARGIN)
-            print("round", margin, result.psnr-goal, len(population)) if DEBUG else 0
-            if best is None or _is_better(result.psnr, best.psnr, goal):
-                best = result
-            if 0 <= result.psnr - goal <= NEAR:
-                break
-        assert best is not None  # there is at least one round
-        self.encoder.margin = margin
+            self.iterations += done
+            return done
+
+        def code() -> tuple[EncodedFrame, float]:
+            frame = self._finish(*self._quantize(population, settings, before))
+            return frame, psnr_of_loss(self.objective.loss(population.parameters())) - frame.psnr
+
+        frame, encoder.margin = held(change, code, goal, encoder.margin)
+        if frame.codes.type == "P" and self.settings.inter.quantizer.static_threshold > 0:
+            frame = coarser(
+                lambda scale: self._finish(*self._quantize(population, settings, before, scale)), frame, goal
+            )  # fmt: skip
         if may_prune:
-            best = self._thinned(best, before, goal)
-        fewer_splats = fitted - len(best.state.splats)
+            frame = self._thinned(frame, before, goal)
         if self.settings.effects.gsp == "auto":
+            fewer_splats = fitted - len(frame.state.splats)
             spare = f"{fewer_splats:,} splats fewer hold the quality"
             self.log.add(
                 "gsp", spare if fewer_splats > 0 else "the quality has nothing to spare", done=fewer_splats > 0
             )
-        return replace(best, iterations=self.iterations, decisions=self.log.decisions)
+        return replace(frame, iterations=self.iterations, decisions=self.log.decisions)
 
     def _thinned(self, frame: EncodedFrame, before: State, goal: float) -> EncodedFrame:
         """A frame without as many of its weakest splats as it can spare for a PSNR, if that is more than it needs."""
@@ -374,9 +375,13 @@ class _FrameWork:
 
         return most_spared(without, frame, len(weakest), goal)
 
-    def _quantize(self, population: Population, settings: FrameSettings, before: State) -> tuple[FrameCodes, State]:
+    def _quantize(
+        self, population: Population, settings: FrameSettings, before: State, scale: float = 1.0
+    ) -> tuple[FrameCodes, State]:
+        """Codes; a change must be worth `scale` times what the settings say."""
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
+            inter = inter.with_(static_threshold=scale * inter.static_threshold)
             codes, state, done = quantised(
                 population, self.objective, intra, inter, before, self.rng, settings.tune, self._report("quantize")
             )
@@ -405,13 +410,6 @@ def worked_on_again(result: EncodedFrame) -> EncodedFrame:
         return result
     why = "equal to the frame before, which is not yet as good as its I-frame"
     return replace(result, reason=why, decisions=(*result.decisions, Decision("frames", True, why)))
-
-
-def _is_better(psnr: float, other: float, goal: float) -> bool:
-    """Whether a frame of one PSNR serves a goal better than one of another: it reaches it, and with less to spare."""
-    if (psnr >= goal) != (other >= goal):
-        return psnr >= goal
-    return psnr < other if psnr >= goal else psnr > other
 
 
 def _steps(settings: FrameSettings) -> int:

@@ -1,5 +1,6 @@
 """Constant quality: searches for the cheapest frame that reaches a PSNR, in both profiles."""
 
+import math
 from collections.abc import Callable
 from typing import Final, Protocol, TypeVar
 
@@ -8,14 +9,33 @@ from gsvc_ref.portable import log2, power
 ENOUGH: Final = 0.1
 """A frame with at most so many dB more than asked for is not made coarser."""
 
-I_TRIES: Final = 5
-"""The most numbers of splats that are tried for an I-frame."""
+I_TRIES, MOST_TRIES = 5, 10
+"""The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
 
 DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
 
 MOST_DOUBLINGS: Final = 3.0
 """By how much the number of splats changes at most between two tries."""
+
+
+FIRST_MARGIN: Final = 0.7
+"""The dB that the fit of a first frame aims above the goal, so that quantisation has room."""
+
+MOST_MARGIN: Final = 6.0
+"""The most dB that a fit aims above the goal: more where quantisers, not splats, are too few."""
+
+ROUNDS: Final = 8
+"""The most times that the splats of a P-frame change in number and are quantised."""
+
+SCALE_TRIES: Final = 5
+"""The most thresholds of what a change must be worth that are tried for a P-frame."""
+
+NEAR: Final = 0.5
+"""Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
+
+BEHIND: Final = 1.0
+"""Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
 
 
 class Judged(Protocol):
@@ -42,7 +62,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
     first, most
         The number that is tried first, and the largest allowed.
     goal
-        PSNR in dB. The search ends with at most ENOUGH above it, or after I_TRIES.
+        PSNR in dB. The search ends with at most ENOUGH above it, or after I_TRIES, later if none reaches it.
 
     Returns
     -------
@@ -53,7 +73,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
     """
     tried: dict[int, JudgedT] = {}
     number, slope = first, DB_PER_DOUBLING
-    for _ in range(I_TRIES):
+    for attempt in range(MOST_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
         if 0 <= excess <= ENOUGH:
@@ -62,7 +82,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
         doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
         following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
-        if following in tried or not 1 <= following <= most:
+        if following in tried or not 1 <= following <= most or (attempt >= I_TRIES - 1 and enough <= most):
             break
         if short and enough <= most:
             rise = tried[enough].psnr - tried[short].psnr
@@ -96,3 +116,80 @@ def most_spared(make: Callable[[int], JudgedT], whole: JudgedT, count: int, goal
         else:
             needed = fewer
     return best
+
+
+def held(
+    change: Callable[[float], int], code: Callable[[], tuple[JudgedT, float]], goal: float, margin: float
+) -> tuple[JudgedT, float]:
+    """A frame whose splats change in number until it reaches a PSNR with little to spare; otherwise the best.
+
+    Parameters
+    ----------
+    change
+        Adds or removes splats until they have a PSNR in dB before they are quantised; the iterations that it took.
+    code
+        The frame of the splats of now, and the dB that quantisation took from it.
+    goal
+        PSNR in dB.
+    margin
+        The dB that quantisation is expected to take.
+
+    Returns
+    -------
+    frame
+        What `code` gave.
+    margin
+        What quantisation took the last time.
+    """
+    best: JudgedT | None = None
+    for _ in range(ROUNDS):
+        if change(goal + margin) == 0 and best is not None:
+            break  # no splats are left that could come or go
+        frame, margin = code()
+        margin = min(margin, MOST_MARGIN)
+        if best is None or _is_better(frame.psnr, best.psnr, goal):
+            best = frame
+        if 0 <= frame.psnr - goal <= NEAR:
+            break
+    assert best is not None  # there is at least one round
+    return best, margin
+
+
+def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> JudgedT:
+    """The frame with the fewest changes, of those that are tried, that reaches a PSNR; one that misses it stays.
+
+    Parameters
+    ----------
+    make
+        Makes the frame in which a change must be worth so many times as much as in `frame`.
+    frame
+        The frame to begin with.
+    goal
+        PSNR in dB.
+    """
+    if frame.psnr < goal:
+        return frame
+    best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
+    for _ in range(SCALE_TRIES):
+        if best.psnr - goal <= ENOUGH:
+            break
+        at = low + step if math.isinf(high) else (low + high) / 2
+        made = make(float(power(2.0, at)))
+        if made.psnr >= goal:
+            low, step = at, 2 * step
+            best = made if made.psnr <= best.psnr else best
+        else:
+            high = at
+    return best
+
+
+def is_missed(psnr: float, goal: float, level: float) -> bool:
+    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
+    return psnr < (goal if level >= goal else level - BEHIND)
+
+
+def _is_better(psnr: float, other: float, goal: float) -> bool:
+    """Whether a frame of one PSNR serves a goal better than one of another: it reaches it, and with less to spare."""
+    if (psnr >= goal) != (other >= goal):
+        return psnr >= goal
+    return psnr < other if psnr >= goal else psnr > other

@@ -24,7 +24,7 @@ from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
-from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, most_spared
+from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
@@ -104,8 +104,6 @@ class MainFrameEncoder:
         that a frame may be counted with.
     quantizer
         That of the next P-frame, or the first that is tried for it.
-    reaches
-        Whether the last I-frame had the quality asked for.
     before
         The source of the frame before, (H, W, 3) f4.
     is_catching_up
@@ -127,7 +125,7 @@ class MainFrameEncoder:
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = _inter_encoder(settings)
-        self.quantizer, self.reaches = 0, True
+        self.quantizer = 0
         self.before: F4 | None = None
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
@@ -217,7 +215,6 @@ class _FrameWork:
                 coded = self._searched(encoder.total, quantizer)
         if settings.psnr is not None:
             encoder.total = max(1, len(coded.state.values))
-            encoder.reaches = coded.psnr >= settings.psnr
         self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
         return self._finished(coded, reason)
 
@@ -234,7 +231,7 @@ class _FrameWork:
             )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
-        if settings.psnr is not None and coded.psnr < settings.psnr and encoder.reaches:
+        if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.level):
             return self.intra("a P-frame does not reach the quality")
         if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
             return self.repeated("no splat changes, so the frame before is repeated")
