@@ -47,7 +47,7 @@ from gsvc_ref.training.motion import estimated_motion
 DB_PER_STEP: Final = 0.4
 """Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
 
-P_TRIES: Final = 5
+P_TRIES: Final = 8
 """Constant quality: the most values of D that are tried for a P-frame."""
 
 BEHIND: Final = 1.0
@@ -75,12 +75,15 @@ class _Coded:
         Of the decoded frame, in dB, at most MOST_PSNR.
     inter
         The encoder of P-frames after this one.
+    bits
+        Those of the frame's body.
     """
 
     codes: MainCodes
     state: MainState
     psnr: float
     inter: InterEncoder
+    bits: int
 
 
 class MainFrameEncoder:
@@ -104,6 +107,8 @@ class MainFrameEncoder:
         that a frame may be counted with.
     quantizer
         That of the next P-frame, or the first that is tried for it.
+    intra_bits
+        Constant quality: bits of the last I-frame. A P-frame that misses the goal with more is given up.
     before
         The source of the frame before, (H, W, 3) f4.
     is_catching_up
@@ -125,7 +130,7 @@ class MainFrameEncoder:
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = _inter_encoder(settings)
-        self.quantizer = 0
+        self.quantizer, self.intra_bits = 0, 0
         self.before: F4 | None = None
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
@@ -215,6 +220,7 @@ class _FrameWork:
                 coded = self._searched(encoder.total, quantizer)
         if settings.psnr is not None:
             encoder.total = max(1, len(coded.state.values))
+            encoder.intra_bits = coded.bits
         self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
         return self._finished(coded, reason)
 
@@ -306,6 +312,7 @@ class _FrameWork:
         self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
     ) -> _Coded:
         """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
+        leap = 1
         for _ in range(tries):
             if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
                 break
@@ -314,8 +321,13 @@ class _FrameWork:
                 break
             fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
             coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
-            guess = quantizer + round((coded.psnr - goal) / _slope(tried))
-            quantizer = min(max(guess, fine + 1), coarse - 1)
+            steps = round((coded.psnr - goal) / _slope(tried))
+            if fine < 0:  # a finer D gains little until new splats are worth their bits
+                if coded.bits > self.encoder.intra_bits:
+                    break
+                leap *= 2
+                steps = min(steps, -leap)
+            quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
         reaching = [q for q, found in tried.items() if found.psnr >= goal]
         return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
 
@@ -323,8 +335,9 @@ class _FrameWork:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
         before = self.encoder.state
-        state = frame_body(Writer(), codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
-        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter)
+        body = Writer()
+        state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
+        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter, body.position)
 
     def _quality(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""
