@@ -208,6 +208,7 @@ class _FrameWork:
         self.rng = np.random.default_rng(self.seed)
         self.before, self.total, self.bit_depth = encoder.state, encoder.total, encoder.bit_depth
         self.candidates = encoder.settings
+        self.settings_of: dict[int, Settings] = {}  # with the quantisers of each number of splats that was tried
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
@@ -247,6 +248,7 @@ class _FrameWork:
             frame = self._intra(encoder.total)
         else:
             encoder.total, frame = fewest_splats(self._tried, min(encoder.total, encoder.most), encoder.most, psnr)
+            encoder.settings = self.settings = self.settings_of[encoder.total]
             frame = self._thinned(frame, self.before.forget(), psnr)
         encoder.level = frame.psnr
         return replace(frame, reason=reason)
@@ -254,7 +256,9 @@ class _FrameWork:
     def _tried(self, total: int) -> EncodedFrame:
         """An I-frame of a number of splats; each begins with the same draws."""
         self.rng = np.random.default_rng(self.seed)
-        return self._intra(total)
+        frame = self._intra(total)
+        self.settings_of[total] = self.settings
+        return frame
 
     def _intra(self, total: int) -> EncodedFrame:
         """An I-frame of a number of splats."""
