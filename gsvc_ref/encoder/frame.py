@@ -167,19 +167,24 @@ class FrameEncoder:
         return bool(self.settings.intra.candidates)
 
     def decided(self) -> tuple[int, ...]:
-        """The quantisers (b, M, B), if the first frame chooses them."""
-        return chosen_quantizer(self.settings) if self.decides_first else ()
+        """The quantisers (b, M, B), if the first frame chooses them; with a quality to hold N as well."""
+        if not self.decides_first:
+            return ()
+        return (*chosen_quantizer(self.settings), *([] if self.settings.psnr is None else [self.total]))
 
     def decide(self, decided: tuple[int, ...]) -> None:
         """Take what the first frame of the stream has decided, as `decided` said it."""
         if self.decides_first:
-            self.settings = with_quantizer(self.settings, decided)
+            self.settings = with_quantizer(self.settings, decided[:3])
+            self.total = min(max(1, *decided[3:]), self.most) if decided[3:] else self.total
         self.is_first = False
 
     def for_group(self) -> "FrameEncoder":
-        """An encoder for another group of pictures, with the quantisers that were chosen."""
+        """An encoder for another group of pictures, with the quantisers that were chosen, and N for a quality to hold."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.is_first = self.is_first
+        if self.settings.psnr is not None:
+            other.total = self.total
         return other
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
@@ -279,12 +284,8 @@ class _FrameWork:
 
     def inter(self) -> EncodedFrame:
         """A P-frame: begin with the decoded splats of the frame before, add, prune, and code the difference to them."""
-        settings, effects, past, goal = (
-            self.settings.inter,
-            self.settings.effects,
-            self.encoder.past,
-            self.settings.psnr,
-        )
+        settings, effects, past = self.settings.inter, self.settings.effects, self.encoder.past
+        goal = self.settings.psnr
         assert past is not None
         if goal is not None and effects.frames == "auto" and (repeated := self.repeat()).psnr >= goal:
             self.log.add("frames", "the frame before has the quality", done=False, saved=_steps(settings))
@@ -310,6 +311,7 @@ class _FrameWork:
                 return self._encode(prediction.population, less, self.before, total)
         result = self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before, total)
         if goal is not None and is_missed(result.psnr, goal, self.encoder.level):
+            self.log = FrameLog()
             return self.intra("a P-frame does not reach the quality")
         return result
 
