@@ -42,6 +42,8 @@ from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
     NEW_WEIGHT,
+    AnyFit,
+    DescentSettings,
     OnIteration,
     Population,
     fit,
@@ -64,6 +66,10 @@ GAIN: Final = 0.9
 
 FEWER: Final = 1 / 3
 """The fraction of its iterations that a P-frame gets if it is predicted about as well as the frame before was left."""
+
+LONGER: Final = 5 / 3
+"""How many times the evaluations a P-frame may take if the frame before was so far behind, each for half of the gain.
+On 30 frames of `bikes` from frame 150 on, N = 1000, the last third is 1.5 dB below the first in place of 2.1."""
 
 OnStage = Callable[[str, int, int, float | None], None]
 """Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
@@ -180,7 +186,7 @@ class FrameEncoder:
         self.is_first = False
 
     def for_group(self) -> "FrameEncoder":
-        """An encoder for another group of pictures, with the quantisers that were chosen, and N for a quality to hold."""
+        """An encoder for another group of pictures, with its quantisers, and its N for a quality to hold."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.is_first = self.is_first
         if self.settings.psnr is not None:
@@ -309,7 +315,9 @@ class _FrameWork:
                 reason = f"fewer iterations: predicted with {ratio:.2f} times the error of the frame before"
                 self.log.add("frames", reason, done=True, saved=_steps(settings) - _steps(less))
                 return self._encode(prediction.population, less, self.before, total)
-        result = self._encode(prediction.population, replace(settings, fit=prediction.fit), self.before, total)
+        behind = float(past.left.sum()) > BEHIND * past.level
+        fit_settings = longer(prediction.fit) if behind else prediction.fit
+        result = self._encode(prediction.population, replace(settings, fit=fit_settings), self.before, total)
         if goal is not None and is_missed(result.psnr, goal, self.encoder.level):
             self.log = FrameLog()
             return self.intra("a P-frame does not reach the quality")
@@ -429,6 +437,15 @@ def fewer(settings: FrameSettings) -> FrameSettings:
     return replace(
         settings, fit=fit.with_(iterations=_part(fit.iterations)), tune=tune.with_(iterations=_part(tune.iterations))
     )
+
+
+def longer(fit_settings: AnyFit) -> AnyFit:
+    """The settings of a fit that goes on for longer and for less gain, if it is one by L-BFGS."""
+    if not isinstance(fit_settings, DescentSettings):
+        return fit_settings
+    return fit_settings.with_(
+        iterations=round(LONGER * fit_settings.iterations), least_gain=fit_settings.least_gain / 2
+    )  # fmt: skip
 
 
 def _part(iterations: int) -> int:
