@@ -55,6 +55,7 @@ from gsvc_ref.training import (
     uniform_numbers,
 )
 from gsvc_ref.training.coarse import Sizes
+from gsvc_ref.training.settings import MOST_THRESHOLD
 
 Frame = NDArray[np.unsignedinteger[Any]]
 
@@ -395,7 +396,7 @@ class _FrameWork:
         """Codes; a change must be worth `scale` times what the settings say."""
         with self._timed("quantize"):
             intra, inter = self.settings.intra.quantizer, self.settings.inter.quantizer
-            inter = inter.with_(static_threshold=scale * inter.static_threshold)
+            inter = inter.with_(static_threshold=min(scale * inter.static_threshold, MOST_THRESHOLD))
             codes, state, done = quantised(
                 population, self.objective, intra, inter, before, self.rng, settings.tune, self._report("quantize")
             )

@@ -31,11 +31,18 @@ ROUNDS: Final = 8
 SCALE_TRIES: Final = 5
 """The most thresholds of what a change must be worth that are tried for a P-frame."""
 
+MOST_OCTAVES: Final = 16.0
+"""No change is worth 2 to this power times as much as the settings ask of it."""
+
 NEAR: Final = 0.5
 """Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
 
 BEHIND: Final = 1.0
 """Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
+
+
+BEST: Final = 100.0
+"""Stands for the PSNR of frames that are better, such as those equal to their source."""
 
 
 class Judged(Protocol):
@@ -72,7 +79,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         What `make` made of it.
     """
     tried: dict[int, JudgedT] = {}
-    number, slope = first, DB_PER_DOUBLING
+    number, last, slope = first, first, DB_PER_DOUBLING
     for attempt in range(MOST_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
@@ -80,13 +87,15 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
             break
         enough = min((n for n, found in tried.items() if found.psnr >= goal), default=most + 1)
         short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
+        if len(tried) > 1:
+            low, high = (short, enough) if short and enough <= most else sorted((number, last))
+            rise = (min(tried[high].psnr, BEST) - min(tried[low].psnr, BEST)) / float(log2(high / low))
+            slope = min(max(rise, LEAST_SLOPE), MOST_SLOPE)
         doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
         following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
         if following in tried or not 1 <= following <= most or (attempt >= I_TRIES - 1 and enough <= most):
             break
-        if short and enough <= most:
-            rise = tried[enough].psnr - tried[short].psnr
-            slope = min(max(rise / float(log2(enough / short)), LEAST_SLOPE), MOST_SLOPE)
+        last = number
         number = following
     reaching = [n for n, found in tried.items() if found.psnr >= goal]
     number = min(reaching) if reaching else max(tried, key=lambda n: tried[n].psnr)
@@ -171,9 +180,9 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
         return frame
     best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
     for _ in range(SCALE_TRIES):
-        if best.psnr - goal <= ENOUGH:
+        if best.psnr - goal <= ENOUGH or low == MOST_OCTAVES:
             break
-        at = low + step if math.isinf(high) else (low + high) / 2
+        at = min(low + step, MOST_OCTAVES) if math.isinf(high) else (low + high) / 2
         made = make(float(power(2.0, at)))
         if made.psnr >= goal:
             low, step = at, 2 * step
