@@ -169,28 +169,34 @@ class FrameEncoder:
         return quantizer_fields(self.settings)
 
     @property
+    def looks_for_splats(self) -> bool:
+        """Whether I-frames look for the number of splats that holds a quality."""
+        return self.settings.psnr is not None and self.settings.intra.fit.growth is not None
+
+    @property
     def decides_first(self) -> bool:
-        """Whether the first frame chooses quantisers for the stream."""
-        return bool(self.settings.intra.candidates)
+        """Whether the first frame chooses quantisers for the stream, or from which number of splats searches begin."""
+        return bool(self.settings.intra.candidates) or self.looks_for_splats
 
     def decided(self) -> tuple[int, ...]:
-        """The quantisers (b, M, B), if the first frame chooses them; with a quality to hold N as well."""
-        if not self.decides_first:
-            return ()
-        return (*chosen_quantizer(self.settings), *([] if self.settings.psnr is None else [self.total]))
+        """The quantisers (b, M, B), if the first frame chooses them, and N, if I-frames look for it."""
+        quantizer = chosen_quantizer(self.settings) if self.settings.intra.candidates else ()
+        return (*quantizer, self.total) if self.looks_for_splats else quantizer
 
     def decide(self, decided: tuple[int, ...]) -> None:
         """Take what the first frame of the stream has decided, as `decided` said it."""
-        if self.decides_first:
-            self.settings = with_quantizer(self.settings, decided[:3])
-            self.total = min(max(1, *decided[3:]), self.most) if decided[3:] else self.total
+        quantizer = decided[:-1] if self.looks_for_splats else decided
+        if self.looks_for_splats:
+            self.total = min(max(1, decided[-1]), self.most)
+        if self.settings.intra.candidates:
+            self.settings = with_quantizer(self.settings, quantizer)
         self.is_first = False
 
     def for_group(self) -> "FrameEncoder":
         """An encoder for another group of pictures, with its quantisers, and its N for a quality to hold."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.is_first = self.is_first
-        if self.settings.psnr is not None:
+        if self.looks_for_splats:
             other.total = self.total
         return other
 
@@ -256,7 +262,7 @@ class _FrameWork:
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame: fit from scratch, then quantise; with a quality to hold as few splats as reach it."""
         encoder, psnr = self.encoder, self.settings.psnr
-        if psnr is None or self.settings.intra.fit.growth is None:
+        if psnr is None or not encoder.looks_for_splats:
             frame = self._intra(encoder.total)
         else:
             encoder.total, frame = fewest_splats(self._tried, min(encoder.total, encoder.most), encoder.most, psnr)
