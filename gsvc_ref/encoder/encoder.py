@@ -260,10 +260,16 @@ class _Encode(Encoding[Frame]):
         if not missed:
             return []
         worst = min(missed, key=lambda frame: frame.psnr)
-        more = "more splats" if self.settings.profile == "main" else "more splats or iterations"
+        most = self.settings.most_splats(self.format.width, self.format.height)
+        if self.settings.profile == "main":
+            why = "allow more splats"
+        elif all(frame.splats >= most for frame in missed):
+            why = f"the {most:,} splats that a frame may have are all in use, so allow more splats"
+        else:
+            why = "splats are left, so quantisers or iterations are the limit: allow finer ones, or more"
         return [
             f"{len(missed)} of {len(self.reports)} frames have less than {goal:g} dB (frame {worst.number}, the worst, "
-            f"has {worst.psnr:.2f} dB): allow {more}"
+            f"has {worst.psnr:.2f} dB): {why}"
         ]
 
     def _missed_layers(self) -> list[str]:

@@ -24,6 +24,7 @@ from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
@@ -37,20 +38,16 @@ from gsvc_ref.main_profile.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main_profile.frames import MainState, frame_body
 from gsvc_ref.main_profile.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
-from gsvc_ref.portable import log2, power
 from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 
-ENOUGH: Final = 0.1
-"""Constant quality: a frame with at most so many dB more than asked for is not made coarser."""
-
 DB_PER_STEP: Final = 0.4
 """Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
 
-P_TRIES: Final = 5
+P_TRIES: Final = 8
 """Constant quality: the most values of D that are tried for a P-frame."""
 
 BEHIND: Final = 1.0
@@ -62,17 +59,8 @@ PASS_GAIN: Final = 0.3
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
 
-I_TRIES: Final = 5
-"""Constant quality: the most numbers of splats that are tried for an I-frame."""
-
 D_TRIES: Final = 3
-"""Constant quality: the most values of D that are tried for it after that."""
-
-DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
-"""Constant quality: first guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
-
-MOST_DOUBLINGS: Final = 3.0
-"""Constant quality: by how much the number of splats changes at most between two tries."""
+"""Constant quality: the most values of D that are tried for an I-frame after the numbers of splats."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +75,15 @@ class _Coded:
         Of the decoded frame, in dB, at most MOST_PSNR.
     inter
         The encoder of P-frames after this one.
+    bits
+        Those of the frame's body.
     """
 
     codes: MainCodes
     state: MainState
     psnr: float
     inter: InterEncoder
+    bits: int
 
 
 class MainFrameEncoder:
@@ -116,8 +107,8 @@ class MainFrameEncoder:
         that a frame may be counted with.
     quantizer
         That of the next P-frame, or the first that is tried for it.
-    reaches
-        Whether the last I-frame had the quality asked for.
+    intra_bits
+        Constant quality: bits of the last I-frame. A P-frame that misses the goal with more is given up.
     before
         The source of the frame before, (H, W, 3) f4.
     is_catching_up
@@ -139,7 +130,7 @@ class MainFrameEncoder:
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = _inter_encoder(settings)
-        self.quantizer, self.reaches = 0, True
+        self.quantizer, self.intra_bits = 0, 0
         self.before: F4 | None = None
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
@@ -229,7 +220,7 @@ class _FrameWork:
                 coded = self._searched(encoder.total, quantizer)
         if settings.psnr is not None:
             encoder.total = max(1, len(coded.state.values))
-            encoder.reaches = coded.psnr >= settings.psnr
+            encoder.intra_bits = coded.bits
         self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
         return self._finished(coded, reason)
 
@@ -246,7 +237,7 @@ class _FrameWork:
             )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
-        if settings.psnr is not None and coded.psnr < settings.psnr and encoder.reaches:
+        if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.level):
             return self.intra("a P-frame does not reach the quality")
         if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
             return self.repeated("no splat changes, so the frame before is repeated")
@@ -267,32 +258,13 @@ class _FrameWork:
     def _held_intra(self, goal: float) -> _Coded:
         """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
 
-        The number follows from the last two by a line over its logarithm. If the result is still too good, its
-        weakest splats go; if that does not do, as with few splats, D becomes coarser.
+        If the result is still too good, its weakest splats go; if that does not do, as with few splats, D becomes
+        coarser.
         """
         encoder = self.encoder
-        tried: dict[int, _Coded] = {}
-        number, slope = encoder.total, DB_PER_DOUBLING
-        for _ in range(I_TRIES):
-            coded = tried[number] = self._searched(number, None)
-            excess = coded.psnr - goal
-            if 0 <= excess <= ENOUGH:
-                return coded
-            enough = min((n for n, found in tried.items() if found.psnr >= goal), default=encoder.most + 1)
-            short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
-            doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
-            following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
-            if following in tried or not 1 <= following <= encoder.most:
-                break
-            if short and enough <= encoder.most:
-                rise = tried[enough].psnr - tried[short].psnr
-                slope = min(max(rise / float(log2(enough / short)), LEAST_SLOPE), MOST_SLOPE)
-            number = following
-        reaching = [n for n, found in tried.items() if found.psnr >= goal]
-        if not reaching:
-            return max(tried.values(), key=lambda found: found.psnr)
-        number = min(reaching)
-        whole = tried[number]
+        number, whole = fewest_splats(lambda n: self._searched(n, None), encoder.total, encoder.most, goal)
+        if not whole.psnr - goal > ENOUGH:
+            return whole
         best = self._thinned(whole, goal)
         if best.psnr - goal <= ENOUGH:
             return best
@@ -305,17 +277,13 @@ class _FrameWork:
         """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
         new, state = coded.codes.new, coded.state
         weakest = np.argsort(visibility(state.splats.to_array()), kind="stable")
-        best, spared, needed = coded, 0, len(weakest)
-        while needed - spared > 1:
-            count = (spared + needed) // 2
+
+        def without(count: int) -> _Coded:
             kept = new.take(np.sort(weakest[count:]))
             densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
-            thinned = self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
-            if thinned.psnr >= goal:
-                best, spared = thinned, count
-            else:
-                needed = count
-        return best
+            return self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
+
+        return most_spared(without, coded, len(weakest), goal)
 
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
@@ -344,6 +312,7 @@ class _FrameWork:
         self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
     ) -> _Coded:
         """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
+        leap = 1
         for _ in range(tries):
             if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
                 break
@@ -352,8 +321,13 @@ class _FrameWork:
                 break
             fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
             coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
-            guess = quantizer + round((coded.psnr - goal) / _slope(tried))
-            quantizer = min(max(guess, fine + 1), coarse - 1)
+            steps = round((coded.psnr - goal) / _slope(tried))
+            if fine < 0:  # a finer D gains little until new splats are worth their bits
+                if coded.bits > self.encoder.intra_bits:
+                    break
+                leap *= 2
+                steps = min(steps, -leap)
+            quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
         reaching = [q for q, found in tried.items() if found.psnr >= goal]
         return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
 
@@ -361,8 +335,9 @@ class _FrameWork:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
         before = self.encoder.state
-        state = frame_body(Writer(), codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
-        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter)
+        body = Writer()
+        state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
+        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter, body.position)
 
     def _quality(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""

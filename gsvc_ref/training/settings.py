@@ -18,6 +18,9 @@ from gsvc_ref.training.schedule import PAPER_SCHEDULE, Cosine, Schedule
 MAX_RATE: Final = 1e6
 """Largest learning rate: far beyond any use, and finite in binary32 after every factor on it."""
 
+MOST_THRESHOLD: Final = 1e6
+"""Largest `static_threshold`."""
+
 MAX_ITERATIONS: Final = 10_000_000
 """Maximum number of iterations of one fit; the paper has 50,000."""
 
@@ -241,7 +244,7 @@ class BlockSettings:
             raise UsageError(f"position_step and cholesky_step are {steps}; they must be None or above 0 pixels")
         if not (0 <= self.commitment < math.inf and 0 <= self.quantizer_rate < 1):
             raise UsageError(f"{self}: commitment must be at least 0 and quantizer_rate in [0, 1)")
-        if not 0 <= self.static_threshold <= 1e6:
+        if not 0 <= self.static_threshold <= MOST_THRESHOLD:
             raise UsageError(f"static_threshold is {self.static_threshold}; it must be in 0..1e6")
         if len(self.colors.codewords) > 8:
             raise UsageError(f"color_stages is {len(self.colors.codewords)}; it must be 1..8")

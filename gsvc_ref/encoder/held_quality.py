@@ -1,0 +1,204 @@
+"""Constant quality: searches for the cheapest frame that reaches a PSNR, in both profiles."""
+
+import math
+from collections.abc import Callable
+from typing import Final, Protocol, TypeVar
+
+from gsvc_ref.portable import log2, power
+
+ENOUGH: Final = 0.1
+"""A frame with at most so many dB more than asked for is not made coarser."""
+
+I_TRIES, MOST_TRIES = 5, 10
+"""The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
+
+DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+"""First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
+
+MOST_DOUBLINGS: Final = 3.0
+"""By how much the number of splats changes at most between two tries."""
+
+
+FIRST_MARGIN: Final = 0.7
+"""The dB that the fit of a first frame aims above the goal, so that quantisation has room."""
+
+MOST_MARGIN: Final = 6.0
+"""The most dB that a fit aims above the goal: more where quantisers, not splats, are too few."""
+
+ROUNDS: Final = 8
+"""The most times that the splats of a P-frame change in number and are quantised."""
+
+SCALE_TRIES: Final = 5
+"""The most thresholds of what a change must be worth that are tried for a P-frame."""
+
+MOST_OCTAVES: Final = 16.0
+"""No change is worth 2 to this power times as much as the settings ask of it."""
+
+NEAR: Final = 0.5
+"""Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
+
+BEHIND: Final = 1.0
+"""Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
+
+
+BEST: Final = 100.0
+"""Stands for the PSNR of frames that are better, such as those equal to their source."""
+
+
+class Judged(Protocol):
+    """What is tried: its decoded frame has a PSNR in dB."""
+
+    @property
+    def psnr(self) -> float:
+        """PSNR of the decoded frame in dB."""
+        ...
+
+
+JudgedT = TypeVar("JudgedT", bound=Judged)
+
+
+def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: float) -> tuple[int, JudgedT]:
+    """The frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
+
+    The number follows from the last two by a line over its logarithm.
+
+    Parameters
+    ----------
+    make
+        Makes a frame of a number of splats.
+    first, most
+        The number that is tried first, and the largest allowed.
+    goal
+        PSNR in dB. The search ends with at most ENOUGH above it, or after I_TRIES, later if none reaches it.
+
+    Returns
+    -------
+    number
+        The number of splats asked for.
+    frame
+        What `make` made of it.
+    """
+    tried: dict[int, JudgedT] = {}
+    number, last, slope = first, first, DB_PER_DOUBLING
+    for attempt in range(MOST_TRIES):
+        made = tried[number] = make(number)
+        excess = made.psnr - goal
+        if 0 <= excess <= ENOUGH:
+            break
+        enough = min((n for n, found in tried.items() if found.psnr >= goal), default=most + 1)
+        short = max((n for n, found in tried.items() if found.psnr < goal and n < enough), default=0)
+        if len(tried) > 1:
+            low, high = (short, enough) if short and enough <= most else sorted((number, last))
+            rise = (min(tried[high].psnr, BEST) - min(tried[low].psnr, BEST)) / float(log2(high / low))
+            slope = min(max(rise, LEAST_SLOPE), MOST_SLOPE)
+        doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+        following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
+        if following in tried or not 1 <= following <= most or (attempt >= I_TRIES - 1 and enough <= most):
+            break
+        last = number
+        number = following
+    reaching = [n for n, found in tried.items() if found.psnr >= goal]
+    number = min(reaching) if reaching else max(tried, key=lambda n: tried[n].psnr)
+    return number, tried[number]
+
+
+def most_spared(make: Callable[[int], JudgedT], whole: JudgedT, count: int, goal: float) -> JudgedT:
+    """The frame without as many of its `count` splats as it can spare for a PSNR that it has, found by bisection.
+
+    Parameters
+    ----------
+    make
+        Makes the frame without a number of splats, from 1 to `count` - 1.
+    whole
+        The frame with all of them.
+    count
+        Their number.
+    goal
+        PSNR in dB.
+    """
+    best, spared, needed = whole, 0, count
+    while needed - spared > 1:
+        fewer = (spared + needed) // 2
+        made = make(fewer)
+        if made.psnr >= goal:
+            best, spared = made, fewer
+        else:
+            needed = fewer
+    return best
+
+
+def held(
+    change: Callable[[float], int], code: Callable[[], tuple[JudgedT, float]], goal: float, margin: float
+) -> tuple[JudgedT, float]:
+    """A frame whose splats change in number until it reaches a PSNR with little to spare; otherwise the best.
+
+    Parameters
+    ----------
+    change
+        Adds or removes splats until they have a PSNR in dB before they are quantised; the iterations that it took.
+    code
+        The frame of the splats of now, and the dB that quantisation took from it.
+    goal
+        PSNR in dB.
+    margin
+        The dB that quantisation is expected to take.
+
+    Returns
+    -------
+    frame
+        What `code` gave.
+    margin
+        What quantisation took the last time.
+    """
+    best: JudgedT | None = None
+    for _ in range(ROUNDS):
+        if change(goal + margin) == 0 and best is not None:
+            break  # no splats are left that could come or go
+        frame, margin = code()
+        margin = min(margin, MOST_MARGIN)
+        if best is None or _is_better(frame.psnr, best.psnr, goal):
+            best = frame
+        if 0 <= frame.psnr - goal <= NEAR:
+            break
+    assert best is not None  # there is at least one round
+    return best, margin
+
+
+def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> JudgedT:
+    """The frame with the fewest changes, of those that are tried, that reaches a PSNR; one that misses it stays.
+
+    Parameters
+    ----------
+    make
+        Makes the frame in which a change must be worth so many times as much as in `frame`.
+    frame
+        The frame to begin with.
+    goal
+        PSNR in dB.
+    """
+    if frame.psnr < goal:
+        return frame
+    best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
+    for _ in range(SCALE_TRIES):
+        if best.psnr - goal <= ENOUGH or low == MOST_OCTAVES:
+            break
+        at = min(low + step, MOST_OCTAVES) if math.isinf(high) else (low + high) / 2
+        made = make(float(power(2.0, at)))
+        if made.psnr >= goal:
+            low, step = at, 2 * step
+            best = made if made.psnr <= best.psnr else best
+        else:
+            high = at
+    return best
+
+
+def is_missed(psnr: float, goal: float, level: float) -> bool:
+    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
+    return psnr < (goal if level >= goal else level - BEHIND)
+
+
+def _is_better(psnr: float, other: float, goal: float) -> bool:
+    """Whether a frame of one PSNR serves a goal better than one of another: it reaches it, and with less to spare."""
+    if (psnr >= goal) != (other >= goal):
+        return psnr >= goal
+    return psnr < other if psnr >= goal else psnr > other
