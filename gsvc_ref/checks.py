@@ -68,6 +68,18 @@ def check_whole(name: str, value: Any) -> None:
         raise UsageError(f"{name} is {value!r}; it must be a whole number")
 
 
+def check_range(name: str, value: float | None, low: float, high: float) -> None:
+    """Refuse a number that is not in low..high; None is none.
+
+    Raises
+    ------
+    UsageError
+        It is outside.
+    """
+    if value is not None and not low <= value <= high:
+        raise UsageError(f"{name} is {value}; it must be in {low}..{high}")
+
+
 def check_types(settings: Any) -> None:
     """Refuse fields of a frozen dataclass that are not what is stated; NumPy's numbers become Python's.
 

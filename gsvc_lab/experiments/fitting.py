@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_lab.clips import as_picture
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings
+from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import Splats

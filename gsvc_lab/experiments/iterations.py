@@ -10,7 +10,8 @@ from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.frame_settings import FrameSettings
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.training import ConvergenceTest, FitSettings, Population
 
 TIMES: Final = (200, 800, 3200, 12_800)

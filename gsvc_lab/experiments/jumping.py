@@ -11,9 +11,10 @@ from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
 from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.encoder.blocks import block_errors
+from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import Past, PFrame, predict
-from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers

@@ -14,7 +14,8 @@ from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_cen
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.frame_settings import FrameSettings
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, PruningSchedule

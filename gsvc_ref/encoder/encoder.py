@@ -9,8 +9,9 @@ from typing import BinaryIO
 
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import Encoding, completed
-from gsvc_ref.encoder.frame import EncodedFrame, FrameEncoder
+from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.log import Decision, FrameLog

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Generic, Protocol, TypeVar, cast
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.times import TIMES
-from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, write_log
 from gsvc_ref.encoder.report import (

@@ -2,15 +2,17 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.encoder.blocks import block_errors, errors_left
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.held_quality import (
     ENOUGH,
     FIRST_MARGIN,
@@ -20,7 +22,7 @@ from gsvc_ref.encoder.held_quality import (
     is_missed,
     most_spared,
 )
-from gsvc_ref.encoder.log import Decision, FrameLog
+from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import SAME_RATIO, Past, PFrame, predict
 from gsvc_ref.encoder.quantizer_choice import (
     chosen_quantizer,
@@ -29,15 +31,12 @@ from gsvc_ref.encoder.quantizer_choice import (
     with_quantizer,
 )
 from gsvc_ref.encoder.rate import hold_quality, visibility
-from gsvc_ref.encoder.settings import FrameSettings, Settings
+from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.thinning import thinned
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.frames import MainState
 from gsvc_ref.metrics import psnr
 from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
-from gsvc_ref.stream.profiles import AnyCodes, AnyState
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
@@ -71,65 +70,6 @@ FEWER: Final = 1 / 3
 LONGER: Final = 5 / 3
 """How many times the evaluations a P-frame may take if the frame before was so far behind, each for half of the gain.
 On 30 frames of `bikes` from frame 150 on, N = 1000, the last third is 1.5 dB below the first in place of 2.1."""
-
-OnStage = Callable[[str, int, int, float | None], None]
-"""Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
-
-
-@dataclass(frozen=True)
-class EncodedLayer:
-    """A layer of a frame as it is encoded.
-
-    Attributes
-    ----------
-    layer
-        0 for the base.
-    codes
-        The codes to be written.
-    state
-        The decoder's state of this layer after the frame.
-    psnr
-        PSNR of the decoded frame with all layers up to this one, in dB.
-    """
-
-    layer: int
-    codes: MainCodes
-    state: MainState
-    psnr: float
-
-
-@dataclass(frozen=True)
-class EncodedFrame:
-    """A frame as it is encoded.
-
-    Attributes
-    ----------
-    codes
-        The codes to be written.
-    state
-        The decoder's state after the frame, with the reconstructed splats.
-    psnr
-        PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
-    iterations
-        The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
-    seconds
-        Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
-    decisions
-        The decisions made on the way.
-    reason
-        Why the frame is of its type, where that was decided on the way.
-    layers
-        The base and the layers above it; none of a frame that has no layers.
-    """
-
-    codes: AnyCodes
-    state: AnyState
-    psnr: float
-    iterations: int
-    seconds: dict[str, float] = field(default_factory=dict)
-    decisions: tuple[Decision, ...] = ()
-    reason: str | None = None
-    layers: tuple[EncodedLayer, ...] = ()
 
 
 class FrameEncoder:
@@ -423,14 +363,6 @@ class _FrameWork:
         begin = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
-
-
-def worked_on_again(result: EncodedFrame) -> EncodedFrame:
-    """An equal frame that was to become better, not repeated, with the reason for it."""
-    if result.codes.type == "R":
-        return result
-    why = "equal to the frame before, which is not yet as good as its I-frame"
-    return replace(result, reason=why, decisions=(*result.decisions, Decision("frames", True, why)))
 
 
 def _steps(settings: FrameSettings) -> int:

@@ -22,8 +22,8 @@ from typing import Final, NamedTuple, Protocol, Self
 import numpy as np
 
 from gsvc_ref.arrays import Frame
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import FrameCoder
-from gsvc_ref.encoder.frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.resume import GroupInWork
 from gsvc_ref.reconstruction import FrameType

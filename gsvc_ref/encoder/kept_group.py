@@ -15,7 +15,7 @@ from uuid import UUID
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import END_TYPE, UUID_SIZE
 from gsvc_ref.encoder.effects import EFFECT_NAMES
-from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer
 from gsvc_ref.encoder.log import MAX_STEPS, Decision
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.main_profile.codes import MainCodes

@@ -23,7 +23,7 @@ import numpy as np
 from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.encoder.frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.frame import EncodedFrame, EncodedLayer, OnStage
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.main_profile.codes import MainCodes

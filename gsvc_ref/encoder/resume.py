@@ -18,7 +18,7 @@ import numpy as np
 from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
-from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.kept_group import GroupWriter, KeptGroup
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import GsvcError, UsageError

@@ -11,9 +11,9 @@ from typing import Any, Final, Literal, Self
 
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.header import MOST_LAYERS
-from gsvc_ref.checks import check_types
+from gsvc_ref.checks import check_range, check_types
 from gsvc_ref.encoder.effects import Effects
-from gsvc_ref.encoder.key_frames import GUARD_RATIO
+from gsvc_ref.encoder.frame_settings import ELEMENTS, DetectionSettings, FrameSettings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
 from gsvc_ref.main_profile.tables import QUANTIZERS
@@ -49,14 +49,8 @@ MAX_SPLATS: Final = max(level.splats for level in LEVELS.values())
 LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
 
-SHORT_FIT: Final = 12
-"""Constant quality: evaluations by L-BFGS after each change of the number of splats, at most."""
-
 MAX_FRAMES: Final = 2**32 - 1
 """Maximum number of frames of a stream."""
-
-ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_codewords": (1, 1024)}
-"""The limits of the elements of the sequence header that describe quantisers (section 6.3)."""
 
 REACHING: Final = {"iterations": (1, MAX_ITERATIONS), **ELEMENTS}
 """The limits of the names of `Settings.with_` that are no fields: they reach into `intra` and `inter`."""
@@ -74,104 +68,6 @@ PROFILES_OF: Final[dict[str, tuple[ProfileName, ...]]] = {
     "quick": ("main", "paper"), "slow": ("main",), "paper": ("paper",),
 }  # fmt: skip
 """The profiles of each preset, that which it writes by default first."""
-
-
-@dataclass(frozen=True)
-class FrameSettings:
-    """How the frames of one type are fitted and quantised.
-
-    Attributes
-    ----------
-    fit
-        The fit in binary32, before quantisation.
-    tune
-        How splats are quantised after it: by quantisation-aware fine-tuning, or by rounding in stages.
-    quantizer
-        The quantisers.
-    candidates
-        I-frames: choices (b, M, B) of which the first frame takes the best by rate and quality for the whole stream;
-        none: those of `quantizer`.
-    start
-        I-frames: ``random`` as in the paper, or ``image``: drawn from the image.
-    new_fraction
-        P-frames: the fraction of N that GSA adds.
-    new_from_residual
-        P-frames: add where the prediction is wrong, along edges, and prune as many of the least visible splats before,
-        so that the count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
-    """
-
-    fit: AnyFit
-    tune: FitSettings | RoundingSettings
-    quantizer: BlockSettings
-    candidates: tuple[tuple[int, int, int], ...] = ()
-    start: Literal["random", "image"] = "random"
-    new_fraction: float = 0.1
-    new_from_residual: bool = False
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        _check_range("new_fraction", self.new_fraction, 0, 1)
-        for candidate in self.candidates:
-            for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
-                _check_range(f"{name} of candidates", value, *limits)
-
-    @property
-    def short_fit(self) -> AnyFit:
-        """The fit after each change of the number of splats by constant quality: fine-tuning's, if there is any."""
-        if isinstance(self.tune, FitSettings):
-            return self.tune
-        return self.fit.with_(iterations=min(self.fit.iterations, SHORT_FIT), growth=None, pruning=None)
-
-    def with_(self, **changes: Any) -> Self:
-        """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
-        elements = {name: changes.pop(name) for name in ELEMENTS if name in changes}
-        frame = replace(self, **changes)
-        return replace(frame, quantizer=frame.quantizer.with_(**elements))
-
-
-@dataclass(frozen=True)
-class DetectionSettings:
-    """Dynamic key-frame selection (paper section 3.6).
-
-    Attributes
-    ----------
-    iterations
-        Pre-training iterations of each frame, as I-frame and again as P-frame.
-    splats
-        Maximum number of splats in pre-training; None: those of the frame.
-    longest_side
-        Pre-train on the frame reduced to at most this many pixels on its longer side; None: as it is.
-    window
-        Frames on each side that the statistics are taken over.
-    threshold
-        A key frame exceeds the mean by this many standard deviations.
-    rule
-        ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
-    guard_ratio
-        By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
-    intra_fit, inter_fit
-        How frames are pre-trained, but for the number of iterations; None: as they are fitted. What tells a cut is how
-        far short fits get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
-    """
-
-    iterations: int = 500
-    splats: int | None = None
-    longest_side: int | None = None
-    window: int = 10
-    threshold: float = 3.0
-    rule: Literal["paper", "robust"] = "paper"
-    guard_ratio: float = GUARD_RATIO
-    intra_fit: FitSettings | None = None
-    inter_fit: FitSettings | None = None
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        _check_range("iterations", self.iterations, 1, MAX_ITERATIONS)
-        _check_range("splats", self.splats, 1, 1 << 22)
-        _check_range("longest_side", self.longest_side, 1, 65535)
-        _check_range("window", self.window, 0, 10_000)
-        _check_range("threshold", self.threshold, 0, 1e6)
-        _check_range("guard_ratio", self.guard_ratio, 0, 1e6)
 
 
 @dataclass(frozen=True)
@@ -266,15 +162,15 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_types(self)
-        _check_range("splats", self.splats, 1, 1 << 22)
-        _check_range("psnr", self.psnr, 1, 100)
-        _check_range("quality", self.quality, 0, QUANTIZERS - 1)
+        check_range("splats", self.splats, 1, 1 << 22)
+        check_range("psnr", self.psnr, 1, 100)
+        check_range("quality", self.quality, 0, QUANTIZERS - 1)
         self._check_goals()
-        _check_range("threads", self.threads, 1, 1024)
+        check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
-        _check_range("seed", self.seed, 0, 2**63 - 1)
-        _check_range("lane_count", self.lane_count, 1, 64)
-        _check_range("entropy_precision", self.entropy_precision, 12, 16)
+        check_range("seed", self.seed, 0, 2**63 - 1)
+        check_range("lane_count", self.lane_count, 1, 64)
+        check_range("entropy_precision", self.entropy_precision, 12, 16)
         if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
             raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
         self._check_layers()
@@ -282,7 +178,7 @@ class Settings:
         if not 0 <= start < (MAX_FRAMES if stop is None else min(stop, MAX_FRAMES)):
             raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MAX_FRAMES}")
         if isinstance(self.key_frames, int):
-            _check_range("key_frames", self.key_frames, 1, MAX_FRAMES)
+            check_range("key_frames", self.key_frames, 1, MAX_FRAMES)
         elif isinstance(self.key_frames, tuple) and any(number < 0 for number in self.key_frames):
             raise UsageError(f"key_frames lists {min(self.key_frames)}; frame numbers begin at 0")
         self._check_profile()
@@ -398,7 +294,7 @@ class Settings:
         intra, inter = settings.intra, settings.inter
         if "iterations" in given:
             share = given.pop("iterations") / intra.fit.iterations
-            intra, inter = _in_proportion(intra, share), _in_proportion(inter, share)
+            intra, inter = intra.in_proportion(share), inter.in_proportion(share)
         if given:
             intra, inter = intra.with_(candidates=(), **given), inter.with_(**given)
         return replace(settings, intra=intra, inter=inter)
@@ -408,7 +304,7 @@ class Settings:
             if not values:
                 continue
             for value in values:
-                _check_range(name, value, 1, highest)
+                check_range(name, value, 1, highest)
             if len(values) > MOST_LAYERS or any(a >= b for a, b in pairwise(values)):
                 raise UsageError(f"{name} is {values}; give at most {MOST_LAYERS} values that grow")
             others = [other for other in ("splats", "psnr", "quality") if getattr(self, other) is not None]
@@ -419,7 +315,7 @@ class Settings:
     def _check_goals(self) -> None:
         """Refuse more than one of the goals of a whole clip, or one beside another."""
         for name, (low, high) in GOALS.items():
-            _check_range(name, getattr(self, name), low, high)
+            check_range(name, getattr(self, name), low, high)
         if self.goal is not None:
             names = (*GOALS, "psnr", "quality", "layers", "layer_splats")
             first, *others = [name for name in names if getattr(self, name) not in (None, ())]
@@ -502,27 +398,10 @@ def _of_other_profile(name: str) -> UsageError:
     )
 
 
-def _in_proportion(frame: FrameSettings, share: float) -> FrameSettings:
-    """The settings with this share of the iterations, at least 1; L-BFGS goes on for as much less gain."""
-
-    def stretched(part: Any) -> Any:
-        changes: dict[str, Any] = {"iterations": max(1, round(part.iterations * share))}
-        if isinstance(part, DescentSettings):
-            changes["least_gain"] = part.least_gain / share
-        return part.with_(**changes)
-
-    return replace(frame, fit=stretched(frame.fit), tune=stretched(frame.tune))
-
-
 def _whole(name: str, value: Any) -> int:
     """The value of a name of REACHING as a Python integer."""
     low, high = REACHING[name]
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise UsageError(f"{name} is {value!r}; it must be a whole number in {low}..{high}")
-    _check_range(name, int(value), low, high)
+    check_range(name, int(value), low, high)
     return int(value)
-
-
-def _check_range(name: str, value: float | None, low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
-        raise UsageError(f"{name} is {value}; it must be in {low}..{high}")

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Final, NamedTuple, Self
 
 from gsvc_ref.arrays import Frame
-from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
 from gsvc_ref.encoder.processes import Processes

@@ -17,7 +17,7 @@ from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import Frame
 from gsvc_ref.bitstream.frames import frame as write_frame
-from gsvc_ref.encoder.frame import EncodedFrame, OnStage
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
 from gsvc_ref.encoder.rate import DB_PER_DOUBLING

@@ -4,13 +4,14 @@ from collections.abc import Iterable, Iterator
 from typing import Any, BinaryIO, Final
 
 from gsvc_ref.bitstream import LEVELS, level_for
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import Encoding, completed
-from gsvc_ref.encoder.frame import EncodedFrame
+from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
-from gsvc_ref.encoder.settings import FrameSettings, KeyFrames, Settings
+from gsvc_ref.encoder.settings import KeyFrames, Settings
 from gsvc_ref.encoder.source_and_target import Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
 from gsvc_ref.errors import UsageError

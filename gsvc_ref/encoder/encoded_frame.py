@@ -1,0 +1,76 @@
+"""A frame as it is encoded, in either profile."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from gsvc_ref.encoder.log import Decision
+from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.stream.profiles import AnyCodes, AnyState
+
+OnStage = Callable[[str, int, int, float | None], None]
+"""Called with the stage, the iteration, their number, and the PSNR in dB of the picture before rounding, if known."""
+
+
+@dataclass(frozen=True)
+class EncodedLayer:
+    """A layer of a frame as it is encoded.
+
+    Attributes
+    ----------
+    layer
+        0 for the base.
+    codes
+        The codes to be written.
+    state
+        The decoder's state of this layer after the frame.
+    psnr
+        PSNR of the decoded frame with all layers up to this one, in dB.
+    """
+
+    layer: int
+    codes: MainCodes
+    state: MainState
+    psnr: float
+
+
+@dataclass(frozen=True)
+class EncodedFrame:
+    """A frame as it is encoded.
+
+    Attributes
+    ----------
+    codes
+        The codes to be written.
+    state
+        The decoder's state after the frame, with the reconstructed splats.
+    psnr
+        PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
+    iterations
+        The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
+    seconds
+        Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
+    decisions
+        The decisions made on the way.
+    reason
+        Why the frame is of its type, where that was decided on the way.
+    layers
+        The base and the layers above it; none of a frame that has no layers.
+    """
+
+    codes: AnyCodes
+    state: AnyState
+    psnr: float
+    iterations: int
+    seconds: dict[str, float] = field(default_factory=dict)
+    decisions: tuple[Decision, ...] = ()
+    reason: str | None = None
+    layers: tuple[EncodedLayer, ...] = ()
+
+
+def worked_on_again(result: EncodedFrame) -> EncodedFrame:
+    """An equal frame that was to become better, not repeated, with the reason for it."""
+    if result.codes.type == "R":
+        return result
+    why = "equal to the frame before, which is not yet as good as its I-frame"
+    return replace(result, reason=why, decisions=(*result.decisions, Decision("frames", True, why)))
