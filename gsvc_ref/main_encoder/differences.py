@@ -241,11 +241,12 @@ def crowding(parameters: F4) -> F8:
 
     It bounds the curvature of f along a splat's components by their row of J^T J, so 1 / crowding is a safe step.
     """
-    half = 3 * np.sqrt((parameters[:, 3:5].astype(np.float64) ** 2).sum(axis=1))  # of the height in which others count
-    order = np.argsort(parameters[:, 1] - half, kind="stable")
-    x, y, a, b, c = np.ascontiguousarray(parameters[order, :5].T, np.float64)  # (N,) f8 each
+    x, y, a, b, c = np.ascontiguousarray(parameters[:, :5].T, np.float64)  # (N,) f8 each
+    reach = 3 * np.sqrt(b * b + c * c)  # along y
+    order = np.argsort(y - reach, kind="stable")
     sums = np.ones(len(parameters))
-    _crowding(x, y, a, b, c, y - half[order], y + half[order], sums)
+    top, bottom = (y - reach)[order], (y + reach)[order]
+    _crowding(x[order], y[order], a[order], b[order], c[order], top, bottom, sums)
     out = np.empty(len(parameters))
     out[order] = sums
     return out

@@ -130,7 +130,7 @@ def test_values_at_their_ends_encode():
 
 def test_the_rate_stage_tells_its_progress():
     seen = []
-    encoded(waves(24, 16, 1), paper_fast(psnr=12.0, splats=60), progress=seen.append)
+    encoded(waves(24, 16, 2), paper_fast(psnr=22.0, splats=60), progress=seen.append)
     rate = [told for told in seen if told.stage == "rate"]
     assert rate
     assert all(1 <= told.iteration <= told.iterations for told in rate)
