@@ -204,14 +204,23 @@ def residual_splats(
     return Splats(positions, cholesky, colors)
 
 
+@kernel()
 def _levelled(density: F4, count: int, most: float) -> F8:
     """A density (H, W) by which at most about `most` of `count` splats are drawn in a pixel."""
-    levelled = density.astype(np.float64)
+    height, width = density.shape
+    levelled, total = np.empty((height, width)), 0.0
+    for y in range(height):
+        for x in range(width):
+            levelled[y, x] = density[y, x]
+            total += levelled[y, x]
     for _ in range(LEVELLINGS):
-        total = float(np.cumsum(levelled)[-1])  # in a stated order
         if total == 0:
             break
-        levelled = np.minimum(levelled * (count / total), most)
+        share, total = count / total, 0.0
+        for y in range(height):
+            for x in range(width):
+                levelled[y, x] = min(levelled[y, x] * share, most)
+                total += levelled[y, x]
     return levelled
 
 

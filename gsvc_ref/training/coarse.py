@@ -85,8 +85,10 @@ class Level:
         """
         if self._edges is None:
             self._edges = Edges(self._picture)
-        missing = -self._objective.residual()
-        missing = missing if where is None else missing * where[..., None]
+        missing = self._objective.residual()
+        np.negative(missing, out=missing)
+        if where is not None:
+            missing *= where[..., None]
         return resized(self._edges.new_splats(missing, count, total, rng), self.step)
 
 
