@@ -50,7 +50,7 @@ def test_a_frame_is_what_a_decoder_has() -> None:
     state = decoded(frame.codes, 56, 40).values
     assert np.array_equal(state, frame.state)
     assert np.array_equal(to_splats(state).to_array(), frame.parameters)
-    assert intra.Target(picture, threads=1).psnr(frame.parameters) > 28
+    assert Target(picture, threads=1).psnr(frame.parameters) > 28
 
 
 def test_threads_do_not_matter() -> None:
@@ -65,10 +65,10 @@ def test_threads_do_not_matter() -> None:
 
 
 def test_settling_beats_rounding() -> None:
-    """By a dB or two, in the mean over draws: one draw says little."""
+    """By a dB, in the mean over draws: one draw says little, a few lose some."""
     settings, gains = IntraSettings.quick(), []
-    for seed in range(3):
-        target, rng = intra.Target(a_picture(), threads=1), np.random.default_rng(seed)
+    for seed in range(6):
+        target, rng = Target(a_picture(), threads=1, precision="deterministic"), np.random.default_rng(seed)
         z = intra.grow(target, 150, rng, settings)
         step = step_of(intra.quantizer_for(z))
         z = intra.weigh(target, z, step / 16, rng, settings)
@@ -82,8 +82,8 @@ def test_a_layer_adds_to_its_base() -> None:
     picture = a_picture()
     base = intra.encode_intra(picture, 20, np.random.default_rng(4), settings=FEW, threads=1)
     layer = intra.encode_intra(picture, 30, np.random.default_rng(5), settings=FEW, base=base.parameters, threads=1)
-    alone = intra.Target(picture, threads=1).psnr(base.parameters)
-    both = intra.Target(picture, base.parameters, threads=1).psnr(layer.parameters)
+    alone = Target(picture, threads=1).psnr(base.parameters)
+    both = Target(picture, base.parameters, threads=1).psnr(layer.parameters)
     assert both > alone + 1
 
 
