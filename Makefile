@@ -32,7 +32,7 @@ test-all: .venv/.ready-$(EXTRAS)            ## run all tests, also those that ta
 UNVERSIONED = --ignore tests/viewer --ignore tests/viewing --ignore tests/kaitai --ignore tests/lab/site --ignore tests/lab/pages \
 	--ignore-glob 'tests/adapters/test_web_*' --ignore tests/conformance/test_page_in_browser.py \
 	--ignore tests/supply_chain/test_sources.py --ignore tests/test_arrows.py --ignore tests/test_links.py --ignore tests/test_tour.py \
-	--ignore tests/test_portable_sources.py --ignore tests/hostile \
+	--ignore tests/test_portable_sources.py --ignore tests/hostile/test_syntax_elements.py \
 	--ignore tests/cli/test_cli_jobs.py --ignore tests/cli/test_cli_killed.py --ignore tests/cli/test_cli_ended.py \
 	--ignore tests/encoder/test_side_by_side.py --ignore tests/encoder/test_resume.py --ignore tests/encoder/test_killed.py \
 	--ignore tests/conformance/test_asked_again.py --ignore tests/conformance/test_server.py --ignore tests/conformance/test_process.py \

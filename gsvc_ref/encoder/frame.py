@@ -90,6 +90,12 @@ class FrameEncoder:
         The decoder's state after the frames so far.
     total, most
         The number of splats that a frame is meant to have, and the maximum that it may get.
+    margin
+        Constant quality: the dB that quantisation took from the last frame.
+    level
+        PSNR of the last I-frame, in dB.
+    chosen_for
+        The number of splats for which quantisers were chosen last.
     """
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
@@ -100,9 +106,7 @@ class FrameEncoder:
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.total = settings.splat_count(width, height)
         self.most = settings.most_splats(width, height)
-        self.margin = FIRST_MARGIN  # the dB that quantisation took from the last frame
-        self.level = math.inf  # PSNR of the last I-frame in dB
-        self.chosen_for = 0.0  # the number of splats for which quantisers were chosen
+        self.margin, self.level, self.chosen_for = FIRST_MARGIN, math.inf, 0
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
@@ -125,19 +129,18 @@ class FrameEncoder:
 
     def decide(self, decided: tuple[int, ...]) -> None:
         """Take what the first frame of the stream has decided, as `decided` said it."""
-        quantizer = decided[:-1] if self.looks_for_splats else decided
+        quantizer = decided
         if self.looks_for_splats:
-            self.total = min(max(1, decided[-1]), self.most)
+            quantizer, self.total = decided[:-1], min(max(1, decided[-1]), self.most)
         if self.settings.intra.candidates:
             self.settings = with_quantizer(self.settings, quantizer)
         self.is_first = False
 
     def for_group(self) -> "FrameEncoder":
-        """An encoder for another group of pictures, with its quantisers, and its N for a quality to hold."""
+        """An encoder for another group of pictures, with the quantisers and N that were chosen."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
         other.is_first = self.is_first
-        if self.looks_for_splats:
-            other.total = self.total
+        other.total = self.total
         return other
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:

@@ -18,7 +18,6 @@ DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
 MOST_DOUBLINGS: Final = 3.0
 """By how much the number of splats changes at most between two tries."""
 
-
 FIRST_MARGIN: Final = 0.7
 """The dB that the fit of a first frame aims above the goal, so that quantisation has room."""
 
@@ -37,9 +36,8 @@ MOST_OCTAVES: Final = 16.0
 NEAR: Final = 0.5
 """Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
 
-BEHIND: Final = 1.0
+MOST_DROP: Final = 1.0
 """Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
-
 
 BEST: Final = 100.0
 """Stands for the PSNR of frames that are better, such as those equal to their source."""
@@ -194,7 +192,7 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
 
 def is_missed(psnr: float, goal: float, level: float) -> bool:
     """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
-    return psnr < (goal if level >= goal else level - BEHIND)
+    return psnr < (goal if level >= goal else level - MOST_DROP)
 
 
 def _is_better(psnr: float, other: float, goal: float) -> bool:
