@@ -46,9 +46,9 @@ def watched_objectives(
 class _WatchedObjective(Objective):
     on_evaluation: OnEvaluation
 
-    def evaluate(self, parameters: Any) -> tuple[float, F4]:
+    def evaluate(self, parameters: Any, *, drawn: bool = False) -> tuple[float, F4]:
         """As `Objective.evaluate`."""
-        loss, gradient = super().evaluate(parameters)
+        loss, gradient = super().evaluate(parameters, drawn=drawn)
         self.on_evaluation(loss)
         return loss, gradient
 
@@ -56,8 +56,8 @@ class _WatchedObjective(Objective):
 class _WatchedSamples(SampledObjective):
     on_evaluation: OnEvaluation
 
-    def evaluate(self, parameters: F4, turn: int = 0) -> tuple[float, F4]:
+    def evaluate(self, parameters: F4, turn: int = 0, *, drawn: bool = False) -> tuple[float, F4]:
         """As `SampledObjective.evaluate`."""
-        loss, gradient = super().evaluate(parameters, turn)
+        loss, gradient = super().evaluate(parameters, turn, drawn=drawn)
         self.on_evaluation(loss)
         return loss, gradient

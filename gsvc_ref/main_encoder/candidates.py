@@ -16,10 +16,14 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.portable import exp
+from gsvc_ref.rendering.fast.threads import run_tasks
 from gsvc_ref.training.coordinates import exp_kernel, log_kernel
 
 REACH: Final = 3.0
 """Candidates are cut off at so many deviations."""
+
+BAND: Final = 32
+"""Rows of candidates whose first responses are one task."""
 
 
 class _Candidates:
@@ -31,6 +35,8 @@ class _Candidates:
         (H, W, 3) f8, the residual in opponent colours; it may change, if `update` is told where.
     size
         Their deviation s in pixels.
+    threads
+        The number of threads that find the first responses, None: one per CPU.
 
     Attributes
     ----------
@@ -42,7 +48,7 @@ class _Candidates:
         (rows,) f8 and i8: the largest gain in each row, and where it is.
     """
 
-    def __init__(self, rest: F8, size: float) -> None:
+    def __init__(self, rest: F8, size: float, threads: int | None) -> None:
         height, width = rest.shape[:2]
         self.size, self.spacing, self.radius = size, max(1, int(size / 2)), math.ceil(REACH * size)
         places = np.arange(-self.radius - self.spacing, self.radius + self.spacing + 1) / size
@@ -50,7 +56,8 @@ class _Candidates:
         rows, columns = -(-height // self.spacing), -(-width // self.spacing)
         self.response = np.zeros((rows, columns, 3))
         self.gains, self.columns = np.zeros(rows), np.zeros(rows, np.int64)
-        self._respond(0, 0, rows, columns)
+        bands = -(-rows // BAND)
+        run_tasks(lambda i: self._respond(i * BAND, 0, min((i + 1) * BAND, rows), columns), bands, threads)
 
     def best(self) -> tuple[float, int, int]:
         """The largest gain, its row and its column; the first of equal ones."""
@@ -74,7 +81,9 @@ class _Candidates:
         _find_best(self.response, top, bottom, self.gains, self.columns)
 
 
-def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: int) -> F8:
+def best_candidates(
+    residual: F4, sizes: tuple[float, ...], least: float, most: int, threads: int | None = None
+) -> F8:
     """The coordinates (n, 8) f8 of new splats, best first.
 
     Parameters
@@ -87,11 +96,13 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
         A splat's gain must be above this, in squared error of 8-bit units.
     most
         Most splats to give.
+    threads
+        None: one per CPU; the result does not depend on it.
     """
     height, width = residual.shape[:2]
     rest = np.empty((height, width, 3))
     _opponent(np.ascontiguousarray(residual), rest)
-    layers = [_Candidates(rest, size) for size in sizes]
+    layers = [_Candidates(rest, size, threads) for size in sizes]
     found: list[list[float]] = []
     while len(found) < most:
         (gain, row, column), layer = max(((layer.best(), layer) for layer in layers), key=lambda one: one[0][0])
@@ -131,28 +142,28 @@ def _respond(
     height, width = rest.shape[:2]
     if right <= left or bottom <= top:
         return
-    first = left * spacing + spacing // 2 - radius
-    start, end = max(0, first), min(width, (right - 1) * spacing + spacing // 2 + radius + 1)
-    sums = np.empty(3 * (end - start))  # one flat loop over columns and colours becomes vector code
-    column = sums.reshape(-1, 3)
+    first = left * spacing + spacing // 2 - radius  # the first column that counts, and how many do
+    count = (right - 1 - left) * spacing + 2 * radius + 1
+    start, end = max(0, first), min(width, first + count)
     middle = (len(weights) - 1) // 2
     norm = 1 / (math.sqrt(math.pi) * size)
+    sums, across = np.zeros(3 * count), np.empty(3 * (count - 2 * radius))  # flat loops over both become vector code
+    inside = sums[3 * (start - first) : 3 * (end - first)]  # the others are outside of the picture, and stay zero
     for row in range(top, bottom):
         cy = row * spacing + spacing // 2
-        sums[:] = 0
+        inside[:] = 0
         for y in range(max(0, cy - radius), min(height, cy + radius + 1)):
             w, line = weights[y - cy + middle], rest[y, start:end].reshape(-1)
-            for i in range(sums.size):
-                sums[i] += w * line[i]
+            for i in range(inside.size):
+                inside[i] += w * line[i]
+        across[:] = 0
+        for x in range(2 * radius + 1):
+            w, line = weights[x - radius + middle], sums[3 * x :]
+            for i in range(across.size):
+                across[i] += w * line[i]
         for place in range(left, right):
-            cx = place * spacing + spacing // 2
-            a, b, c = 0.0, 0.0, 0.0
-            for x in range(max(0, cx - radius), min(width, cx + radius + 1)):
-                w = weights[x - cx + middle]
-                a += w * column[x - start, 0]
-                b += w * column[x - start, 1]
-                c += w * column[x - start, 2]
-            response[row, place, 0], response[row, place, 1], response[row, place, 2] = a * norm, b * norm, c * norm
+            for c in range(3):
+                response[row, place, c] = across[3 * spacing * (place - left) + c] * norm
 
 
 @kernel()

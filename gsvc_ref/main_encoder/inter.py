@@ -249,12 +249,12 @@ class _Updates:
 
     def _add(self) -> None:
         """New splats where the picture of the parameters is wrong."""
-        s, total = self.settings, self.frame.total
-        self.frame.objective.loss(self.parameters)
+        s, total, objective = self.settings, self.frame.total, self.frame.objective
+        objective.loss(self.parameters, drawn=True)
         mean = math.sqrt(self.width * self.height / max(total, 1))
         sizes = tuple(max(share * mean, LEAST_NEW_SIZE) for share in NEW_SIZES)
         least, most = s.new_gain * self.D * self.D, math.floor(s.new_share * total + 0.5)
-        z = best_candidates(-self.frame.objective.residual(), sizes, least, most)
+        z = best_candidates(-objective.residual(), sizes, least, most, objective.threads)
         self.new = NewSplats(z, self.D, self.width, self.height)
         self.parameters = np.concatenate([self.parameters, np.empty((len(z), 8), np.float32)])
 

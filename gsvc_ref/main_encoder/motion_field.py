@@ -181,7 +181,7 @@ class _Search:
     def evaluate(self, vectors: F8, cell: int) -> tuple[float, F8]:
         """The squared error of a field and its gradient by the vectors, (gy, gx, 2)."""
         move_by_field(self.reference, vectors, cell, self.moved)
-        loss, gradient = self.objective.evaluate(self.moved)
+        loss, gradient = self.objective.evaluate(self.moved, drawn=True)
         by_vector = np.zeros(vectors.shape)
         gather_by_vectors(self.reference, gradient, cell, self.scale / UNITS, by_vector)
         return loss * self.scale, by_vector

@@ -7,6 +7,7 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.jobs import LOSS, LOSS_AND_GRADIENTS, PICTURE, Job
 from gsvc_ref.rendering.fast.rasterizer import Rasterizer
 from gsvc_ref.rendering.fast.regions import Regions
+from gsvc_ref.rendering.fast.threads import thread_count
 from gsvc_ref.rendering.fast.tile_pictures import to_tiles
 from gsvc_ref.rendering.fast.tiles import EMPTY, F4
 from gsvc_ref.rendering.losses import total_loss
@@ -45,6 +46,11 @@ class Objective:
     ------
     UsageError
         The target has another shape or a value that is not finite, or an option is outside its limits.
+
+    Attributes
+    ----------
+    height, width, threads
+        As given.
     """
 
     def __init__(
@@ -62,6 +68,7 @@ class Objective:
         if not np.isfinite(picture).all():
             raise UsageError("the target has a value that is NaN or infinite; 1.0 is full scale")
         self.height, self.width = picture.shape[:2]
+        self.threads = thread_count(threads)
         self._target = to_tiles(picture)  # (tiles, H * ROW) f4
         self._picture = picture
         self._pixels = self.height * self.width
@@ -77,14 +84,17 @@ class Objective:
         self._base = self._background  # and the sum of the frozen splats
         self._moving: NDArray[np.int64] | None = None  # the indices of the others; None: all
         self._count = 0  # splats in all where some are frozen
+        self._drawn: F4 | None = None  # the picture of the parameters evaluated last, where it was kept
 
-    def evaluate(self, parameters: ArrayLike) -> tuple[float, F4]:
+    def evaluate(self, parameters: ArrayLike, *, drawn: bool = False) -> tuple[float, F4]:
         """The loss and its gradient (R-10.2-1).
 
         Parameters
         ----------
         parameters
             (N, 8) f4 in the columns of `Splats.to_array`.
+        drawn
+            Keep the picture on the way, for which `picture` would have to render the splats again.
 
         Returns
         -------
@@ -98,7 +108,7 @@ class Objective:
         UsageError
             The parameters have another shape or a value that is not finite.
         """
-        loss = self._run(parameters, LOSS_AND_GRADIENTS)
+        loss = self._run(parameters, LOSS_AND_GRADIENTS, self._new_picture() if drawn else None)
         gradient = self._rasterizer.gradients(2 / self._pixels)  # (10-2)
         if self._moving is None:
             return loss, gradient
@@ -153,13 +163,13 @@ class Objective:
             self._rasterizer.binning.load(packed)
             self._base = to_tiles(self._draw(self._background, clamp=False))
 
-    def loss(self, parameters: ArrayLike) -> float:
-        """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time."""
-        return self._run(parameters, LOSS)
+    def loss(self, parameters: ArrayLike, *, drawn: bool = False) -> float:
+        """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time; `drawn` is as there."""
+        return self._run(parameters, LOSS, self._new_picture() if drawn else None)
 
     def picture(self) -> F4:
         """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
-        return self._draw(self._base, clamp=True)
+        return self._draw(self._base, clamp=True) if self._drawn is None else self._drawn.copy()
 
     def residual(self) -> F4:
         """The residual (H, W, 3) f4 of the parameters evaluated last: `picture()` minus the target."""
@@ -167,13 +177,17 @@ class Objective:
 
     def _draw(self, base: F4, *, clamp: bool) -> F4:
         """The picture (H, W, 3) f4 of the splats loaded last, on a base."""
-        picture = np.empty((self.height, self.width, 3), np.float32)  # (H, W, 3) f4
+        picture, self._drawn = self._new_picture(), None
         job = self._job._replace(kind=PICTURE, base=base, picture=picture.reshape(self.height, -1), clamp=clamp)
         self._rasterizer.run(job, self._regions)
         return picture
 
-    def _run(self, parameters: ArrayLike, kind: int) -> float:
-        """Load the splats that are not frozen and do a job; return the loss."""
+    def _new_picture(self) -> F4:
+        """Room for a picture, (H, W, 3) f4."""
+        return np.empty((self.height, self.width, 3), np.float32)
+
+    def _run(self, parameters: ArrayLike, kind: int, drawn: F4 | None = None) -> float:
+        """Load the splats that are not frozen and do a job, which may draw the picture too; return the loss."""
         packed = _checked(parameters)
         if self._moving is not None:
             if len(packed) != self._count:
@@ -184,9 +198,11 @@ class Objective:
         self._rasterizer.binning.load(packed)
         moments = self._rasterizer.moments if kind == LOSS_AND_GRADIENTS else EMPTY
         job = self._job._replace(
-            kind=kind, base=self._base, target=self._target, losses=self._losses, moments=moments
+            kind=kind, base=self._base, target=self._target, losses=self._losses, moments=moments,
+            picture=EMPTY if drawn is None else drawn.reshape(self.height, -1), clamp=True,
         )  # fmt: skip
         self._rasterizer.run(job, self._regions)
+        self._drawn = drawn
         return total_loss(self._losses, self._pixels)
 
 

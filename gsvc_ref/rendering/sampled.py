@@ -56,10 +56,14 @@ class SampledObjective:
             for y, x in self._origins
         ]  # fmt: skip
 
-    def evaluate(self, parameters: F4, turn: int = 0) -> tuple[float, F4]:
-        """The loss and its gradient (N, 8) f4 for splats (N, 8) f4, on the lattice of a turn."""
+    def evaluate(self, parameters: F4, turn: int = 0, *, drawn: bool = False) -> tuple[float, F4]:
+        """The loss and its gradient (N, 8) f4 for splats (N, 8) f4, on the lattice of a turn.
+
+        `drawn` is that of `Objective.evaluate`; `quarter` then takes no time.
+        """
         turn %= len(self._objectives)
-        loss, gradient = self._objectives[turn].evaluate(self._seen(parameters, *self._origins[turn]))
+        seen = self._seen(parameters, *self._origins[turn])
+        loss, gradient = self._objectives[turn].evaluate(seen, drawn=drawn)
         return loss, gradient * self._scale
 
     def hold(self, parameters: F4) -> None:

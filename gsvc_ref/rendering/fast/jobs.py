@@ -26,7 +26,8 @@ class Job(NamedTuple):
 
     `PICTURE`, `FRAME`, `LOSS` and `LOSS_AND_GRADIENTS` sum the splats of each tile, beginning with `base`. The first
     writes the sum into `picture`, the second rounds it into `frame`, and the others compare it with `target`, tile
-    after tile while it is in the second-level cache. `GRADIENTS` reads dL/dC from `picture`.
+    after tile while it is in the second-level cache, and write it into `picture` if there is one. `GRADIENTS` reads
+    dL/dC from `picture`.
 
     Attributes
     ----------
@@ -115,7 +116,7 @@ def render_tile(buffers: Buffers, t: int, bins: Bins, batch: Batch, count: int, 
                 gathered = gather_batch(t, added, job.height, bins, batch)
                 add_batch(buffers, t, top, end, batch, gathered, False, job.strict)
                 added += gathered
-            if job.kind == PICTURE:
+            if job.picture.shape[0]:
                 write_picture(tile, t, top, end, job.picture, job.clamp)
             elif job.kind == FRAME:
                 write_frame(tile, t, top, end, job.frame, job.peak)
