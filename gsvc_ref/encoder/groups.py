@@ -38,6 +38,9 @@ MOST_FRAMES: Final = 16
 MOST_BYTES: Final = 1 << 25
 """Maximum number of bytes of the frames of a run, unless it is a single frame."""
 
+I_FRAME: Final = 4
+"""How many P-frames take as long as an I-frame, about."""
+
 
 class GroupCoder(FrameCoder[Frame], Protocol):
     """What encodes the frames of one group of pictures after the other."""
@@ -160,6 +163,12 @@ class Group:
     def may_go_on(self) -> bool:
         """Whether its next run can be given out."""
         return self.task is None and self.fault is None and bool(self.given or self.waiting)
+
+    @property
+    def left(self) -> int:
+        """How long its frames will take that are known and not yet encoded, in P-frames."""
+        frames = [*self.given, *self.waiting]
+        return len(frames) + (I_FRAME - 1 if frames and frames[0].type == "I" else 0)
 
     @property
     def is_written(self) -> bool:

@@ -11,10 +11,11 @@ does, however that ends.
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from queue import LifoQueue
 from typing import Any, Final, ParamSpec, TypeVar
@@ -31,7 +32,7 @@ class DeadProcessError(BrokenExecutor):
 
 
 class Processes(Executor):
-    """An executor with up to `count` processes, each of them started when a call first needs it.
+    """An executor with up to `count` processes, each of them started when a call first needs it, or by `start`.
 
     Parameters
     ----------
@@ -43,8 +44,17 @@ class Processes(Executor):
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
         self._workers = [_Worker() for _ in range(count)]
         self._free: LifoQueue[_Worker] = LifoQueue()  # a call that is made again gets the process that was started anew
-        for worker in self._workers:
+        for worker in reversed(self._workers):  # the first call gets the first
             self._free.put(worker)
+
+    def start(self, count: int) -> None:
+        """Start up to `count` processes now, where calls for as many are to come; they take half a second.
+
+        Without this each is started by the first call that it gets.
+        """
+        for worker in self._workers[:count]:
+            with suppress(OSError):  # the call that needs it will fail in the same way, and tell
+                worker.start()
 
     def submit(self, function: Callable[P, R], /, *arguments: P.args, **options: P.kwargs) -> Future[R]:
         """Call a function of a module in a process; its arguments and what it returns or raises are pickled.
@@ -96,14 +106,10 @@ class _Worker:
             raise result
         return result
 
-    def _connected(self) -> "Connection[Any, Any]":
-        """The pipe to the process, which is started if there is none, or one that was killed while it had no call."""
-        if self._connection is not None and not self._process.is_alive():
-            self.end()
+    def start(self) -> None:
+        """Start the process, if there is none and it may be."""
         with self._changing:
-            if self._killed:
-                raise DeadProcessError("the processes were ended")
-            if self._connection is None:
+            if self._connection is None and not self._killed:
                 context = multiprocessing.get_context("spawn")
                 ours, theirs = context.Pipe()
                 process = context.Process(target=_serve, args=(theirs,), name="gsvc_ref", daemon=True)
@@ -111,7 +117,15 @@ class _Worker:
                     process.start()
                 theirs.close()  # the end of the process is then that of the pipe
                 self._process, self._connection = process, ours
-            return self._connection
+
+    def _connected(self) -> "Connection[Any, Any]":
+        """The pipe to the process, which is started if there is none, or one that was killed while it had no call."""
+        if self._connection is not None and not self._process.is_alive():
+            self.end()
+        self.start()
+        if self._connection is None or self._killed:
+            raise DeadProcessError("the processes were ended")
+        return self._connection
 
     def end(self) -> None:
         """Close the pipe, which the process takes for its end, and wait for it."""
@@ -147,7 +161,7 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _serve(connection: "Connection[Any, Any]") -> None:
-    """Make the calls that come through a pipe, until it is closed."""
+    """Make the calls that come through a pipe, until it is closed; then end at once, without taking modules apart."""
     for number in LEFT_TO_CALLER:
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -155,7 +169,7 @@ def _serve(connection: "Connection[Any, Any]") -> None:
         try:
             function, arguments, options = connection.recv()
         except EOFError:
-            return
+            break
         answer: tuple[bool, Any]
         try:
             answer = True, function(*arguments, **options)
@@ -164,9 +178,13 @@ def _serve(connection: "Connection[Any, Any]") -> None:
         try:
             connection.send(answer)
         except ConnectionError:  # nobody waits for it any more
-            return
+            break
         except Exception as error:  # it cannot be pickled
             connection.send((False, RuntimeError(f"{type(error).__name__}: {error}")))
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    os._exit(0)
 
 
 def _end_with_parent() -> None:

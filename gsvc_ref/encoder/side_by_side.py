@@ -7,7 +7,7 @@ other messages, and neither touches what the other has.
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from enum import Enum
 from functools import partial
@@ -81,8 +81,8 @@ class SideBySide:
     run_s
         Seconds that a task is meant to take; None: RUN_S.
     longest_first
-        Give out runs of the group with the most frames that are known first, so that no long one is begun last; False:
-        those of earlier groups, which can then be written soonest.
+        Give out runs of the group of which most is left first, so that no long one is begun last; False: those of
+        earlier groups, which can then be written soonest, unless a later one would end last.
     on_progress
         Called with the number of frames encoded, in whatever order, the number of groups in work, and the PSNR of the
         last one, in the thread that puts frames.
@@ -249,6 +249,8 @@ class _Leader:
         later = None if self._later is None else self._later.for_group()
         self._groups.append(Group(later if self._is_begun else self._first, resumed, self._run_s))
         self._is_begun = True
+        if isinstance(self._executor, Processes):
+            self._executor.start(min(len(self._groups), self._jobs))
 
     def _end_group(self, *, is_last: bool) -> None:
         """No frame follows in the group at the end."""
@@ -256,11 +258,8 @@ class _Leader:
             self._groups[-1].end(is_last=is_last)
 
     def _hand_out(self) -> None:
-        """Give out runs, those of earlier groups or of longer ones first."""
-        groups: Iterable[Group] = self._groups
-        if self._longest_first:
-            groups = sorted(self._groups, key=lambda group: -len(group.waiting) - len(group.given))
-        for group in groups:
+        """Give out runs, as `_in_turn` says."""
+        for group in self._in_turn():
             if self._at_work() == self._jobs or self.is_stopped:
                 return
             if group.coder is not None and group.may_go_on:
@@ -271,6 +270,17 @@ class _Leader:
                     group.fault = _dead_worker() if isinstance(error, BrokenExecutor) else error
                 else:
                     group.task.add_done_callback(partial(self._tell, group))
+
+    def _in_turn(self) -> list[Group]:
+        """The groups in the order in which they go on: by what is left of them, or as they are in the stream.
+
+        In the stream's order a group comes first all the same once it would end last: when as much is left of it as
+        each job will have to do. Otherwise it would be left over at the end, for one job alone.
+        """
+        if self._longest_first:
+            return sorted(self._groups, key=lambda group: -group.left)
+        share = sum(group.left for group in self._groups) / self._jobs
+        return sorted(self._groups, key=lambda group: group.left < share)
 
     def _tell(self, group: Group, task: "Future[EncodedRun]") -> None:
         """Send ourselves the message that the run of a group has ended; any thread may call this."""
