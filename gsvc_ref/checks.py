@@ -5,7 +5,7 @@ import operator
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from functools import wraps
+from functools import cache, wraps
 from inspect import signature
 from numbers import Real
 from types import NoneType, UnionType
@@ -90,7 +90,7 @@ def check_types(settings: Any) -> None:
     UsageError
         Names the field and what it may be.
     """
-    hints = get_type_hints(type(settings))
+    hints = _hints(type(settings))
     for field in fields(settings):
         value = getattr(settings, field.name)
         fitted = _fitted(value, hints[field.name])
@@ -98,6 +98,12 @@ def check_types(settings: Any) -> None:
             name = f"{type(settings).__name__}.{field.name}"
             raise UsageError(f"{name} is {value!r}; it must be {_described(hints[field.name])}")
         object.__setattr__(settings, field.name, fitted)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """The annotations of a class, evaluated."""
+    return get_type_hints(kind)
 
 
 def _fitted(value: Any, hint: Any) -> Any:
