@@ -1,16 +1,26 @@
 """Timing contenders in turn, A B A B ..., so that whatever else the machine does meets all of them alike.
 
 pytest-benchmark times one function after the other and compares what it has summed up; what is wanted here is a ratio
-that holds although a machine's speed drifts. So every round calls each contender once, a ratio is taken within each
+that holds although a machine's speed drifts. So every round times each contender once, a ratio is taken within each
 round, and medians and quartiles are over the rounds.
+
+The call that is timed comes behind others of the same contender, for SETTLE seconds: the threads of the one before may
+go on waiting for work at full speed, those of OpenMP for some milliseconds, and its data fill the caches. Without this
+a frame beside a program with OpenMP took up to twice as long as alone.
 """
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
+
+SETTLE: Final = 0.02
+"""A contender is called for so many seconds, at least once, before the call that is timed..."""
+
+LONG: Final = 10 * SETTLE
+"""...unless its last call took so many."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +65,21 @@ def interleaved(
     rounds = 0
     while rounds < fewest or (rounds < most and time.perf_counter() < end):
         for name, call in calls.items():
+            if len(calls) > 1 and not (times[name] and times[name][-1] > LONG):
+                _settle(call)
             begin = time.perf_counter()
             call()
             times[name].append(time.perf_counter() - begin)
         rounds += 1
     return times
+
+
+def _settle(call: Callable[[], object]) -> None:
+    """Call a contender for SETTLE seconds."""
+    end = time.perf_counter() + SETTLE
+    call()
+    while time.perf_counter() < end:
+        call()
 
 
 def ratio(times: Mapping[str, list[float]], of: str, to: str) -> Spread:
