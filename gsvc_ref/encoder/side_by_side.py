@@ -7,7 +7,7 @@ other messages, and neither touches what the other has.
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from enum import Enum
 from functools import partial
@@ -258,8 +258,10 @@ class _Leader:
             self._groups[-1].end(is_last=is_last)
 
     def _hand_out(self) -> None:
-        """Give out runs, as `_in_turn` says."""
-        for group in self._in_turn():
+        """Give out runs, those of longer groups first, or as `in_turn` says."""
+        by_length = self._longest_first
+        groups = sorted(self._groups, key=lambda one: -one.left) if by_length else in_turn(self._groups, self._jobs)
+        for group in groups:
             if self._at_work() == self._jobs or self.is_stopped:
                 return
             if group.coder is not None and group.may_go_on:
@@ -270,17 +272,6 @@ class _Leader:
                     group.fault = _dead_worker() if isinstance(error, BrokenExecutor) else error
                 else:
                     group.task.add_done_callback(partial(self._tell, group))
-
-    def _in_turn(self) -> list[Group]:
-        """The groups in the order in which they go on: by what is left of them, or as they are in the stream.
-
-        In the stream's order a group comes first all the same once it would end last: when as much is left of it as
-        each job will have to do. Otherwise it would be left over at the end, for one job alone.
-        """
-        if self._longest_first:
-            return sorted(self._groups, key=lambda group: -group.left)
-        share = sum(group.left for group in self._groups) / self._jobs
-        return sorted(self._groups, key=lambda group: group.left < share)
 
     def _tell(self, group: Group, task: "Future[EncodedRun]") -> None:
         """Send ourselves the message that the run of a group has ended; any thread may call this."""
@@ -332,6 +323,17 @@ class _Leader:
                 return
             self._groups.popleft()
             self._outbox.put(_Written(0, 1))
+
+
+def in_turn(groups: Iterable[Group], jobs: int) -> list[Group]:
+    """Groups, given in the stream's order, in the order in which they go on: that one, so that they are written soon.
+
+    But a group comes first once it would end last, when as much is left of it as each job will have to do: otherwise it
+    would be left over at the end, for one job alone.
+    """
+    groups = list(groups)
+    share = sum(group.left for group in groups) / jobs
+    return sorted(groups, key=lambda group: group.left < share)
 
 
 def _dead_worker() -> DeadWorkerError:

@@ -17,6 +17,11 @@ def pid() -> int:
     return os.getpid()
 
 
+def pid_after(seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
 def add(a: int, *, b: int) -> int:
     return a + b
 
@@ -46,6 +51,22 @@ def test_calls_and_what_they_raise():
     assert multiprocessing.active_children() == []
     with pytest.raises(RuntimeError, match="shutdown"):
         processes.submit(pid)
+
+
+def test_processes_can_be_started_ahead_of_their_calls():
+    with Processes(3) as processes:
+        processes.start(2)
+        processes.start(2)
+        started = {child.pid for child in multiprocessing.active_children()}
+        assert len(started) == 2
+        calls = [processes.submit(pid_after, 0.5) for _ in range(2)]
+        assert {call.result(WAIT_S) for call in calls} == started
+    assert multiprocessing.active_children() == []
+    with Processes(1) as processes:
+        processes.start(1)
+        processes.kill()
+        processes.start(1)
+        assert multiprocessing.active_children() == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -9,6 +9,7 @@ import threading
 import time
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -147,6 +148,21 @@ def test_the_length_of_runs_changes_nothing(monkeypatch, run):
         assert encoded(CLIP, fast(key_frames=5, psnr=22.0), jobs=2, executor=Noting())[1] == data
     assert sum(lengths) == len(CLIP)
     assert (max(lengths) == 1) == (run < 1)
+
+
+@pytest.mark.parametrize("lengths", [[13] * 5, [13] * 3, [4, 4, 4, 12], [30, 1, 1], [5, 1, 9, 2, 2, 7, 7]])
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_no_group_is_left_over_at_the_end(lengths, jobs):
+    all_groups = [SimpleNamespace(left=length) for length in lengths]
+    steps, first_done = 0, None
+    while any(group.left for group in all_groups):
+        at_work = [group for group in side_by_side.in_turn(all_groups, jobs) if group.left][:jobs]
+        for group in at_work:
+            group.left -= 1
+        steps += 1
+        first_done = steps if first_done is None and not all_groups[0].left else first_done
+    assert steps == max(*lengths, -(-sum(lengths) // jobs))  # no schedule takes fewer
+    assert first_done == lengths[0] or len(set(lengths)) > 1  # and yet the first one is done as soon as can be
 
 
 def test_sources_of_every_kind(tmp_path):
