@@ -90,7 +90,8 @@ def check_types(settings: Any) -> None:
     UsageError
         Names the field and what it may be.
     """
-    hints = _hints(type(settings))
+    kind: Any = type(settings)
+    hints = _hints(kind)
     for field in fields(settings):
         value = getattr(settings, field.name)
         fitted = _fitted(value, hints[field.name])

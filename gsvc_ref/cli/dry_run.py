@@ -20,8 +20,8 @@ COMMAND: Final = "gsvc encode"
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
     """Say what an encode is likely to take, and write nothing; 0."""
-    from gsvc_ref.encoder.encode_video import check_jobs
     from gsvc_ref.encoder.trial import estimate
+    from gsvc_ref.processes import check_jobs
 
     jobs = 1 if arguments.jobs is None else arguments.jobs
     check_jobs(jobs)

@@ -4,10 +4,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from os import cpu_count
 from pathlib import Path
 
 from gsvc_ref.cli.files import STDIO
 from gsvc_ref.errors import UsageError
+from gsvc_ref.processes import MOST_JOBS, Processes, check_jobs
 
 
 def add_where_options(parser: ArgumentParser) -> None:
@@ -60,19 +62,28 @@ def opened_workers(scheduler: str | None) -> AbstractContextManager[Executor | N
 
 @contextmanager
 def opened_executor(arguments: Namespace) -> Iterator[tuple[int, Executor | None]]:
-    """The number of groups of pictures at the same time, and what encodes them; None: processes of this machine.
+    """The number of groups of pictures at the same time, and what encodes them; None: this process.
+
+    Processes of this machine are started at once, to import the encoder while the caller does.
 
     Raises
     ------
     UsageError
-        There is no such scheduler, or a worker of it cannot be used.
+        There is no such scheduler, a worker of it cannot be used, or the number of jobs is out of its range.
     """
     jobs = arguments.jobs
-    if arguments.scheduler is None:
-        yield 1 if jobs is None else jobs, None
-        return
-    from gsvc_ref.encoder.cluster import opened_cluster
-    from gsvc_ref.encoder.encode_video import MOST_JOBS
+    if arguments.scheduler is not None:
+        from gsvc_ref.encoder.cluster import opened_cluster
 
-    with opened_cluster(arguments.scheduler) as cluster:
-        yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
+        with opened_cluster(arguments.scheduler) as cluster:
+            yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
+    elif jobs is None or jobs == 1:
+        yield 1, None
+    else:
+        check_jobs(jobs)
+        processes = Processes(jobs, preload="gsvc_ref.encoder")
+        try:
+            processes.start(min(jobs, cpu_count() or 1))
+            yield jobs, processes
+        finally:
+            processes.kill()  # whatever they are still at is not wanted

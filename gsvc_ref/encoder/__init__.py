@@ -5,7 +5,7 @@ In reading order: `encoder` leads; `frame_types` gives each frame its type, by t
 errors of its `blocks` and on `static` splats; `rate` and `quantizer_choice` choose numbers of splats and quantisers:
 that is profile `paper`. `main_frame` encodes one frame of profile `main`. `writing` takes splats that somebody else has
 found: `given_splats` checks them, and `splat_coder` codes them without any fit. What `encoder` and `writing` share is
-in `encoding`. `side_by_side` has `groups` of pictures encoded by an executor, such as that of `processes` or of a
+in `encoding`. `side_by_side` has `groups` of pictures encoded by an executor, such as `Processes` of this machine or a
 `cluster`, which makes each `cluster_task`. `resume` keeps a `kept_group` of each, and goes on from them. `settings` and
 `effects` say what is asked for, `log` and `report` what was done. `source_and_target` opens both ends.
 """

@@ -2,17 +2,14 @@
 
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Final
 
 from gsvc_ref.encoder.encoder import encode_once
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, same_file
 from gsvc_ref.errors import UsageError
+from gsvc_ref.processes import check_jobs
 from gsvc_ref.video.format import FrameRate
-
-MOST_JOBS: Final = 1024
-"""Maximum number of groups of pictures that are encoded at the same time."""
 
 
 def encode(
@@ -102,9 +99,3 @@ def encode(
             raise UsageError(f"{chosen.goal} takes several passes, with which resume cannot go on: drop one of the two")
         return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
     return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
-
-
-def check_jobs(jobs: int) -> None:
-    """Refuse a number of jobs that is not in 1..MOST_JOBS with a UsageError."""
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
-        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")

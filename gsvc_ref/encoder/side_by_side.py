@@ -19,8 +19,8 @@ from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
-from gsvc_ref.encoder.processes import Processes
 from gsvc_ref.encoder.resume import Keeper
+from gsvc_ref.processes import Processes
 
 GROUPS_AHEAD: Final = 2
 """For each job so many groups, and one more, may have been read and not yet written."""
@@ -108,7 +108,7 @@ class SideBySide:
         run_s: float | None = None,
         longest_first: bool = False,
     ) -> None:
-        self._executor = Processes(jobs) if executor is None else executor
+        self._executor, self._is_ours = executor or Processes(jobs), executor is None
         self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress
@@ -164,7 +164,7 @@ class SideBySide:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Write what is done, in order, as far as there is no gap; end our processes."""
+        """Write what is done, in order, as far as there is no gap; end the processes that we started."""
         self._leader.is_stopped = True
         try:
             self._inbox.put(_Word.STOP)
@@ -174,7 +174,7 @@ class SideBySide:
                     raise message
                 self.is_over = message is _Word.OVER
         finally:
-            if isinstance(self._executor, Processes):
+            if self._is_ours and isinstance(self._executor, Processes):
                 self._executor.shutdown() if kind is None else self._executor.kill()
 
 

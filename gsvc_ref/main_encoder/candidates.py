@@ -81,9 +81,7 @@ class _Candidates:
         _find_best(self.response, top, bottom, self.gains, self.columns)
 
 
-def best_candidates(
-    residual: F4, sizes: tuple[float, ...], least: float, most: int, threads: int | None = None
-) -> F8:
+def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: int, threads: int | None = None) -> F8:
     """The coordinates (n, 8) f8 of new splats, best first.
 
     Parameters

@@ -18,9 +18,9 @@ from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, 
 from gsvc_ref.encoder import IncompleteEncodeError, encode, groups, side_by_side
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main_frame import MainFrameEncoder
-from gsvc_ref.encoder.processes import DeadProcessError
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import INSISTING_S
+from gsvc_ref.processes import DeadProcessError
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import open_writer
 
@@ -233,12 +233,11 @@ def test_a_fault_at_the_first_frame_is_itself(monkeypatch):
         encode((CLIP, SMALL), io.BytesIO(), fast(), jobs=2, executor=Here())
 
 
-class CannotBeSentError(Exception):
-    def __init__(self, a, b):
-        super().__init__("never mind")
-
-
 def test_an_exception_that_cannot_be_sent_is_told():
+    class CannotBeSentError(Exception):  # of its own, for distributed makes all that are there when it is imported go
+        def __init__(self, a, b):
+            super().__init__("never mind")
+
     assert str(groups._portable(CannotBeSentError(1, 2))) == "CannotBeSentError: never mind"
 
 

@@ -1,4 +1,4 @@
-"""The executor of processes: calls, deaths, ends."""
+"""The executor of processes: calls, deaths, ends, and starts ahead."""
 
 import multiprocessing
 import os
@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from gsvc_ref.encoder.processes import DeadProcessError, Processes
+from gsvc_ref.processes import DeadProcessError, Processes
 
 WAIT_S = 120
 

@@ -4,6 +4,9 @@ A process is spawned, not forked: the caller has threads, whose locks a fork wou
 other process should hold open. It takes one call after the other from a pipe of its own, which a thread of the caller
 waits for. So a process that is killed takes one call with it, and the next call gets another process.
 
+This module imports little, so that a command may start its processes first of all, and load what it needs itself while
+they load what they will need.
+
 They leave Ctrl-C and the end of a terminal, which are sent to all of its processes, to the caller; and they end when it
 does, however that ends.
 """
@@ -16,15 +19,27 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
 from queue import LifoQueue
 from typing import Any, Final, ParamSpec, TypeVar
 
+from gsvc_ref.errors import UsageError
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
+MOST_JOBS: Final = 1024
+"""Maximum number of groups of pictures that are encoded at the same time."""
+
 LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
 """Signals that the processes do not take; not every system has SIGHUP."""
+
+
+def check_jobs(jobs: int) -> None:
+    """Refuse a number of jobs that is not in 1..MOST_JOBS with a UsageError."""
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
 
 
 class DeadProcessError(BrokenExecutor):
@@ -38,11 +53,13 @@ class Processes(Executor):
     ----------
     count
         The number of calls at the same time.
+    preload
+        A module that each process imports before its first call.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, preload: str | None = None) -> None:
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
-        self._workers = [_Worker() for _ in range(count)]
+        self._workers = [_Worker(preload) for _ in range(count)]
         self._free: LifoQueue[_Worker] = LifoQueue()  # a call that is made again gets the process that was started anew
         for worker in reversed(self._workers):  # the first call gets the first
             self._free.put(worker)
@@ -87,7 +104,8 @@ class Processes(Executor):
 class _Worker:
     """A process, and the pipe to it, while there is one."""
 
-    def __init__(self) -> None:
+    def __init__(self, preload: str | None) -> None:
+        self._preload = preload
         self._changing = threading.Lock()  # held while a process is started or killed
         self._process: Any = None
         self._connection: Connection[Any, Any] | None = None
@@ -112,7 +130,7 @@ class _Worker:
             if self._connection is None and not self._killed:
                 context = multiprocessing.get_context("spawn")
                 ours, theirs = context.Pipe()
-                process = context.Process(target=_serve, args=(theirs,), name="gsvc_ref", daemon=True)
+                process = context.Process(target=_serve, args=(theirs, self._preload), name="gsvc_ref", daemon=True)
                 with _signals_blocked():
                     process.start()
                 theirs.close()  # the end of the process is then that of the pipe
@@ -160,11 +178,13 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(connection: "Connection[Any, Any]") -> None:
+def _serve(connection: "Connection[Any, Any]", preload: str | None) -> None:
     """Make the calls that come through a pipe, until it is closed; then end at once, without taking modules apart."""
     for number in LEFT_TO_CALLER:
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    if preload is not None:
+        import_module(preload)
     while True:
         try:
             function, arguments, options = connection.recv()
