@@ -145,7 +145,7 @@ class Objective:
 
     def thaw(self) -> None:
         """Hold no splat fixed."""
-        self._base, self._moving = self._background, None
+        self._base, self._moving, self._drawn = self._background, None, None
 
     def hold(self, parameters: ArrayLike) -> None:
         """From now on splats (n, 8) f4 are in every picture, as those of the background; none: only these again.

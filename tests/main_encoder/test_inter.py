@@ -1,5 +1,6 @@
 """P-frames of profile `main`: gradients, the motion field, new splats, and the same codes for any number of threads."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from gsvc_ref.arrays import F4, I8
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.main_encoder import differences
-from gsvc_ref.main_encoder.candidates import best_candidates
+from gsvc_ref.main_encoder.candidates import REACH, best_candidates
 from gsvc_ref.main_encoder.inter import InterEncoder, PFrame
 from gsvc_ref.main_encoder.intra import encode_intra
 from gsvc_ref.main_encoder.motion_field import best_field, flow_at_points
@@ -238,6 +239,20 @@ def test_candidates_lie_where_the_residual_is_and_promise_its_energy() -> None:
     np.testing.assert_allclose(z[0, :2], (40.5, 20.5), atol=1.5)
     np.testing.assert_allclose((z[0, 5:] ** 2).sum(), ((255 * residual) ** 2).sum(), rtol=0.1)  # on a grid of 2 px
     assert len(best_candidates(residual, (4.0,), 1e9, 5)) == 0
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.3, 5.0, 9.0])
+def test_the_colour_of_a_candidate_is_the_projection_of_the_residual(size: float) -> None:
+    residual = np.random.default_rng(5).normal(0, 0.2, (HEIGHT, WIDTH, 3)).astype(np.float32)
+    z = best_candidates(residual, (size,), 0.0, 1, threads=1)
+    assert np.array_equal(best_candidates(residual, (size,), 0.0, 1, threads=3), z)
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    radius = math.ceil(REACH * size)
+    inside = (np.abs(x - z[0, 0]) <= radius) & (np.abs(y - z[0, 1]) <= radius)
+    weights = inside * np.exp(-((x - z[0, 0]) ** 2 + (y - z[0, 1]) ** 2) / (2 * size**2)) / (math.sqrt(math.pi) * size)
+    opponent = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
+    expected = opponent @ (255 * np.einsum("yx,yxc->c", weights, residual.astype(np.float64)))
+    np.testing.assert_allclose(z[0, 5:], expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("total", [300, 768])

@@ -11,6 +11,7 @@ from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, ordinary, populati
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import Objective, render, render_gradients, render_sum
 from gsvc_ref.rendering.fast import batches
+from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 
@@ -121,6 +122,34 @@ def test_picture_and_residual_are_those_of_the_last_evaluation():
     picture = render(splats, WIDTH, HEIGHT)
     assert np.array_equal(objective.picture(), picture)
     assert np.array_equal(objective.residual(), picture - TARGET)
+
+
+@pytest.mark.parametrize("precision", ["fast", "deterministic"])
+def test_a_picture_that_was_drawn_on_the_way_is_the_one_that_would_be_rendered(precision):
+    objective = Objective(TARGET, 2, precision=precision)
+    for count in (10, 0):
+        parameters = population(count, WIDTH, HEIGHT).to_array()
+        parameters[:, 5:] *= 3  # so that the clamp has work to do
+        loss, gradient = objective.evaluate(parameters)
+        picture = objective.picture()
+        same_loss, same_gradient = objective.evaluate(parameters, drawn=True)
+        assert (loss, gradient.tobytes()) == (same_loss, same_gradient.tobytes())
+        objective.picture()[:] = 7  # that is the caller's own
+        assert objective.picture().tobytes() == picture.tobytes()
+        assert np.array_equal(objective.residual(), picture - TARGET)
+    parameters = population(5, WIDTH, HEIGHT).to_array()
+    assert objective.loss(parameters, drawn=True) == objective.loss(parameters)
+    objective.loss(parameters, drawn=True)
+    before = objective.picture()
+    objective.hold(parameters[:2])
+    objective.loss(parameters[2:])
+    assert np.array_equal(objective.picture(), before)  # now with the held ones below
+    objective.loss(parameters[2:], drawn=True)
+    objective.thaw()
+    objective.loss(parameters[2:])
+    assert np.array_equal(
+        objective.picture(), render(Splats.from_array(parameters[2:]), WIDTH, HEIGHT, precision=precision)
+    )
 
 
 def test_the_clamp_lets_the_gradient_through():
