@@ -50,7 +50,7 @@ def encode(
     jobs
         The number of groups of pictures that are encoded at the same time, 1 to MOST_JOBS; above 1 each in a process
         of its own, with one thread unless `settings.threads` says more. The bytes do not depend on it. Each process
-        takes about a second to start, and imports the main module: a script encodes under
+        takes half a second to start, and imports the main module: a script encodes under
         ``if __name__ == "__main__"``. Frames are read ahead, at most 256 MiB of them for each job, and at most two
         groups for each and one more.
     executor
