@@ -108,7 +108,8 @@ class SideBySide:
         run_s: float | None = None,
         longest_first: bool = False,
     ) -> None:
-        self._executor, self._is_ours = executor or Processes(jobs), executor is None
+        self._is_ours = executor is None
+        self._executor = Processes(jobs, preload="gsvc_ref.encoder") if executor is None else executor
         self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress

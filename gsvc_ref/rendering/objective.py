@@ -49,8 +49,10 @@ class Objective:
 
     Attributes
     ----------
-    height, width, threads
-        As given.
+    height, width
+        Those of the target.
+    threads
+        The number of threads.
     """
 
     def __init__(
