@@ -1,12 +1,12 @@
 """The machine and the software that something was measured with."""
 
-import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 import gsvc_ref
+from gsvc_ref.processes import processors
 
 PACKAGES: Final = ("gsvc_ref", "numpy", "numba", "llvmlite", "torch")
 
@@ -34,11 +34,6 @@ def named() -> dict[str, str]:
         "processor": cpu_model(),
         "processors": str(processors()),
     }
-
-
-def processors() -> int:
-    """The number of processors that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def cpu_model() -> str:

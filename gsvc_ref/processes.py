@@ -11,7 +11,6 @@ They leave Ctrl-C and the end of a terminal, which are sent to all of its proces
 does, however that ends.
 """
 
-import multiprocessing
 import os
 import signal
 import sys
@@ -20,11 +19,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from multiprocessing.connection import Connection
 from queue import LifoQueue
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 from gsvc_ref.errors import UsageError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,6 +35,11 @@ MOST_JOBS: Final = 1024
 
 LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
 """Signals that the processes do not take; not every system has SIGHUP."""
+
+
+def processors() -> int:
+    """The number of processors that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def check_jobs(jobs: int) -> None:
@@ -58,6 +64,7 @@ class Processes(Executor):
     """
 
     def __init__(self, count: int, preload: str | None = None) -> None:
+        self._is_over = False
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
         self._workers = [_Worker(preload) for _ in range(count)]
         self._free: LifoQueue[_Worker] = LifoQueue()  # a call that is made again gets the process that was started anew
@@ -69,7 +76,7 @@ class Processes(Executor):
 
         Without this each is started by the first call that it gets.
         """
-        for worker in self._workers[:count]:
+        for worker in self._workers[: 0 if self._is_over else count]:
             with suppress(OSError):  # the call that needs it will fail in the same way, and tell
                 worker.start()
 
@@ -89,13 +96,15 @@ class Processes(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more calls; with `wait` the processes have ended when this returns, otherwise they do when we end."""
+        self._is_over = True
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
         if wait:
             for worker in self._workers:
                 worker.end()
 
     def kill(self) -> None:
-        """End the processes now; calls that are not done fail."""
+        """End the processes now, and for good; calls that are not done fail."""
+        self._is_over = True
         for worker in self._workers:
             worker.kill()
         self.shutdown(cancel_futures=True)
@@ -126,15 +135,17 @@ class _Worker:
 
     def start(self) -> None:
         """Start the process, if there is none and it may be."""
+        import multiprocessing  # which no other command needs
+
         with self._changing:
             if self._connection is None and not self._killed:
                 context = multiprocessing.get_context("spawn")
                 ours, theirs = context.Pipe()
                 process = context.Process(target=_serve, args=(theirs, self._preload), name="gsvc_ref", daemon=True)
-                with _signals_blocked():
+                with _signals_blocked():  # they may be raised at its end, where the process must be known
                     process.start()
+                    self._process, self._connection = process, ours
                 theirs.close()  # the end of the process is then that of the pipe
-                self._process, self._connection = process, ours
 
     def _connected(self) -> "Connection[Any, Any]":
         """The pipe to the process, which is started if there is none, or one that was killed while it had no call."""
@@ -184,7 +195,8 @@ def _serve(connection: "Connection[Any, Any]", preload: str | None) -> None:
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if preload is not None:
-        import_module(preload)
+        with suppress(Exception):  # the call that needs it will fail in the same way, and tell
+            import_module(preload)
     while True:
         try:
             function, arguments, options = connection.recv()
@@ -203,12 +215,15 @@ def _serve(connection: "Connection[Any, Any]", preload: str | None) -> None:
             connection.send((False, RuntimeError(f"{type(error).__name__}: {error}")))
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
-            stream.flush()
+            with suppress(OSError, ValueError):  # nobody reads it, or it is closed
+                stream.flush()
     os._exit(0)
 
 
 def _end_with_parent() -> None:
     """End this process, whatever it does, when the one that started it has ended."""
+    import multiprocessing
+
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -47,9 +47,10 @@ from gsvc_conformance.vector import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
-from gsvc_lab.machine import environment, processors
+from gsvc_lab.machine import environment
 from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
+from gsvc_ref.processes import processors
 
 OURS: Final = "gsvc_ref"
 

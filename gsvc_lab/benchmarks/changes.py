@@ -142,7 +142,7 @@ def changes(threads: int) -> Section:
              "frozen": some.frozen, "tuning": some.tuning(), "tuning of all": every.tuning()}
         )  # fmt: skip
     header = [
-        "scene", "frames", "tiles rendered", "render, ms", "whole, ms", "gain", "splats fixed", "tuning, ms",
+        "scene", "frames", "regions rendered", "render, ms", "whole, ms", "gain", "splats fixed", "tuning, ms",
         "tuning all, ms", "dB",
     ]  # fmt: skip
     text = (

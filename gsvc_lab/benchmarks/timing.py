@@ -47,7 +47,9 @@ class Spread:
 def interleaved(
     calls: Mapping[str, Callable[[], object]], *, seconds: float = 3.0, fewest: int = 5, most: int = 200
 ) -> dict[str, list[float]]:
-    """Seconds of every call of every contender, round by round; one round that is not counted comes first.
+    """Seconds of the timed calls of every contender, round by round; one round that is not counted comes first.
+
+    Of several contenders each is called for SETTLE seconds before its call that is timed. One alone needs no such.
 
     Parameters
     ----------
@@ -59,19 +61,24 @@ def interleaved(
         Least and most rounds.
     """
     times: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
-        call()
+    last = {name: _seconds(call) for name, call in calls.items()}
     end = time.perf_counter() + seconds
     rounds = 0
     while rounds < fewest or (rounds < most and time.perf_counter() < end):
         for name, call in calls.items():
-            if len(calls) > 1 and not (times[name] and times[name][-1] > LONG):
+            if len(calls) > 1 and last[name] <= LONG:
                 _settle(call)
-            begin = time.perf_counter()
-            call()
-            times[name].append(time.perf_counter() - begin)
+            last[name] = _seconds(call)
+            times[name].append(last[name])
         rounds += 1
     return times
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    """What one call takes."""
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
 
 
 def _settle(call: Callable[[], object]) -> None:

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run
-from gsvc_lab.machine import environment, processors
+from gsvc_lab.machine import environment
 from gsvc_ref.cli.text import to_json
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import write_text
+from gsvc_ref.processes import processors
 
 FORMAT: Final = 1
 """Version of the JSON."""

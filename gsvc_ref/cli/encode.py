@@ -13,15 +13,14 @@ from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
 from gsvc_ref.cli.progress import ProgressDisplay
 from gsvc_ref.cli.text import describe_format, plural, print_json, show
-from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder
+from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder, started_processes
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video import Resampled, VideoReader
+    from gsvc_ref.processes import Processes
+    from gsvc_ref.video import VideoReader
 
 COMMAND: Final = "gsvc encode"
 GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
@@ -59,38 +58,33 @@ def run(arguments: Namespace) -> int:
         check_stream_name(arguments.output, force=arguments.force)
         check_page(arguments)
     try:
-        if arguments.dry_run:
-            return _dry_run(arguments)
-        with opened_executor(arguments) as (jobs, executor):
-            return _encode(arguments, jobs, executor)
+        with started_processes(arguments) as processes:
+            return _encode(arguments, processes)
     except KeyboardInterrupt:
         say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
         return EXIT_INTERRUPTED
 
 
-def _dry_run(arguments: Namespace) -> int:
-    from gsvc_ref.cli.dry_run import dry_run
-
-    return dry_run(arguments, _source(arguments), make_settings(arguments))
-
-
-def _source(arguments: Namespace) -> "Resampled":
-    from gsvc_ref.video import Resampled, open_video
-
-    return Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
-
-
-def _encode(arguments: Namespace, jobs: int, executor: "Executor | None") -> int:
-    """Encode so many groups of pictures at the same time, by an executor; None: in this process."""
+def _encode(arguments: Namespace, processes: "Processes | None") -> int:
     from gsvc_ref import IncompleteEncodeError, encode
     from gsvc_ref.cli.compilation import compilation_notice
     from gsvc_ref.encoder.reading_again import can_be_read_again
+    from gsvc_ref.video import Resampled, open_video
 
-    settings, source = make_settings(arguments), _source(arguments)
+    settings = make_settings(arguments)
+    source = Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
+    if arguments.dry_run:
+        from gsvc_ref.cli.dry_run import dry_run
+
+        return dry_run(arguments, source, settings)
     resume = resume_folder(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(COMMAND, silent=not talkative) as notice, source.open_video() as reader:
+    with (
+        compilation_notice(COMMAND, silent=not talkative) as notice,
+        source.open_video() as reader,
+        opened_executor(arguments, processes) as (jobs, executor),
+    ):
         if can_be_read_again(arguments.input):
             _look_at_first(reader, settings)
         if talkative:

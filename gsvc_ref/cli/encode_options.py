@@ -132,8 +132,8 @@ def add_options(parser: ArgumentParser) -> None:
     other.add_argument(
         "--jobs", type=whole, metavar="J",
         help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
-        "depend on it. Default 1: a process takes a second to start, and a clip without cuts has one group (but "
-        "--key-frames K makes more)",
+        "depend on it. Default 1: a clip without cuts has one group (but --key-frames K makes more), and each "
+        "process needs memory",
     )  # fmt: skip
     other.add_argument(
         "--precision", choices=("fast", "deterministic"),

@@ -80,7 +80,7 @@ class TimeLeft:
 class GroupsTimeLeft:
     """The same where groups of pictures are encoded side by side, from the number of frames that are done.
 
-    The processes take a second to start, and compile or load kernels; so the pace counts from the first frames on.
+    The processes take half a second to start, and compile or load kernels; so the pace counts from the first frames on.
     """
 
     def __init__(self) -> None:

@@ -1,15 +1,15 @@
-"""Where an encode is done, and what is left of it if it is ended: ``--scheduler`` and ``--resume``."""
+"""Where an encode is done, and what is left of it if it is ended: ``--jobs``, ``--scheduler`` and ``--resume``."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from os import cpu_count
 from pathlib import Path
 
 from gsvc_ref.cli.files import STDIO
 from gsvc_ref.errors import UsageError
-from gsvc_ref.processes import MOST_JOBS, Processes, check_jobs
+from gsvc_ref.interrupts import Interrupts
+from gsvc_ref.processes import MOST_JOBS, Processes, check_jobs, processors
 
 
 def add_where_options(parser: ArgumentParser) -> None:
@@ -61,29 +61,64 @@ def opened_workers(scheduler: str | None) -> AbstractContextManager[Executor | N
 
 
 @contextmanager
-def opened_executor(arguments: Namespace) -> Iterator[tuple[int, Executor | None]]:
-    """The number of groups of pictures at the same time, and what encodes them; None: this process.
+def started_processes(arguments: Namespace) -> Iterator[Processes | None]:
+    """Processes for ``--jobs``, which load the encoder while the caller does; None if this process does all, or others.
 
-    Processes of this machine are started at once, to import the encoder while the caller does.
+    No more of them are started at once than there are processors. Interrupts wait until they are known, or ended.
 
     Raises
     ------
     UsageError
-        There is no such scheduler, a worker of it cannot be used, or the number of jobs is out of its range.
+        The number of jobs is out of its range.
+    """
+    jobs = 1 if arguments.jobs is None else arguments.jobs
+    if arguments.dry_run or arguments.scheduler is not None or jobs == 1:
+        yield None
+        return
+    check_jobs(jobs)
+    processes = Processes(jobs, preload="gsvc_ref.encoder")
+    try:
+        with Interrupts(patient=True) as interrupts:
+            interrupts.held = True
+            processes.start(min(jobs, processors()))
+            interrupts.release()
+        yield processes
+    finally:
+        _end(processes)
+
+
+def _end(processes: Processes) -> None:
+    """End processes: whatever they are still at is not wanted."""
+    with Interrupts(patient=True) as interrupts:
+        interrupts.held = True
+        processes.kill()
+
+
+@contextmanager
+def opened_executor(arguments: Namespace, processes: Processes | None) -> Iterator[tuple[int, Executor | None]]:
+    """The number of groups of pictures at the same time, and what encodes them; None: this process.
+
+    Parameters
+    ----------
+    arguments
+        Those of the command.
+    processes
+        `started_processes`; they are ended.
+
+    Raises
+    ------
+    UsageError
+        There is no such scheduler, or a worker of it cannot be used.
     """
     jobs = arguments.jobs
-    if arguments.scheduler is not None:
-        from gsvc_ref.encoder.cluster import opened_cluster
-
-        with opened_cluster(arguments.scheduler) as cluster:
-            yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
-    elif jobs is None or jobs == 1:
-        yield 1, None
-    else:
-        check_jobs(jobs)
-        processes = Processes(jobs, preload="gsvc_ref.encoder")
+    if arguments.scheduler is None:
         try:
-            processes.start(min(jobs, cpu_count() or 1))
-            yield jobs, processes
+            yield 1 if jobs is None else jobs, processes
         finally:
-            processes.kill()  # whatever they are still at is not wanted
+            if processes is not None:
+                _end(processes)
+        return
+    from gsvc_ref.encoder.cluster import opened_cluster
+
+    with opened_cluster(arguments.scheduler) as cluster:
+        yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster

@@ -48,7 +48,7 @@ def encode(
         Write under the final name from the first frame on, frame by frame, and never go back: at every moment the file
         can be decoded up to its last complete frame. Its header does not tell the number of frames.
     jobs
-        The number of groups of pictures that are encoded at the same time, 1 to MOST_JOBS; above 1 each in a process
+        The number of groups of pictures that are encoded at the same time, 1 to 1024; above 1 each in a process
         of its own, with one thread unless `settings.threads` says more. The bytes do not depend on it. Each process
         takes half a second to start, and imports the main module: a script encodes under
         ``if __name__ == "__main__"``. Frames are read ahead, at most 256 MiB of them for each job, and at most two

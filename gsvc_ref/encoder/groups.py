@@ -167,8 +167,8 @@ class Group:
     @property
     def left(self) -> int:
         """How long its frames will take that are known and not yet encoded, in P-frames."""
-        frames = [*self.given, *self.waiting]
-        return len(frames) + (I_FRAME - 1 if frames and frames[0].type == "I" else 0)
+        is_unbegun = bool(self.given or self.waiting) and (self.given or self.waiting)[0].type == "I"
+        return len(self.given) + len(self.waiting) + is_unbegun * (I_FRAME - 1)
 
     @property
     def is_written(self) -> bool:

@@ -108,13 +108,14 @@ class SideBySide:
         run_s: float | None = None,
         longest_first: bool = False,
     ) -> None:
-        self._is_ours = executor is None
-        self._executor = Processes(jobs, preload="gsvc_ref.encoder") if executor is None else executor
+        self._ours: Processes | None = None
+        if executor is None:
+            executor = self._ours = Processes(jobs, preload="gsvc_ref.encoder")
         self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress
         self._leader = _Leader(
-            coder, jobs, self._executor, on_first, on_frame, self._inbox, self._outbox, keeper, run_s, longest_first
+            coder, jobs, executor, on_first, on_frame, self._inbox, self._outbox, keeper, run_s, longest_first
         )
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
         self._groups = self._bytes = self._encoded = self.kept = 0
@@ -175,8 +176,8 @@ class SideBySide:
                     raise message
                 self.is_over = message is _Word.OVER
         finally:
-            if self._is_ours and isinstance(self._executor, Processes):
-                self._executor.shutdown() if kind is None else self._executor.kill()
+            if self._ours is not None:
+                self._ours.shutdown() if kind is None else self._ours.kill()
 
 
 class _Leader:

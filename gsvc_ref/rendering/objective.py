@@ -179,7 +179,7 @@ class Objective:
 
     def _draw(self, base: F4, *, clamp: bool) -> F4:
         """The picture (H, W, 3) f4 of the splats loaded last, on a base."""
-        picture, self._drawn = self._new_picture(), None
+        picture = self._new_picture()
         job = self._job._replace(kind=PICTURE, base=base, picture=picture.reshape(self.height, -1), clamp=clamp)
         self._rasterizer.run(job, self._regions)
         return picture

@@ -59,7 +59,7 @@ class SampledObjective:
     def evaluate(self, parameters: F4, turn: int = 0, *, drawn: bool = False) -> tuple[float, F4]:
         """The loss and its gradient (N, 8) f4 for splats (N, 8) f4, on the lattice of a turn.
 
-        `drawn` is that of `Objective.evaluate`; `quarter` then takes no time.
+        `drawn` is that of `Objective.evaluate`; `quarter` then renders nothing.
         """
         turn %= len(self._objectives)
         seen = self._seen(parameters, *self._origins[turn])

@@ -1,6 +1,7 @@
 """``gsvc encode --jobs``: signals, deaths of processes, and that none is left behind."""
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from cli.test_cli_killed import START, TIMEOUT_S, Encoder, encoder
 
 import gsvc_ref
 from gsvc_ref.cli import main
+from gsvc_ref.processes import Processes
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes as Linux tells them")
 
@@ -77,6 +79,40 @@ def test_the_file_and_the_report_do_not_depend_on_jobs(clip, tmp_path, capsys):
         report.pop("seconds_by_stage")
         told.append((report, out.read_bytes()))
     assert told[0] == told[1]
+
+
+@pytest.mark.parametrize("step", ["start", "kill"])
+def test_an_interrupt_waits_while_processes_are_started_or_ended(monkeypatch, clip, tmp_path, capsys, step):
+    original = getattr(Processes, step)
+    begun = []
+
+    def interrupted(self, *arguments):
+        begun.append(step)
+        signal.raise_signal(signal.SIGINT)
+        original(self, *arguments)
+
+    monkeypatch.setattr(Processes, step, interrupted)
+    out = tmp_path / "out.gsvc"
+    code = main(["encode", str(clip), str(out), *SMALL, *JOBS, "--quiet"])
+    assert begun
+    assert multiprocessing.active_children() == []
+    if step == "kill":  # the file was complete
+        assert (code, capsys.readouterr().err) == (0, "")
+        assert len(list(gsvc_ref.decode(out))) == 4
+    else:
+        assert code == 130
+        assert "nothing was saved" in capsys.readouterr().err
+        assert not out.exists()
+
+
+def test_no_process_is_started_for_what_cannot_be_done(clip, tmp_path, capsys):
+    for arguments in (["--jobs", "0"], ["--jobs", "1025"], ["--jobs", "2", "--dry-run"], ["--jobs", "1"]):
+        main(["encode", str(clip), str(tmp_path / "out.gsvc"), *SMALL, *arguments, "--quiet"])
+        assert multiprocessing.active_children() == []
+    assert "must be a whole number in 1..1024" in capsys.readouterr().err
+    assert main(["encode", str(tmp_path / "none.y4m"), str(tmp_path / "out.gsvc"), *JOBS]) != 0
+    assert main(["encode", str(clip), str(tmp_path / "other.gsvc"), *JOBS, "--psnr", "-5"]) != 0
+    assert multiprocessing.active_children() == []
 
 
 def test_one_group_is_told(clip, tmp_path, capsys):

@@ -12,6 +12,7 @@ from typing import Any
 
 from gsvc_ref._compiler import numba
 from gsvc_ref.errors import UsageError
+from gsvc_ref.processes import processors
 
 _pool: ThreadPoolExecutor | None = None
 
@@ -25,7 +26,7 @@ def thread_count(threads: int | None) -> int:
         `threads` is less than 1.
     """
     if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return processors()
     if threads < 1:
         raise UsageError(f"threads is {threads}; it must be at least 1, or None for one per CPU")
     return threads
