@@ -15,7 +15,7 @@ the states that the fit went through (CHECKPOINTS), integrated over the iteratio
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -161,7 +161,7 @@ class Case:
         return Run(start, objective, fit_settings, self.total, rng, sizes=self.sizes[1], keep=keep)
 
     def climb(
-        self, run: Callable[[AnyFit], Run], settings: AnyFit, goal: float, budgets: tuple[int, ...] = BUDGETS
+        self, run: Callable[[AnyFit], Run], settings: AnyFit, goal: float, budgets: Sequence[int] = BUDGETS
     ) -> list[dict[str, Any]]:
         """Quick's fits with more and more iterations, the last of which reaches the goal in dB, if any does."""
         notes = []
@@ -282,10 +282,10 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
             iteration: iteration_seconds(case.objectives[kind == "P"], parameters, paper_settings)
             for iteration, parameters in read_splats(path, f"paper {kind}").items()
         }
-        reached = part["climb"][-1]["iterations"]
+        reached = part["climb"][-1]["iterations"]  # fewer than it was asked for, if it ended by itself
         part["measured"] = {
             "quick": run(settings).note,
-            "climb": case.climb(run, settings, part["paper"]["psnr"], BUDGETS[BUDGETS.index(reached) :])[-1],
+            "climb": case.climb(run, settings, part["paper"]["psnr"], [count for count in BUDGETS if count >= reached])[-1],
             "paper": integrated(rates, part["paper"]["iterations"]),
         }
     note["whole"] = case.whole(goals(note))
