@@ -285,7 +285,9 @@ def seconds(case: Case, path: Path, frame_types: str) -> None:
         reached = part["climb"][-1]["iterations"]  # fewer than it was asked for, if it ended by itself
         part["measured"] = {
             "quick": run(settings).note,
-            "climb": case.climb(run, settings, part["paper"]["psnr"], [count for count in BUDGETS if count >= reached])[-1],
+            "climb": case.climb(run, settings, part["paper"]["psnr"], [count for count in BUDGETS if count >= reached])[
+                -1
+            ],
             "paper": integrated(rates, part["paper"]["iterations"]),
         }
     note["whole"] = case.whole(goals(note))
