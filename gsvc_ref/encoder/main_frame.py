@@ -7,7 +7,8 @@ What is asked for decides N and D, the splats and the step of a frame:
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
-In the first two P-frames have the D of their I-frame.
+In the first two P-frames have the D of their I-frame; without a quality it becomes finer where P-frames sink
+(`InterSettings.fall`).
 """
 
 import math
@@ -55,6 +56,15 @@ BEHIND: Final = 1.0
 
 PASS_GAIN: Final = 0.3
 """...as long as each pass gains so many dB."""
+
+RECOVERED: Final = 0.4
+"""Constant rate: D goes back towards that of the I-frame where P-frames are so many dB above `InterSettings.fall`."""
+
+ANOTHER: Final = 6.0
+"""Constant rate: a P-frame that is so many dB behind shows something else, and those after it are held against it."""
+
+FINEST: Final = 8
+"""Constant rate: D becomes finer by at most so many eighths of an octave."""
 
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
@@ -116,6 +126,8 @@ class MainFrameEncoder:
         is worth it if the source stays the same.
     level, last
         PSNR of the last I-frame and of the last frame, in dB.
+    holds_level
+        Whether D may become finer where P-frames sink; not in layers, whose D is that of all of them together.
     below
         Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
     above
@@ -134,6 +146,8 @@ class MainFrameEncoder:
         self.before: F4 | None = None
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
+        self.holds_level = settings.psnr is None and settings.quality is None
+        self._intra_quantizer, self._first = 0, -math.inf  # that of the last I-frame, and the first PSNR after it
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -176,12 +190,24 @@ class MainFrameEncoder:
         return result
 
     def _remember(self, result: EncodedFrame, is_equal: bool) -> None:
-        """Note whether the next frame, if its source is equal, is worth another pass."""
+        """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
-            self.level = result.psnr
+            self.level, self._intra_quantizer, self._first = result.psnr, self.quantizer, -math.inf
+        elif result.codes.type == "P" and self.holds_level:
+            self._hold_level(result.psnr)
         gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
         self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
         self.last = result.psnr
+
+    def _hold_level(self, psnr: float) -> None:
+        """D of the next P-frame, by the PSNR of the last one."""
+        if self._first == -math.inf or psnr < self._first - ANOTHER:
+            self._first = psnr
+        behind, allowed = self._first - psnr, self.settings.main_inter.fall
+        if behind > allowed:
+            self.quantizer = max(self.quantizer - 1, self._intra_quantizer - FINEST, 0)
+        elif behind < allowed - RECOVERED:
+            self.quantizer = min(self.quantizer + 1, self._intra_quantizer)
 
 
 class _FrameWork:
