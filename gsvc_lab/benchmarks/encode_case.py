@@ -17,7 +17,7 @@ import numpy as np
 import gsvc_ref
 from gsvc_lab.benchmarks.pictures import pictures
 from gsvc_lab.clips import as_frame, packaged
-from gsvc_lab.scenes import Scene, frames
+from gsvc_lab.scenes import Scene, demo_clip, frames
 from gsvc_ref import Settings
 from gsvc_ref.arrays import U1
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
@@ -29,7 +29,7 @@ def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     Parameters
     ----------
     name
-        ``photograph:NAME``, ``scene:NAME`` or ``clip:NAME@FIRST``.
+        ``photograph:NAME``, ``scene:NAME``, ``clip:NAME@FIRST``, or ``demo:``, the clip of `gsvc demo`.
     count
         The number of frames; a photograph has two.
     size
@@ -39,6 +39,8 @@ def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     width, height = size
     if kind == "photograph":
         return [as_frame(picture) for picture in pictures(f"{width}x{height}", what)][:count]
+    if kind == "demo":
+        return list(demo_clip(width, height, count))
     if kind == "scene":
         return list(islice(frames(Scene.named(what).resized(width=width, height=height)), count))
     clip, _, first = what.partition("@")
