@@ -129,7 +129,7 @@ class InterSettings:
     new_energy: float = 4.5
     worth: float = 1.0
     new_share: float = 0.1
-    fall: float = 1.1
+    fall: float = 1.5
 
     def __post_init__(self) -> None:
         check_types(self)
