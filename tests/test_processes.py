@@ -77,6 +77,8 @@ def test_processes_can_be_started_ahead_of_their_calls():
 
 
 def test_a_module_is_loaded_before_the_first_call(capfd):
+    with Processes(1) as processes:
+        assert not processes.submit(is_loaded, "wave").result(WAIT_S)
     with Processes(2, preload="wave") as processes:
         assert processes.submit(is_loaded, "wave").result(WAIT_S)
         assert not processes.submit(is_loaded, "chunk_of_nothing").result(WAIT_S)

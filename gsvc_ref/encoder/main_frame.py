@@ -58,7 +58,7 @@ PASS_GAIN: Final = 0.3
 """...as long as each pass gains so many dB."""
 
 RECOVERED: Final = 0.4
-"""Constant rate: D goes back towards that of the I-frame where P-frames are so many dB above `InterSettings.fall`."""
+"""Constant rate: D goes back to that of the I-frame once P-frames are so many dB less behind than `fall` allows."""
 
 ANOTHER: Final = 6.0
 """Constant rate: a P-frame that is so many dB behind shows something else, and those after it are held against it."""
@@ -199,11 +199,11 @@ class MainFrameEncoder:
         self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
         self.last = result.psnr
 
-    def _hold_level(self, psnr: float) -> None:
-        """D of the next P-frame, by the PSNR of the last one."""
-        if self._first == -math.inf or psnr < self._first - ANOTHER:
-            self._first = psnr
-        behind, allowed = self._first - psnr, self.settings.main_inter.fall
+    def _hold_level(self, quality: float) -> None:
+        """Choose D of the next P-frame, by the PSNR of the last one in dB."""
+        if self._first == -math.inf or quality < self._first - ANOTHER:
+            self._first = quality
+        behind, allowed = self._first - quality, self.settings.main_inter.fall
         if behind > allowed:
             self.quantizer = max(self.quantizer - 1, self._intra_quantizer - FINEST, 0)
         elif behind < allowed - RECOVERED:
