@@ -29,7 +29,8 @@ def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     Parameters
     ----------
     name
-        ``photograph:NAME``, ``scene:NAME``, ``clip:NAME@FIRST``, or ``demo:``, the clip of `gsvc demo`.
+        ``photograph:NAME``, ``scene:NAME``, ``clip:NAME@FIRST``, or ``demo:``, the clip of `gsvc demo`, whose cut is at
+        frame 22.
     count
         The number of frames; a photograph has two.
     size
@@ -40,7 +41,7 @@ def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     if kind == "photograph":
         return [as_frame(picture) for picture in pictures(f"{width}x{height}", what)][:count]
     if kind == "demo":
-        return list(demo_clip(width, height, count))
+        return list(islice(demo_clip(width, height), count))
     if kind == "scene":
         return list(islice(frames(Scene.named(what).resized(width=width, height=height)), count))
     clip, _, first = what.partition("@")
