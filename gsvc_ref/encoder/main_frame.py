@@ -8,7 +8,7 @@ What is asked for decides N and D, the splats and the step of a frame:
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
 In the first two P-frames have the D of their I-frame; without a quality it becomes finer where P-frames sink
-(`InterSettings.fall`).
+(`held_level`).
 """
 
 import math
@@ -25,6 +25,7 @@ from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.held_level import HeldLevel
 from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.rate import visibility
@@ -56,15 +57,6 @@ BEHIND: Final = 1.0
 
 PASS_GAIN: Final = 0.3
 """...as long as each pass gains so many dB."""
-
-RECOVERED: Final = 0.4
-"""Constant rate: D goes back to that of the I-frame once P-frames are so many dB less behind than `fall` allows."""
-
-ANOTHER: Final = 6.0
-"""Constant rate: a P-frame that is so many dB behind shows something else, and those after it are held against it."""
-
-FINEST: Final = 8
-"""Constant rate: D becomes finer by at most so many eighths of an octave."""
 
 MOST_PSNR: Final = 200.0
 """Stands for that of a frame equal to its source, in dB; no other frame has so much."""
@@ -147,7 +139,7 @@ class MainFrameEncoder:
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
         self.holds_level = settings.psnr is None and settings.quality is None
-        self._intra_quantizer, self._first = 0, -math.inf  # that of the last I-frame, and the first PSNR after it
+        self._held_level = HeldLevel(settings.main_inter.fall)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -192,22 +184,13 @@ class MainFrameEncoder:
     def _remember(self, result: EncodedFrame, is_equal: bool) -> None:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
-            self.level, self._intra_quantizer, self._first = result.psnr, self.quantizer, -math.inf
+            self.level = result.psnr
+            self._held_level.begin(self.quantizer)
         elif result.codes.type == "P" and self.holds_level:
-            self._hold_level(result.psnr)
+            self.quantizer = self._held_level.next(self.quantizer, result.psnr)
         gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
         self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
         self.last = result.psnr
-
-    def _hold_level(self, quality: float) -> None:
-        """Choose D of the next P-frame, by the PSNR of the last one in dB."""
-        if self._first == -math.inf or quality < self._first - ANOTHER:
-            self._first = quality
-        behind, allowed = self._first - quality, self.settings.main_inter.fall
-        if behind > allowed:
-            self.quantizer = max(self.quantizer - 1, self._intra_quantizer - FINEST, 0)
-        elif behind < allowed - RECOVERED:
-            self.quantizer = min(self.quantizer + 1, self._intra_quantizer)
 
 
 class _FrameWork:

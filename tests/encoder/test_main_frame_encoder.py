@@ -1,16 +1,12 @@
 """The encoder of profile `main`: what settings, effects and a quality that is asked for make of frames."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from codec_cases import encoded, fast, flat, paper_fast, same, waves
 
-from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.log import read_log
-from gsvc_ref.encoder.main_frame import FINEST
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import Stream, decode
 
@@ -204,44 +200,3 @@ def test_both_profiles_take_what_is_common():
         assert types(report) == "IPI"
         assert report.header.parameter_checksum_flag
         assert len(list(decode(data))) == 3
-
-
-def fallen(report):
-    """By how many dB the mean PSNR of the last third is below that of the first."""
-    values = [frame.psnr for frame in report.frames]
-    third = len(values) // 3
-    return np.mean(values[:third]) - np.mean(values[-third:])
-
-
-def quantizers(data):
-    return [frame.codes.quantizer for frame in Stream(data) if frame.codes.type != "R"]
-
-
-def test_p_frames_do_not_sink_at_constant_rate():
-    clip = list(demo_clip(96, 56, 18))
-    settings = Settings.quick(threads=1, splats=150, key_frames=len(clip))
-    sinking = replace(settings, main_inter=replace(settings.main_inter, fall=200.0))
-    free, sunk = encoded(clip, sinking)
-    held, data = encoded(clip, settings)
-    assert fallen(free) > 2
-    assert fallen(held) < fallen(free) - 0.8
-    assert set(quantizers(sunk)) == {quantizers(sunk)[0]}
-    steps = np.diff(quantizers(data))
-    assert steps.min() == -1
-    assert steps.max() <= 1
-    assert 0 < quantizers(data)[0] - min(quantizers(data)) <= FINEST
-
-
-@pytest.mark.parametrize("asked", [{"quality": 25}, {"quality": 25, "splats": 100}])
-def test_a_step_that_is_asked_for_stays(asked):
-    settings = Settings.quick(threads=1, key_frames=10, **asked)
-    assert set(quantizers(encoded(list(demo_clip(96, 56, 10)), settings)[1])) == {54}
-
-
-def test_what_shows_something_else_is_not_held_to_the_frames_before():
-    plain = [np.full((32, 48, 3), grey, np.uint8) for grey in (90, 92)]
-    settings = Settings.quick(threads=1, splats=60, key_frames=6, effects="auto,frames=all")
-    report, data = encoded([*plain, *noise(4)], settings)
-    values = [frame.psnr for frame in report.frames]
-    assert min(values[:2]) > max(values[2:]) + 2 * settings.main_inter.fall
-    assert len(set(quantizers(data))) == 1
