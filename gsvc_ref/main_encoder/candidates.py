@@ -23,7 +23,7 @@ REACH: Final = 3.0
 """Candidates are cut off at so many deviations."""
 
 BAND: Final = 32
-"""Rows of candidates whose first responses are one task."""
+"""Rows of candidates whose first responses are one task, or of pixels in opponent colours."""
 
 
 class _Candidates:
@@ -99,7 +99,9 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
     """
     height, width = residual.shape[:2]
     rest = np.empty((height, width, 3))
-    _opponent(np.ascontiguousarray(residual), rest)
+    given = np.ascontiguousarray(residual)
+    bands = -(-height // BAND)
+    run_tasks(lambda i: _opponent(given, rest, i * BAND, min((i + 1) * BAND, height)), bands, threads)
     layers = [_Candidates(rest, size, threads) for size in sizes]
     found: list[list[float]] = []
     while len(found) < most:
@@ -122,10 +124,10 @@ def _log(x: float) -> float:
 
 
 @kernel()
-def _opponent(residual: F4, out: F8) -> None:
-    """The residual in orthonormal opponent colours and units of 8 bits."""
+def _opponent(residual: F4, out: F8, top: int, bottom: int) -> None:
+    """The rows top..bottom of the residual, in orthonormal opponent colours and units of 8 bits."""
     third, half, sixth = 255 / math.sqrt(3.0), 255 / math.sqrt(2.0), 255 / math.sqrt(6.0)
-    for y in range(residual.shape[0]):
+    for y in range(top, bottom):
         for x in range(residual.shape[1]):
             r, g, b = np.float64(residual[y, x, 0]), np.float64(residual[y, x, 1]), np.float64(residual[y, x, 2])
             out[y, x, 0], out[y, x, 1], out[y, x, 2] = ((r + g) + b) * third, (r - b) * half, ((r - 2 * g) + b) * sixth

@@ -175,7 +175,8 @@ class Objective:
 
     def residual(self) -> F4:
         """The residual (H, W, 3) f4 of the parameters evaluated last: `picture()` minus the target."""
-        return self.picture() - self._picture
+        drawn = self._draw(self._base, clamp=True) if self._drawn is None else self._drawn
+        return np.asarray(drawn - self._picture)
 
     def _draw(self, base: F4, *, clamp: bool) -> F4:
         """The picture (H, W, 3) f4 of the splats loaded last, on a base."""
