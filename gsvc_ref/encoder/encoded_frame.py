@@ -67,6 +67,10 @@ class EncodedFrame:
     reason: str | None = None
     layers: tuple[EncodedLayer, ...] = ()
 
+    def has_chunk(self, part: EncodedLayer) -> bool:
+        """Whether one of its layers has a chunk of its own: not the base, and not one that repeats with an R-frame."""
+        return part.layer > 0 and (part.codes.type, self.codes.type) != ("R", "R")
+
 
 def worked_on_again(result: EncodedFrame) -> EncodedFrame:
     """An equal frame that was to become better, not repeated, with the reason for it."""

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Generic, Protocol, TypeVar, cast
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.times import TIMES
-from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, write_log
 from gsvc_ref.encoder.report import (
@@ -285,17 +285,28 @@ class Encoding(ABC, Generic[FrameT]):
         self.interrupts.release()
 
     def _put(self, item: TypedFrame[FrameT], encoded: EncodedFrame, seconds: float) -> None:
-        """Write a frame that took so many seconds, and note what was done."""
+        """Write a frame that took so many seconds, and note what was done.
+
+        A frame of which a layer is at fault is complete without that one and those above it.
+        """
         begin = time.perf_counter()
+        layers: list[LayerReport] = []
+        fault: GsvcError | UsageError | None = None
         with self._timed("write"):
-            bits, layers = self._write(encoded)
+            bits = self._write(encoded)
+            try:
+                self._write_layers(encoded, bits, layers)
+            except (GsvcError, UsageError) as error:
+                fault, encoded = error, replace(encoded, psnr=layers[-1].psnr)
         for stage, spent in encoded.seconds.items():
             self.seconds[stage] = self.seconds.get(stage, 0.0) + spent
-        self.reports.append(self._report(item, encoded, bits, layers, seconds + time.perf_counter() - begin))
+        self.reports.append(self._report(item, encoded, bits, tuple(layers), seconds + time.perf_counter() - begin))
+        if fault is not None:
+            raise fault
 
-    def _write(self, encoded: EncodedFrame) -> tuple[dict[str, int], tuple[LayerReport, ...]]:
-        """Write a frame with its layers, the first with the header before it; the bits that it took, and its layers."""
-        try:
+    def _write(self, encoded: EncodedFrame) -> dict[str, int]:
+        """Write a frame without its layers, the first with the header before it; the bits that it took."""
+        with self._target_watched():
             if self.writer is None:
                 self.writer = StreamWriter(
                     self.file, self._header(), index=self.encoder.settings.index, live=self.live,
@@ -303,26 +314,29 @@ class Encoding(ABC, Generic[FrameT]):
                 )  # fmt: skip
             if (times := self._times_before(self.writer.frame_count)) is not None:
                 self.writer.write_ancillary(TIMES, times)
-            bits = self.writer.write_frame(encoded.codes, encoded.state).bits
-            return bits, tuple(
-                self._write_layer(self.writer, encoded.codes.type, part, bits) for part in encoded.layers
-            )
+            return self.writer.write_frame(encoded.codes, encoded.state).bits
+
+    def _write_layers(self, encoded: EncodedFrame, bits: dict[str, int], layers: list[LayerReport]) -> None:
+        """Write the layers of a frame, of which the first is its base; what is said of each goes to `layers`."""
+        assert self.writer is not None
+        with self._target_watched():
+            for part in encoded.layers:
+                codes, spent = part.codes, bits if part.layer == 0 else {}
+                if encoded.has_chunk(part):
+                    spent = self.writer.write_layer(part.layer, codes).bits
+                count = len(part.state.splats)
+                layers.append(LayerReport(part.layer, codes.type, count, codes.intra_count, part.psnr, spent))
+
+    @contextmanager
+    def _target_watched(self) -> Iterator[None]:
+        """Note where part of a chunk may have been written that cannot be taken back."""
+        try:
+            yield
         except (GsvcError, UsageError):  # the frame is at fault
             raise
-        except BaseException as error:  # part of a chunk may be written
+        except BaseException as error:
             self.target_failed = isinstance(error, OSError) or self.writer is None or not self.writer.goes_back
             raise
-
-    @staticmethod
-    def _write_layer(
-        writer: StreamWriter, base_type: FrameType, part: EncodedLayer, base_bits: dict[str, int]
-    ) -> LayerReport:
-        """Write a layer, unless it is the base or repeated with it; what is said of it."""
-        codes = part.codes
-        bits = base_bits if part.layer == 0 else {}
-        if part.layer > 0 and (codes.type, base_type) != ("R", "R"):  # behind an R-frame a layer stays as it is
-            bits = writer.write_layer(part.layer, codes).bits
-        return LayerReport(part.layer, codes.type, len(part.state.splats), codes.intra_count, part.psnr, bits)
 
     def _report(
         self,

@@ -1,5 +1,6 @@
 """Constant rate in profile `main`: D of P-frames becomes finer where their PSNR sinks."""
 
+from dataclasses import dataclass, replace
 from typing import Final
 
 RECOVERED: Final = 0.4
@@ -12,36 +13,40 @@ FINEST: Final = 8
 """D becomes finer by at most so many eighths of an octave."""
 
 
+@dataclass(frozen=True)
 class HeldLevel:
-    """Chooses D of each P-frame of a group by the PSNR of those before.
+    """D of the next P-frame of a group, by the PSNR of those before.
 
     The first P-frame behind an I-frame says what level is held; the I-frame itself, whose splats are all new, is better
     than those that follow it.
 
-    Parameters
+    Attributes
     ----------
     fall
         The dB by which a P-frame may be behind the first one.
+    coarsest
+        The quantiser of the I-frame.
+    level, last
+        The PSNR that P-frames are held against, and that of the last one, in dB; None: there is none yet.
     """
 
-    def __init__(self, fall: float) -> None:
-        self._fall = fall
-        self._coarsest = 0
-        self._level: float | None = None  # the PSNR that the others are held against
-        self._last = 0.0
+    fall: float
+    coarsest: int
+    level: float | None = None
+    last: float = 0.0
 
-    def begin(self, quantizer: int) -> None:
-        """Begin a group with an I-frame of this quantiser."""
-        self._coarsest, self._level = quantizer, None
+    def after(self, quality: float) -> "HeldLevel":
+        """What is known after another P-frame with this PSNR in dB."""
+        begins = self.level is None or quality < self.last - JUMP
+        return replace(self, level=quality if begins else self.level, last=quality)
 
-    def next(self, quantizer: int, quality: float) -> int:
-        """The quantiser of the next P-frame, after one with this quantiser and PSNR in dB."""
-        if self._level is None or quality < self._last - JUMP:
-            self._level = quality
-        self._last = quality
-        behind = self._level - quality
-        if behind > self._fall:
-            return max(quantizer - 1, self._coarsest - FINEST, 0)
-        if behind < self._fall - RECOVERED:
-            return min(quantizer + 1, self._coarsest)
+    def following(self, quantizer: int) -> int:
+        """The quantiser of the next P-frame, after one with this quantiser."""
+        if self.level is None:
+            return quantizer
+        behind = self.level - self.last
+        if behind > self.fall:
+            return max(quantizer - 1, self.coarsest - FINEST, 0)
+        if behind < self.fall - RECOVERED:
+            return min(quantizer + 1, self.coarsest)
         return quantizer

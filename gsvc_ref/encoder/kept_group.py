@@ -58,9 +58,8 @@ class GroupWriter:
             The frame breaks a limit of the level.
         """
         self._writer.write_frame(encoded.codes, encoded.state)
-        for part in encoded.layers[1:]:
-            if (part.codes.type, encoded.codes.type) != ("R", "R"):  # behind an R-frame a layer stays as it is
-                self._writer.write_layer(part.layer, part.codes)
+        for part in filter(encoded.has_chunk, encoded.layers):
+            self._writer.write_layer(part.layer, part.codes)
         record = {
             "digest": digest,
             "seconds": seconds,

@@ -97,6 +97,8 @@ class MainFrameEncoder:
         All settings.
     width, height, bit_depth
         The size of the frames in pixels, and the bits of a sample.
+    holds_level
+        Whether D may become finer where P-frames sink, at constant rate.
 
     Attributes
     ----------
@@ -119,7 +121,7 @@ class MainFrameEncoder:
     level, last
         PSNR of the last I-frame and of the last frame, in dB.
     holds_level
-        Whether D may become finer where P-frames sink; not in layers, whose D is that of all of them together.
+        Whether it does so.
     below
         Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
     above
@@ -127,7 +129,9 @@ class MainFrameEncoder:
         moved by the optical flow, so that what they stand on goes where they will go.
     """
 
-    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+    def __init__(
+        self, settings: Settings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
+    ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)
         self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
@@ -138,8 +142,8 @@ class MainFrameEncoder:
         self.before: F4 | None = None
         self.is_catching_up, self.level, self.last = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
-        self.holds_level = settings.psnr is None and settings.quality is None
-        self._held_level = HeldLevel(settings.main_inter.fall)
+        self.holds_level = holds_level and settings.psnr is None and settings.quality is None
+        self._held_level = HeldLevel(settings.main_inter.fall, 0)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -162,7 +166,8 @@ class MainFrameEncoder:
 
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
-        other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
+        state = self.state
+        other = type(self)(self.settings, state.width, state.height, self.bit_depth, holds_level=self.holds_level)
         other.total, other.most, other.room = self.total, self.most, self.room
         return other
 
@@ -185,9 +190,10 @@ class MainFrameEncoder:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
             self.level = result.psnr
-            self._held_level.begin(self.quantizer)
+            self._held_level = HeldLevel(self.settings.main_inter.fall, self.quantizer)
         elif result.codes.type == "P" and self.holds_level:
-            self.quantizer = self._held_level.next(self.quantizer, result.psnr)
+            self._held_level = self._held_level.after(result.psnr)
+            self.quantizer = self._held_level.following(self.quantizer)
         gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
         self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
         self.last = result.psnr

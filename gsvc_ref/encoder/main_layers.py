@@ -45,9 +45,9 @@ class LayeredFrameEncoder:
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
-        self.parts = [MainFrameEncoder(one, width, height, bit_depth) for one in settings.of_layers()]
-        for part in self.parts:
-            part.holds_level = False
+        self.parts = [  # the D of P-frames is that of all layers together
+            MainFrameEncoder(one, width, height, bit_depth, holds_level=False) for one in settings.of_layers()
+        ]
         self.together = not settings.layers
         if settings.layers:  # each may need all splats that there is room for
             for part in self.parts:

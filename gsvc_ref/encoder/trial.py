@@ -9,15 +9,17 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import reduce
+from io import BytesIO
 from itertools import islice
 from typing import Final
 
 import numpy as np
 
 from gsvc_ref.arrays import Frame
-from gsvc_ref.bitstream import level_for
-from gsvc_ref.encoder.budget import chunk_bits
+from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoder import coder_of, frame_count_of
 from gsvc_ref.encoder.groups import GroupCoder, say_nothing
 from gsvc_ref.encoder.passes import splats_of
@@ -27,6 +29,9 @@ from gsvc_ref.encoder.targets import TOLERANCE
 from gsvc_ref.errors import GsvcError
 from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
+from gsvc_ref.splats import Splats
+from gsvc_ref.stream import StreamWriter
+from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 
 PLACES: Final = 3
@@ -94,7 +99,7 @@ class Estimate:
     seconds, file_bytes, bits_per_pixel, mean_psnr
         Of the whole; without a number of frames, seconds and bytes are those of one second of the video.
     splats
-        The number of splats of an I-frame.
+        The number of splats of an I-frame with its layers.
     level
         The level that the stream needs, by the frames tried.
     notes
@@ -199,20 +204,39 @@ def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list
 
 def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: float) -> list[_Tried]:
     """The frames of a place, encoded."""
-    tried = []
+    tried, writer = [], _Written(video)
     for number, frame in enumerate(frames):
         if number > 1 and time.perf_counter() > end:
             break
-        begin, before = time.perf_counter(), coder.state
+        begin = time.perf_counter()
         is_equal = number > 0 and np.array_equal(frame, frames[number - 1])
         made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, say_nothing)
         seconds = time.perf_counter() - begin
         error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
-        cost = FrameCost(number, made.codes.type, chunk_bits(coder, video, before, made), error)
-        splats = made.state.splats
+        cost = FrameCost(number, made.codes.type, writer.bits(coder, made), error)
+        splats = reduce(Splats.append, [layer.state.splats for layer in made.layers[1:]], made.state.splats)
         work = rendering_work(splats, video.width, video.height)
         tried.append(_Tried(cost, seconds, min(made.psnr, 100.0), len(splats), work))
     return tried
+
+
+class _Written:
+    """A stream that the frames of a place are written to, for their size."""
+
+    def __init__(self, video: VideoFormat) -> None:
+        self._video = video
+        self._writer: StreamWriter | None = None
+
+    def bits(self, coder: GroupCoder, made: EncodedFrame) -> float:
+        """The bits of the next frame with its layers."""
+        if self._writer is None:  # what the header says of a coder is known behind its first frame
+            fields = {**header_fields(self._video), **coder.elements()}
+            self._writer = StreamWriter(BytesIO(), SequenceHeader(level=max(LEVELS), **fields), index=False)
+        begin = self._writer.offset
+        self._writer.write_frame(made.codes, made.state)
+        for part in filter(made.has_chunk, made.layers):
+            self._writer.write_layer(part.layer, part.codes)
+        return 8.0 * (self._writer.offset - begin)
 
 
 def _whole(

@@ -262,7 +262,7 @@ def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: Intr
     rng, settings
         As in `encode_intra`.
     """
-    order = rng.permutation(len(z))
+    order = np.argsort(rng.random(len(z)), kind="stable")
     sizes = np.round(np.array(settings.parts) * len(z)).astype(np.int64)
     ends = np.minimum(np.cumsum(sizes), len(z))
     ends[-1] = len(z)

@@ -7,6 +7,7 @@ import numpy as np
 
 from gsvc_ref.arrays import Frame
 from gsvc_ref.errors import UsageError
+from gsvc_ref.portable import log10
 
 MAX_PEAK: Final = 2**16 - 1
 
@@ -67,7 +68,7 @@ def psnr_from_mse(mean_squared_error: float, peak: int) -> float:
         raise UsageError(f"the mean squared error is {mean_squared_error}; it must be 0 or more")
     if mean_squared_error == 0:
         return math.inf
-    return 20 * math.log10(peak) - 10 * math.log10(mean_squared_error)  # (11-5)
+    return float(20 * log10(float(peak)) - 10 * log10(mean_squared_error))  # (11-5)
 
 
 def psnr(a: Frame, b: Frame, peak: int) -> float:

@@ -10,6 +10,8 @@ from codec_cases import encoded
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.held_level import FINEST, JUMP, RECOVERED, HeldLevel
+from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
 from gsvc_ref.stream import Stream
 
 FALL = 1.5
@@ -19,10 +21,10 @@ INTRA = 40
 
 def chosen(*qualities, intra=INTRA):
     """The quantisers that follow P-frames of these PSNRs."""
-    level, quantizer, found = HeldLevel(FALL), intra, []
-    level.begin(intra)
+    level, quantizer, found = HeldLevel(FALL, intra), intra, []
     for quality in qualities:
-        quantizer = level.next(quantizer, quality)
+        level = level.after(quality)
+        quantizer = level.following(quantizer)
         found.append(quantizer)
     return found
 
@@ -47,12 +49,12 @@ def test_what_falls_at_once_shows_something_else():
     assert chosen(35.0, 33.6, 32.1)[-1] == 39
 
 
-def test_a_group_begins_anew():
-    level = HeldLevel(FALL)
-    level.begin(INTRA)
-    assert [level.next(INTRA, quality) for quality in (35.0, 33.0)] == [INTRA, INTRA - 1]
-    level.begin(20)
-    assert level.next(20, 33.0) == 20
+def test_layers_do_not_hold_a_level_of_their_own():
+    """Their D is that of all of them together, in every group of pictures."""
+    encoder = LayeredFrameEncoder(Settings.quick(layer_splats=(20, 30)), 48, 32, 8)
+    for each in (encoder, encoder.for_group(), encoder.for_group().for_group()):
+        assert [part.holds_level for part in each.parts] == [False, False]
+    assert MainFrameEncoder(Settings.quick(splats=20), 48, 32, 8).for_group().holds_level
 
 
 def fallen(report):

@@ -9,9 +9,13 @@ import pytest
 import gsvc_ref
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.cli import main
-from gsvc_ref.encoder import EncodeReport, Settings
+from gsvc_ref.encoder import EncodeReport, IncompleteEncodeError, Settings
+from gsvc_ref.encoder.log import read_log
 from gsvc_ref.errors import UsageError
+from gsvc_ref.main_profile.codes import MainCodes
 from gsvc_ref.metrics import psnr
+from gsvc_ref.stream import Stream, StreamWriter
+from gsvc_ref.stream.decoded import DecodedLayer
 from gsvc_ref.testing import split_chunks
 from gsvc_ref.video import open_writer
 from tests.cli.conftest import video_format
@@ -107,3 +111,25 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert '"layers"' in capsys.readouterr().out
     assert main(["encode", str(source), str(out), *options, "--layers", "30,x"]) == 2
     assert "'x' is not a finite number" in capsys.readouterr().err
+
+
+def test_a_frame_whose_layer_is_at_fault_counts_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was written of it is a complete frame, which the report and the decisions of the stream count."""
+    written = StreamWriter.write_layer
+
+    def refused(writer: StreamWriter, layer: int, codes: MainCodes) -> DecodedLayer:
+        if writer.frame_count == 2:
+            raise UsageError("no room for this layer")
+        return written(writer, layer, codes)
+
+    monkeypatch.setattr(StreamWriter, "write_layer", refused)
+    file = BytesIO()
+    settings = Settings.quick(layer_splats=(12, 30), threads=1, decisions=True)
+    with pytest.raises(IncompleteEncodeError, match=r"no room for this layer.*2 complete frames") as caught:
+        gsvc_ref.encode(CLIP, file, settings)
+    report = caught.value.report
+    assert [len(frame.layers) for frame in report.frames] == [2, 1]
+    assert report.frames[1].psnr == report.frames[1].layers[0].psnr
+    data = file.getvalue()
+    assert len(list(gsvc_ref.decode(data))) == 2
+    assert len(read_log(Stream(data).info().ancillary, 2)) == 2

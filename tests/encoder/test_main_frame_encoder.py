@@ -70,12 +70,15 @@ def test_a_psnr_is_held_and_hardly_exceeded(goal):
 
 
 def test_a_psnr_is_held_by_few_splats():
-    """With thirty, one is worth up to a dB, and the picture may be as much too good."""
-    goal, clip = 32.0, waves(96, 64, 4)
-    report, data = encoded(clip, Settings.quick(psnr=goal, key_frames=3, threads=1, precision="deterministic"))
-    for source, decoded in zip(clip, decode(data), strict=True):
-        assert goal <= psnr(source, decoded, 255) <= goal + 1
-    assert report.notes == []
+    """With thirty, one is worth up to a dB, and a picture may be as much too good."""
+    goal, clip, spared = 32.0, waves(96, 64, 4), []
+    for seed in range(3):
+        settings = Settings.quick(psnr=goal, key_frames=3, threads=1, precision="deterministic", seed=seed)
+        report, data = encoded(clip, settings)
+        spared += [psnr(*pair, 255) - goal for pair in zip(clip, decode(data), strict=True)]
+        assert report.notes == []
+    assert min(spared) >= 0
+    assert np.mean(spared) <= 0.5
 
 
 def test_a_higher_psnr_costs_more():

@@ -37,6 +37,15 @@ def test_the_whole_is_within_what_was_said(settings):
     assert said.frames == 15
 
 
+def test_layers_count():
+    settings = fast(splats=None, layer_splats=(10, 40), key_frames=5)
+    said = tried(CLIP, settings)
+    report, data = encoded(CLIP, settings)
+    assert said.file_bytes.low <= len(data) <= said.file_bytes.high
+    assert said.splats == pytest.approx(sum(layer.splats for layer in report.frames[0].layers), abs=5)
+    assert said.file_bytes.likely > tried(CLIP, fast(splats=10, key_frames=5)).file_bytes.likely
+
+
 def test_a_goal_is_taken_for_what_comes_out():
     said = tried(CLIP, fast(size=2000, key_frames=5))
     assert said.file_bytes.low < 2000 < said.file_bytes.high

@@ -114,8 +114,9 @@ def positions_in_units_of_the_frame(rng: Draws) -> Inputs:
     inputs = adan_inputs(rng, [0, 5, 30, 700], columns=9)
     inputs["units"] = f4(960, 540, 1, 1, 1, 1, 1, 1, 1)
     inputs["rates"] = np.full(9, 1e-3, np.float32)
-    for name, power in (("m", 1), ("v", 1), ("n", 2), ("previous", 1)):
-        inputs[name] = (inputs[name] * inputs["units"] ** power).astype(np.float32)
+    units = inputs["units"]
+    for name, unit in (("m", units), ("v", units), ("n", units * units), ("previous", units)):
+        inputs[name] = (inputs[name] * unit).astype(np.float32)
     expected = yield inputs
     moved = expected["parameters"].value[0] - inputs["parameters"][0]
     assert np.allclose(abs(moved), 1e-3 * inputs["units"], rtol=1e-3)
