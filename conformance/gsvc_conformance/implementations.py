@@ -145,6 +145,8 @@ def load_module(name: str, home: Path | None = None) -> ModuleImplementation:
     try:
         with kept_streams():
             module = importlib.import_module(name)
+    except SystemExit as end:  # a script without a guard, or one that finds no device; else its code would be ours
+        raise UsageError(f"the module {name} ended while it was imported: SystemExit: {end}") from None
     except Exception as error:
         advice = _import_advice(name, error)
         raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{advice}") from None

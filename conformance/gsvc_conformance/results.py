@@ -381,15 +381,24 @@ class Report:
         """Each conformance class with its verdict, in the order of spec.md, section 13.1.
 
         Without a claim, a class with vectors of several profiles has one verdict for each of them, about its vectors
-        and those of any profile; where nothing of any profile is answered, one verdict for all.
+        and those of any profile; where nothing of any profile is answered, one verdict for all. In a run that ended
+        early no class passes, since nobody knows about the vectors that are left.
         """
         there = {result.group for result in self.results}
         names = [name for name in get_args(Group) if name in there]
         claimed = self.claim.level if self.claim else None
-        return [
+        summaries = [
             summary
             for name in names
             for summary in _classes(name, [result for result in self.results if result.group == name], claimed)
+        ]
+        if not self.ended:
+            return summaries
+        return [
+            replace(one, verdict="incomplete", reason=f"{one.reason}; ended early", level=0)
+            if one.verdict in ("passed", "waived")
+            else one
+            for one in summaries
         ]
 
 

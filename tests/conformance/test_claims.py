@@ -207,7 +207,9 @@ def test_without_a_claim_the_highest_level_is_worked_out(results, level, verdict
 
 def test_a_part_of_a_class_is_not_quoted():
     assert report_of(result(1), whole=False).quotes() == []
-    assert replace(report_of(result(1)), ended="ended early").quotes() == []
+    early = replace(report_of(result(1)), ended="ended early")
+    assert early.quotes() == []
+    assert [(one.verdict, one.reason.rpartition("; ")[2]) for one in early.groups()] == [("incomplete", "ended early")]
 
 
 def test_reports_of_all_forms_have_claim_and_quotes(toys):

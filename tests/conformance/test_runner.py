@@ -252,5 +252,8 @@ def test_a_module_that_cannot_be_imported(toys, monkeypatch, tmp_path):
     for name in ("broken_module_of_a_test", "no_such_module_of_a_test"):
         with pytest.raises(UsageError, match=name):
             load_module(name)
+    (tmp_path / "leaving_module_of_a_test.py").write_text("import sys\nsys.exit(0)")
+    with pytest.raises(UsageError, match="leaving_module_of_a_test ended while it was imported: SystemExit: 0"):
+        load_module("leaving_module_of_a_test")
     monkeypatch.setitem(sys.modules, "module_of_a_test", types.SimpleNamespace(halve=toy_operations.halve))
     assert load_module("module_of_a_test").functions["halve"] is toy_operations.halve
