@@ -78,6 +78,15 @@ def frame_count_of(settings: Settings, video: VideoFormat) -> int | None:
     return max(0, min(ends) - start) if ends else None
 
 
+def no_frames(settings: Settings) -> GsvcError:
+    """The error of a source that gave no frame."""
+    if start := settings.frames[0]:
+        return GsvcError(
+            "malformed", f"the source ends before frame {start}, with which --frames begins; frames count from 0"
+        )
+    return GsvcError("malformed", "the source has no frames to encode; check the file")
+
+
 @contextmanager
 def opened_keeper(folder: str | Path | None, reader: VideoReader, settings: Settings) -> Iterator[Keeper | None]:
     """What keeps groups of pictures in a folder, if there is one, closed at the end."""
@@ -244,7 +253,7 @@ class _Encode(Encoding[Frame]):
         return typed
 
     def _no_frames(self) -> GsvcError:
-        return GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
+        return no_frames(self.settings)
 
     def _notes(self) -> list[str]:
         kept = [] if self.keeper is None else self.keeper.notes
@@ -263,7 +272,7 @@ class _Encode(Encoding[Frame]):
         worst = min(missed, key=lambda frame: frame.psnr)
         most = self.settings.most_splats(self.format.width, self.format.height)
         if self.settings.profile == "main":
-            why = "allow more splats"
+            why = f"allow more splats than {most:,}"
         elif all(frame.splats >= most for frame in missed):
             why = f"the {most:,} splats that a frame may have are all in use, so allow more splats"
         else:

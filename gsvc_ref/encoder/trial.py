@@ -20,13 +20,12 @@ from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
-from gsvc_ref.encoder.encoder import coder_of, frame_count_of
+from gsvc_ref.encoder.encoder import coder_of, frame_count_of, no_frames
 from gsvc_ref.encoder.groups import GroupCoder, say_nothing
 from gsvc_ref.encoder.passes import splats_of
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.targets import TOLERANCE
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.splats import Splats
@@ -167,7 +166,7 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
             places.append(_tried(coder, frames, video, begin + BUDGET_S))
             coder = coder.for_group()
         if first is None:
-            raise GsvcError("malformed", "the source has no frames to encode; check the file and --frames")
+            raise no_frames(settings)
         notes = list(reader.notes)
     note = screen_note(first, video.peak, settings)
     return _whole(places, video, count, settings, jobs, [*notes, *([note] if note else [])])

@@ -91,7 +91,7 @@ def test_a_psnr_out_of_reach_is_told_and_ends():
     assert types(report) == "IP"  # no I-frame in place of a P-frame, since I-frames do not reach it either
     (note,) = report.notes
     assert note.startswith("2 of 2 frames have less than 60 dB (frame ")
-    assert note.endswith("allow more splats")
+    assert note.endswith("allow more splats than 30")
 
 
 def test_a_p_frame_that_cannot_hold_the_psnr_becomes_an_i_frame():
