@@ -65,9 +65,9 @@ def test_threads_do_not_matter() -> None:
 
 
 def test_settling_beats_rounding() -> None:
-    """By a dB, in the mean over draws: one draw says little, a few lose some."""
+    """By a dB, in the mean over draws, of which single ones lose up to two: 48 had 1.2 dB, with a deviation of 1.5."""
     settings, gains = IntraSettings.quick(), []
-    for seed in range(6):
+    for seed in range(24):
         target, rng = Target(a_picture(), threads=1, precision="deterministic"), np.random.default_rng(seed)
         z = intra.grow(target, 150, rng, settings)
         step = step_of(intra.quantizer_for(z))
