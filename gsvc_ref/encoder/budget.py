@@ -246,9 +246,14 @@ class BudgetCoder:
         return encoded, chunk_bits(self._coder, self._video, before, encoded)
 
 
+def header_so_far(coder: GroupCoder, video: VideoFormat) -> SequenceHeader:
+    """The sequence header of frames that a coder has begun to encode, at a level that has room for all."""
+    return SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
+
+
 def chunk_bits(coder: GroupCoder, video: VideoFormat, before: AnyState, encoded: EncodedFrame) -> float:
     """The bits of the chunk of a frame that a coder has encoded, about; `before`: its state before that."""
-    header = SequenceHeader(level=max(LEVELS), **{**header_fields(video), **coder.elements()})
+    header = header_so_far(coder, video)
     body = Writer()
     profile_of(header).prepare(Writer, header, before, encoded.codes, encoded.state).write(body)
     return 8.0 * len(body.getvalue()) + CHUNK_BITS

@@ -13,17 +13,6 @@ EffectName = Literal["frames", "regions", "gsa", "dks", "gsp", "motion"]
 
 EFFECT_NAMES: Final[tuple[EffectName, ...]] = get_args(EffectName)
 
-MEANINGS: Final[dict[EffectName, str]] = {
-    "frames": "optimise every frame, also one that equals the frame before",
-    "regions": "optimise every splat, also where nothing changed",
-    "gsa": "add splats to every P-frame",
-    "dks": "pre-train every frame twice to find cuts",
-    "gsp": "prune in every frame",
-    "motion": "move splats along the optical flow",
-}
-"""The meaning of ``all``; ``auto`` does the same where the scene calls for it."""
-
-
 MAIN_MODES: Final[dict[EffectName, tuple[Mode, ...]]] = {
     "frames": ("auto", "all"),
     "regions": ("auto",),

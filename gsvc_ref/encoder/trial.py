@@ -17,7 +17,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_ref.arrays import Frame
-from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
+from gsvc_ref.bitstream import level_for
+from gsvc_ref.encoder.budget import header_so_far
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoder import coder_of, frame_count_of, no_frames
@@ -30,7 +31,6 @@ from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamWriter
-from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 
 PLACES: Final = 3
@@ -229,8 +229,7 @@ class _Written:
     def bits(self, coder: GroupCoder, made: EncodedFrame) -> float:
         """The bits of the next frame with its layers."""
         if self._writer is None:  # what the header says of a coder is known behind its first frame
-            fields = {**header_fields(self._video), **coder.elements()}
-            self._writer = StreamWriter(BytesIO(), SequenceHeader(level=max(LEVELS), **fields), index=False)
+            self._writer = StreamWriter(BytesIO(), header_so_far(coder, self._video), index=False)
         begin = self._writer.offset
         self._writer.write_frame(made.codes, made.state)
         for part in filter(made.has_chunk, made.layers):

@@ -25,9 +25,6 @@ from gsvc_ref.errors import UsageError
 
 Codes = NDArray[np.uint16]
 
-DEFAULT_BITS: Final = 6
-"""b of the authors' experiments; the paper does not state it."""
-
 MAX_BITS: Final = 16
 
 

@@ -76,7 +76,7 @@ class Footprint:
 
 
 def added(values: F8) -> float:
-    """The sum of all values one after the other: the order of NumPy's own sums depends on the processor."""
+    """The sum of all values one after the other, an order that NumPy's own sums do not promise."""
     return float(np.add.accumulate(values.ravel())[-1]) if values.size else 0.0
 
 

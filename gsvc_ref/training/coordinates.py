@@ -49,8 +49,6 @@ from gsvc_ref.portable import exp, log
 THIRD: Final = 1 / math.sqrt(3.0)
 HALF: Final = 1 / math.sqrt(2.0)
 SIXTH: Final = 1 / math.sqrt(6.0)
-OPPONENT: Final = np.array([[THIRD, THIRD, THIRD], [HALF, 0.0, -HALF], [SIXTH, -2 * SIXTH, SIXTH]])
-"""M, (3, 3) f8: from R'G'B' to orthonormal opponent colours."""
 
 ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)
 """|n| of a splat with l11 = l22 = 1 px and a colour of length 1."""

@@ -113,8 +113,9 @@ def failures_of(mutant, operation):
 def test_refusals_that_many_mutants_share_name_none_of_them_alone():
     mutant = mutant_called("crc-not-inverted")
     failures, passed = failures_of(mutant, "reconstruct_stream")
-    for sentences in diagnose(failures[:3], passed).values():
-        (sentence,) = sentences
+    told = diagnose(failures[:3], passed)
+    assert len(told) == 3
+    for (sentence,) in told.values():
         assert sentence.startswith(catalogue.ALIKE)
         assert mutant.sentence in sentence
 
@@ -155,7 +156,9 @@ def test_errors_in_place_of_outputs_are_named_by_the_vectors_that_end_so():
 
 def test_nothing_but_errors_names_the_smallest_vector():
     vectors = [vector_of(f"core/parameter_checksum/checksum_{name}") for name in ("many", "one")]
-    for sentences in diagnose([], [], vectors).values():
+    told = diagnose([], [], vectors)
+    assert told.keys() == {vector.id for vector in vectors}
+    for sentences in told.values():
         assert sentences == [
             "every answer is an error, that to the smallest vector too, which is core/parameter_checksum/checksum_one"
         ]

@@ -53,8 +53,6 @@ DENSITIES_OF_PLANE: Final = 40
 CHROMA: Final = 1
 SHAPES: Final = 3
 """The numbers of the first planes of colour and of shape."""
-MOST_CLASS: Final = 31
-"""The last class of magnitudes that has at most 14 low bits."""
 FIRST, BY_CHOICE, BY_ITEM = range(3)
 UPPER, LOWER, SIGNS = range(3)
 ALL_BITS: Final = 0xFFFFFFFF

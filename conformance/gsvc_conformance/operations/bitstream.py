@@ -8,10 +8,6 @@ import numpy as np
 from gsvc_conformance.expectations import Exact, Expectation, Interval, Refusal
 from gsvc_conformance.operation import operations, paired
 from gsvc_conformance.pairs import twin
-from gsvc_conformance.spec import header_rows
-
-HEADER_ELEMENTS: Final = tuple(name for name, *_ in header_rows("paper"))
-"""The elements of the sequence header of profile `paper`, in order."""
 
 CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",
                           "R-6.2-4", "R-6.3-1", "R-6.3-2", "R-6.4-1", "R-6.4-2", "R-6.8-1", "R-6.8-2")  # fmt: skip

@@ -9,11 +9,8 @@ from typing import Any, Final
 from gsvc_conformance.expectations import Exact, Expectation, Refusal
 from gsvc_conformance.operation import exactly, paired
 from gsvc_conformance.operations.bitstream import CONTAINER_RULES
-from gsvc_conformance.spec import header_rows
 from gsvc_ref import spec
 
-MAIN_HEADER_ELEMENTS: Final = tuple(name for name, *_ in header_rows("main"))
-"""The elements of the sequence header of profile `main`, in order."""
 MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.6-1", "R-15.6-2", "R-15.11-1", "R-15.11-2")
 """Rules of profile `main` that every legal stream of it exercises."""
 
