@@ -39,27 +39,27 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
     from gsvc_ref.errors import GsvcError as GsvcError
     from gsvc_ref.errors import UsageError as UsageError
-    from gsvc_ref.main_profile.operations import adapt_model as adapt_model
-    from gsvc_ref.main_profile.operations import density_frequencies as density_frequencies
-    from gsvc_ref.main_profile.operations import half_frequencies as half_frequencies
-    from gsvc_ref.main_profile.operations import main_inter as main_inter
-    from gsvc_ref.main_profile.operations import main_intra as main_intra
-    from gsvc_ref.main_profile.operations import mode_contexts as mode_contexts
-    from gsvc_ref.main_profile.operations import model_frequencies as model_frequencies
-    from gsvc_ref.main_profile.operations import motion_of_splats as motion_of_splats
-    from gsvc_ref.main_profile.operations import splat_classes as splat_classes
-    from gsvc_ref.main_profile.operations import state_parameters as state_parameters
-    from gsvc_ref.main_profile.passes import encode_run as encode_run
-    from gsvc_ref.quantization import commitment as commitment
-    from gsvc_ref.quantization import from_half as from_half
-    from gsvc_ref.quantization import lsq_dequantize as lsq_dequantize
-    from gsvc_ref.quantization import lsq_gradients as lsq_gradients
-    from gsvc_ref.quantization import lsq_quantize as lsq_quantize
-    from gsvc_ref.quantization import rvq_assign as rvq_assign
-    from gsvc_ref.quantization import rvq_update as rvq_update
-    from gsvc_ref.quantization import to_half as to_half
-    from gsvc_ref.reconstruction import reconstruct_inter as reconstruct_inter
-    from gsvc_ref.reconstruction import reconstruct_intra as reconstruct_intra
+    from gsvc_ref.main.operations import adapt_model as adapt_model
+    from gsvc_ref.main.operations import density_frequencies as density_frequencies
+    from gsvc_ref.main.operations import half_frequencies as half_frequencies
+    from gsvc_ref.main.operations import main_inter as main_inter
+    from gsvc_ref.main.operations import main_intra as main_intra
+    from gsvc_ref.main.operations import mode_contexts as mode_contexts
+    from gsvc_ref.main.operations import model_frequencies as model_frequencies
+    from gsvc_ref.main.operations import motion_of_splats as motion_of_splats
+    from gsvc_ref.main.operations import splat_classes as splat_classes
+    from gsvc_ref.main.operations import state_parameters as state_parameters
+    from gsvc_ref.main.passes import encode_run as encode_run
+    from gsvc_ref.paper import commitment as commitment
+    from gsvc_ref.paper import from_half as from_half
+    from gsvc_ref.paper import lsq_dequantize as lsq_dequantize
+    from gsvc_ref.paper import lsq_gradients as lsq_gradients
+    from gsvc_ref.paper import lsq_quantize as lsq_quantize
+    from gsvc_ref.paper import reconstruct_inter as reconstruct_inter
+    from gsvc_ref.paper import reconstruct_intra as reconstruct_intra
+    from gsvc_ref.paper import rvq_assign as rvq_assign
+    from gsvc_ref.paper import rvq_update as rvq_update
+    from gsvc_ref.paper import to_half as to_half
     from gsvc_ref.rendering import exact_gradients_with_bound as exact_gradients_with_bound
     from gsvc_ref.rendering import loss as loss
     from gsvc_ref.rendering import render as render
@@ -107,9 +107,9 @@ _HOMES: Final = {
     "Splats": "gsvc_ref.splats",
     "UsageError": "gsvc_ref.errors",
     "adan_step": "gsvc_ref.training.operations",
-    "adapt_model": "gsvc_ref.main_profile.operations",
+    "adapt_model": "gsvc_ref.main.operations",
     "augment": "gsvc_ref.training.augmentation",
-    "commitment": "gsvc_ref.quantization",
+    "commitment": "gsvc_ref.paper",
     "compact": "gsvc_ref.training.pruning",
     "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
@@ -118,24 +118,24 @@ _HOMES: Final = {
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
     "decode_stream_deterministic": "gsvc_ref.stream",
-    "density_frequencies": "gsvc_ref.main_profile.operations",
+    "density_frequencies": "gsvc_ref.main.operations",
     "encode": "gsvc_ref.encoder",
     "encode_plane": "gsvc_ref.bitstream.rans",
-    "encode_run": "gsvc_ref.main_profile.passes",
+    "encode_run": "gsvc_ref.main.passes",
     "exact_gradients_with_bound": "gsvc_ref.rendering",
     "frame_to_planes": "gsvc_ref.video.color",
-    "from_half": "gsvc_ref.quantization",
-    "half_frequencies": "gsvc_ref.main_profile.operations",
+    "from_half": "gsvc_ref.paper",
+    "half_frequencies": "gsvc_ref.main.operations",
     "learning_rates": "gsvc_ref.training.operations",
     "loss": "gsvc_ref.rendering",
-    "lsq_dequantize": "gsvc_ref.quantization",
-    "lsq_gradients": "gsvc_ref.quantization",
-    "lsq_quantize": "gsvc_ref.quantization",
-    "main_inter": "gsvc_ref.main_profile.operations",
-    "main_intra": "gsvc_ref.main_profile.operations",
-    "mode_contexts": "gsvc_ref.main_profile.operations",
-    "model_frequencies": "gsvc_ref.main_profile.operations",
-    "motion_of_splats": "gsvc_ref.main_profile.operations",
+    "lsq_dequantize": "gsvc_ref.paper",
+    "lsq_gradients": "gsvc_ref.paper",
+    "lsq_quantize": "gsvc_ref.paper",
+    "main_inter": "gsvc_ref.main.operations",
+    "main_intra": "gsvc_ref.main.operations",
+    "mode_contexts": "gsvc_ref.main.operations",
+    "model_frequencies": "gsvc_ref.main.operations",
+    "motion_of_splats": "gsvc_ref.main.operations",
     "open": "gsvc_ref.stream",
     "parameter_checksum": "gsvc_ref.bitstream.crc",
     "planes_to_frame": "gsvc_ref.video.color",
@@ -143,8 +143,8 @@ _HOMES: Final = {
     "pruning_plan": "gsvc_ref.training.pruning",
     "read_main_stream": "gsvc_ref.stream",
     "read_stream": "gsvc_ref.stream",
-    "reconstruct_inter": "gsvc_ref.reconstruction",
-    "reconstruct_intra": "gsvc_ref.reconstruction",
+    "reconstruct_inter": "gsvc_ref.paper",
+    "reconstruct_intra": "gsvc_ref.paper",
     "reconstruct_layers": "gsvc_ref.stream",
     "reconstruct_stream": "gsvc_ref.stream",
     "render": "gsvc_ref.rendering",
@@ -154,16 +154,16 @@ _HOMES: Final = {
     "render_sum": "gsvc_ref.rendering",
     "render_sum_deterministic": "gsvc_ref.rendering",
     "rendering_work": "gsvc_ref.rendering",
-    "rvq_assign": "gsvc_ref.quantization",
-    "rvq_update": "gsvc_ref.quantization",
+    "rvq_assign": "gsvc_ref.paper",
+    "rvq_update": "gsvc_ref.paper",
     "scale_parameters": "gsvc_ref.splats",
     "seek": "gsvc_ref.stream",
     "select_key_frames": "gsvc_ref.encoder.key_frames",
-    "splat_classes": "gsvc_ref.main_profile.operations",
-    "state_parameters": "gsvc_ref.main_profile.operations",
+    "splat_classes": "gsvc_ref.main.operations",
+    "state_parameters": "gsvc_ref.main.operations",
     "to_frame": "gsvc_ref.rendering",
     "to_frame_deterministic": "gsvc_ref.rendering",
-    "to_half": "gsvc_ref.quantization",
+    "to_half": "gsvc_ref.paper",
     "weighted_gradients": "gsvc_ref.training.weighting",
     "weighted_parameters": "gsvc_ref.training.weighting",
     "write": "gsvc_ref.encoder",

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = {"gsvc_ref": ROOT, "gsvc_lab": ROOT, "gsvc_conformance": ROOT / "conformance"}
 """The folder that each package lies in."""
 ROOMS = (
-    "cli", "encoder", "stream", "training", "bitstream", "reconstruction", "quantization",
+    "cli", "encoder", "stream", "training", "bitstream", "paper",
 )  # fmt: skip
 """The codec's way from a command to a number, from the top down."""
 

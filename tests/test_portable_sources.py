@@ -55,22 +55,20 @@ FOR_PEOPLE = ("scenes/gallery.py", "scenes/gallery_pictures.py", "encoder/report
 GENERATORS = {
     "encoder/pretraining.py", "encoder/frame.py", "encoder/quantizer_choice.py", "training/frame_quantizer.py",
     "encoder/prediction.py", "encoder/splat_coder.py", "training/block_quantizer.py", "encoder/rate.py",
-    "training/fitting.py", "encoder/main_frame.py", "main_encoder/intra.py", "main_encoder/splat_number.py",
+    "training/fitting.py", "encoder/main/frame.py", "encoder/main/intra.py", "encoder/main/splat_number.py",
 }  # fmt: skip
 """Who may name `numpy.random`: they make or hand on a `Generator`, of which only `random` is called."""
 
 PARTS = (
     "bitstream",
     "encoder",
-    "main_encoder",
-    "main_profile",
-    "quantization",
-    "reconstruction",
+    "main",
+    "paper",
     "rendering",
     "stream",
     "training",
 )
-DRAWING = ("encoder/", "main_encoder/", "training/", "quantization/")
+DRAWING = ("encoder/", "training/", "paper/")
 """Where a name that ends in ``rng`` is a `Generator`."""
 
 SOURCES = sorted(

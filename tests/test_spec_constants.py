@@ -13,7 +13,7 @@ import pytest
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
-from gsvc_ref.main_profile import models, passes, state, tables
+from gsvc_ref.main import models, passes, state, tables
 from gsvc_ref.rendering.bounds import EPS, ETA
 
 ROOT = Path(__file__).parents[1]
@@ -44,15 +44,15 @@ RENAMED = {
 """Constants of profile `main` that have another name in gsvc_ref, beside those of the table."""
 
 HOMONYMS = {
-    "K1": ["gsvc_ref.main_profile.state"],
-    "K2": ["gsvc_ref.main_profile.state"],
-    "K3": ["gsvc_ref.main_profile.state"],
-    "ONE": ["gsvc_ref.main_profile.passes"],
+    "K1": ["gsvc_ref.main.state"],
+    "K2": ["gsvc_ref.main.state"],
+    "K3": ["gsvc_ref.main.state"],
+    "ONE": ["gsvc_ref.main.passes"],
     "HALF": ["gsvc_ref.training.coordinates"],
-    "REACH": ["gsvc_ref.main_encoder.candidates"],
-    "S_MOST": ["gsvc_ref.main_encoder.new_splats"],
-    "ALPHAS": ["gsvc_ref.main_encoder.density_choice"],
-    "GROUPS": ["gsvc_ref.main_encoder.differences"],
+    "REACH": ["gsvc_ref.encoder.main.candidates"],
+    "S_MOST": ["gsvc_ref.encoder.main.new_splats"],
+    "ALPHAS": ["gsvc_ref.encoder.main.density_choice"],
+    "GROUPS": ["gsvc_ref.encoder.main.differences"],
 }
 """Modules that have another constant of the name of one of Annex A, or its value in a form for kernels."""
 

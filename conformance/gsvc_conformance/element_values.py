@@ -10,7 +10,7 @@ from gsvc_conformance.profiles import stated_profile
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream.coder import Element
-    from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+    from gsvc_ref.paper import FrameCodes, SplatBlock
 
 Number = int | float
 Values = dict[str, tuple[int, set[Number]]]
@@ -27,7 +27,7 @@ OF_BODIES: Final = ("splat_count", "new_splat_count", "lane_state", "word")
 def values(stream: bytes) -> Values:
     """The values of every element of a stream, up to its fault if it has one."""
     from gsvc_ref.errors import GsvcError
-    from gsvc_ref.reconstruction import FrameCodes
+    from gsvc_ref.paper import FrameCodes
     from gsvc_ref.stream import StreamReader
 
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))

@@ -11,7 +11,7 @@ from gsvc_lab.accuracy.measure import Errors
 from gsvc_ref.arrays import F4, F8
 from gsvc_ref.encoder.quantizer_choice import frame_bytes
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
-from gsvc_ref.reconstruction import FrameCodes, State
+from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import (

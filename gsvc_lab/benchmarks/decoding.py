@@ -27,8 +27,8 @@ STAGES: Final = {
     "entropy": (
         "gsvc_ref.bitstream.planes.decode_kernel",
         "gsvc_ref.bitstream.bit_reader.decode_golombs",
-        "gsvc_ref.main_profile.frames.read_predicted",
-        "gsvc_ref.main_profile.frames.read_intra",
+        "gsvc_ref.main.frames.read_predicted",
+        "gsvc_ref.main.frames.read_intra",
     ),
     "reconstruct": ("gsvc_ref.stream.profiles.reconstruct",),
     "work": ("gsvc_ref.stream.chunk_decoder.rendering_work",),

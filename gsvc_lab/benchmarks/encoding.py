@@ -29,8 +29,8 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.files import write_text
+from gsvc_ref.paper import FrameType
 from gsvc_ref.processes import processors
-from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import (

@@ -10,8 +10,8 @@ from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.constants import SMALLEST_NORMAL
-from gsvc_ref.quantization.half import EXPONENT_MASK
-from gsvc_ref.reconstruction import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
+from gsvc_ref.paper import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
+from gsvc_ref.paper.half import EXPONENT_MASK
 
 NO_BLOCK: Final = SplatBlock()
 NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))

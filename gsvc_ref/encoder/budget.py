@@ -17,12 +17,12 @@ from gsvc_ref.encoder.curves import USUAL
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.groups import GroupCoder
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.main_profile.tables import QUANTIZERS
+from gsvc_ref.main.tables import QUANTIZERS
+from gsvc_ref.paper import FrameType
 from gsvc_ref.portable import log2, power, total
-from gsvc_ref.reconstruction import FrameType
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import AnyState, profile_of
 from gsvc_ref.video import VideoFormat

@@ -16,8 +16,8 @@ from typing import Any, Final, Self
 import numpy as np
 
 from gsvc_ref.arrays import F8
+from gsvc_ref.paper import FrameType
 from gsvc_ref.portable import log2, power, total
-from gsvc_ref.reconstruction import FrameType
 
 
 @dataclass(frozen=True)

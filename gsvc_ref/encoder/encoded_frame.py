@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from gsvc_ref.encoder.log import Decision
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.frames import MainState
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
 
 OnStage = Callable[[str, int, int, float | None], None]

@@ -28,7 +28,7 @@ from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import AnyState

@@ -34,7 +34,7 @@ from gsvc_ref.encoder.rate import hold_quality, visibility
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.metrics import psnr
-from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
+from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.splats import F4
 from gsvc_ref.training import (

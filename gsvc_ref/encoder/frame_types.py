@@ -21,7 +21,7 @@ from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 from gsvc_ref.splats import F4
 from gsvc_ref.training.reduction import reduced
 

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from gsvc_ref.arrays import F4, I8
 from gsvc_ref.constants import SMALLEST_NORMAL
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.half import LARGEST_HALF
-from gsvc_ref.quantization.lsq_parameters import SCALE_FLOOR
+from gsvc_ref.paper.half import LARGEST_HALF
+from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 Degenerate = Literal["refuse", "turn", "remove"]

@@ -26,7 +26,7 @@ from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import FrameCoder
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.resume import GroupInWork
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 
 RUN_S: Final = 0.5
 """Seconds that a run is meant to take, by the pace of the run before it in its group; the first run has one frame.

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from gsvc_ref.encoder.effects import EFFECT_NAMES, EffectName, Effects
 from gsvc_ref.errors import UsageError
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 
 SIGNATURE: Final = b"LOG\x01"
 """The first bytes of a log, since applications may give the chunk type another meaning; the last one is the version."""

@@ -11,7 +11,7 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import ErrorKind, GsvcError
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 
 
 @dataclass(frozen=True)

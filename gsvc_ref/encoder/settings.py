@@ -14,10 +14,10 @@ from gsvc_ref.bitstream.header import MOST_LAYERS
 from gsvc_ref.checks import check_range, check_types
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.frame_settings import ELEMENTS, DetectionSettings, FrameSettings
+from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
-from gsvc_ref.main_profile.tables import QUANTIZERS
-from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.main.tables import QUANTIZERS
+from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training import (

@@ -24,8 +24,8 @@ from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
+from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.portable import log2
-from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer, rendering_work
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 
 
 def thinned(codes: FrameCodes, kept: NDArray[np.bool_]) -> FrameCodes:

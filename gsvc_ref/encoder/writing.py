@@ -16,7 +16,7 @@ from gsvc_ref.encoder.source_and_target import Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
 from gsvc_ref.errors import UsageError
 from gsvc_ref.interrupts import Interrupts
-from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.training import BlockSettings, FitSettings
 from gsvc_ref.video import VideoFormat

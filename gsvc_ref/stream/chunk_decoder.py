@@ -14,9 +14,9 @@ from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, Seque
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.bitstream.times import TIMES, read_times, times
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.main_profile.frames import Body, MainState
-from gsvc_ref.main_profile.layers import Layers, layer_body, layer_head
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.main.frames import Body, MainState
+from gsvc_ref.main.layers import Layers, layer_body, layer_head
+from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer

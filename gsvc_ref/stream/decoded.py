@@ -7,9 +7,9 @@ from gsvc_ref.arrays import I8
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.times import FrameTimes
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.layers import Layers, joined_origins
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.layers import Layers, joined_origins
+from gsvc_ref.paper import FrameType
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
 

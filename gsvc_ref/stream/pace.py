@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS, PER_SECOND, Level, SequenceHeader
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.paper import FrameType
 
 NOTHING: Final = Level(0, 0, 0, 0)
 """The sums of a second that has no frame yet."""

@@ -12,9 +12,9 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import frame_codes
 from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.frames import MainState, frame_body
-from gsvc_ref.reconstruction import FrameCodes, FrameType, State, reconstruct
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 
 AnyCodes = FrameCodes | MainCodes
 """The codes of a frame of any profile: they have `type`, `intra_count`, `survivor_count` and `origins`."""

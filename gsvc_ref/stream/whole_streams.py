@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from gsvc_ref.checks import door
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.frames import MainState
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.decoder import decode
 from gsvc_ref.stream.reader import StreamReader

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock
 
 OVERVIEW_HEADER = SequenceHeader(
     level=1,

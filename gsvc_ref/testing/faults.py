@@ -15,7 +15,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.profiles import AnyCodes
 

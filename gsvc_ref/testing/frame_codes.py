@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.draws import Draws, Size
-from gsvc_ref.reconstruction import FrameCodes, State
+from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing.choices import Choices
 from gsvc_ref.testing.examples import RICH_HEADER, rich_frames

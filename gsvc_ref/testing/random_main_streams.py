@@ -12,14 +12,14 @@ from gsvc_ref.arrays import I8
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import MAIN, header_elements
 from gsvc_ref.draws import Draws
-from gsvc_ref.main_profile.cells import halving_count
-from gsvc_ref.main_profile.codes import SIDES, MainCodes
-from gsvc_ref.main_profile.densities import ALPHAS, PLANES, SLOPED, Densities, Density
-from gsvc_ref.main_profile.frames import MainState, code_run
-from gsvc_ref.main_profile.layers import Layers
-from gsvc_ref.main_profile.passes import ONE, Distributions, Run
-from gsvc_ref.main_profile.tables import QUANTIZERS
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.main.cells import halving_count
+from gsvc_ref.main.codes import SIDES, MainCodes
+from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
+from gsvc_ref.main.frames import MainState, code_run
+from gsvc_ref.main.layers import Layers
+from gsvc_ref.main.passes import ONE, Distributions, Run
+from gsvc_ref.main.tables import QUANTIZERS
+from gsvc_ref.paper import FrameType
 from gsvc_ref.splats import Splats
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import write_stream

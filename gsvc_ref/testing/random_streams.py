@@ -10,8 +10,7 @@ from gsvc_ref.arrays import U2
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization.half import EXPONENT_MASK
-from gsvc_ref.reconstruction import (
+from gsvc_ref.paper import (
     BlockKind,
     Codebooks,
     FrameCodes,
@@ -22,6 +21,7 @@ from gsvc_ref.reconstruction import (
     State,
     reconstruct,
 )
+from gsvc_ref.paper.half import EXPONENT_MASK
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing.choices import Choices, SeededChoices

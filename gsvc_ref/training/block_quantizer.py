@@ -1,6 +1,6 @@
 """The quantisers of one block, fine-tuned or learned in stages: values to codes, gradients, and learning.
 
-The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.reconstruction`, so what fine-tuning
+The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.paper`, so what fine-tuning
 sees is, bit for bit, what a decoder will have.
 """
 
@@ -12,11 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.arrays import F8
-from gsvc_ref.quantization import LsqParameters, RvqSettings, coarsen_half, lsq, lsq_quantize, rvq, to_half
-from gsvc_ref.quantization.half import FINEST_HALF, LARGEST_HALF
-from gsvc_ref.quantization.lsq_parameters import bounded_scale, from_mse, with_exact_zero
-from gsvc_ref.quantization.rvq_training import RvqState, initialize, moved
-from gsvc_ref.reconstruction import Kept, Quantizer, SplatBlock
+from gsvc_ref.paper import (
+    Kept,
+    LsqParameters,
+    Quantizer,
+    RvqSettings,
+    SplatBlock,
+    coarsen_half,
+    lsq,
+    lsq_quantize,
+    rvq,
+    to_half,
+)
+from gsvc_ref.paper.half import FINEST_HALF, LARGEST_HALF
+from gsvc_ref.paper.lsq_parameters import bounded_scale, from_mse, with_exact_zero
+from gsvc_ref.paper.rvq_training import RvqState, initialize, moved
 from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.effects import Active, shape_error, shape_weights

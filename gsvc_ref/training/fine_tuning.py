@@ -3,7 +3,7 @@
 import math
 from typing import ClassVar
 
-from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
+from gsvc_ref.paper import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT
 from gsvc_ref.training.adan import Adan

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsvc_ref.reconstruction import FrameCodes, State
+from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.descending import descend

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.quantization import rvq
-from gsvc_ref.reconstruction import FrameCodes, State, reconstruct
+from gsvc_ref.paper import FrameCodes, State, reconstruct, rvq
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.gram import Gram, gram, solved_colors, squared_change

@@ -176,7 +176,7 @@ def test_a_process_that_is_killed_is_replaced(clip, tmp_path):
 
 DYING = """
 import os, sys
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main.frame import MainFrameEncoder
 
 def encode(self, frame, kind, number, progress, original=MainFrameEncoder.encode):
     if number == 3:

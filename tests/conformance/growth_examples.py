@@ -23,10 +23,10 @@ from gsvc_ref.bitstream.crc import crc32c, parameter_checksum
 from gsvc_ref.bitstream.frames import splat_block
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
-from gsvc_ref.main_profile.densities import Densities, Density
-from gsvc_ref.main_profile.frames import MainState, frame_body
-from gsvc_ref.reconstruction import Kept, SplatBlock
+from gsvc_ref.main.codes import IntraCodes, MainCodes
+from gsvc_ref.main.densities import Densities, Density
+from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.paper import Kept, SplatBlock
 from gsvc_ref.spec import step_of
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream

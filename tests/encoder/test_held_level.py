@@ -10,8 +10,8 @@ from codec_cases import encoded
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.held_level import FINEST, JUMP, RECOVERED, HeldLevel
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
-from gsvc_ref.encoder.main_layers import LayeredFrameEncoder
+from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
 from gsvc_ref.stream import Stream
 
 FALL = 1.5

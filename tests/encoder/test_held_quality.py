@@ -25,7 +25,7 @@ from gsvc_ref.encoder.held_quality import (
 )
 from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.metrics import psnr
-from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock, State, reconstruct
+from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock, State, reconstruct
 from gsvc_ref.stream import decode
 from gsvc_ref.training import FitSettings
 

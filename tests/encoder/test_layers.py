@@ -12,7 +12,7 @@ from gsvc_ref.cli import main
 from gsvc_ref.encoder import EncodeReport, IncompleteEncodeError, Settings
 from gsvc_ref.encoder.log import read_log
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import Stream, StreamWriter
 from gsvc_ref.stream.decoded import DecodedLayer

@@ -23,7 +23,7 @@ from gsvc_ref.encoder.groups import encode_run
 from gsvc_ref.encoder.kept_group import OURS, KeptGroup
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.files import complete_file
-from gsvc_ref.main_profile.codes import MainCodes
+from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter, decode
 
 SMALL = video_format(24, 16)

@@ -14,7 +14,7 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.encoder import Settings, encode, encoder, encoding
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.metrics import psnr
-from gsvc_ref.reconstruction import reconstruct
+from gsvc_ref.paper import reconstruct
 from gsvc_ref.stream import Stream, StreamWriter, decode
 
 IN_ANOTHER_PROCESS = """

@@ -8,8 +8,8 @@ import pytest
 from codec_cases import encoded, fast, paper_quick, waves
 
 from gsvc_ref.encoder import Effects, Settings, encode
+from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
 from gsvc_ref.training import Cosine, FitSettings, Rates
 
 

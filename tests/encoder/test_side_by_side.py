@@ -17,7 +17,7 @@ from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, 
 
 from gsvc_ref.encoder import IncompleteEncodeError, encode, groups, side_by_side
 from gsvc_ref.encoder.frame import FrameEncoder
-from gsvc_ref.encoder.main_frame import MainFrameEncoder
+from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import INSISTING_S
 from gsvc_ref.processes import DeadProcessError

@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.quantization import LsqParameters, RvqSettings, RvqState, rvq_training
-from gsvc_ref.reconstruction import Kept
+from gsvc_ref.paper import Kept, LsqParameters, RvqSettings, RvqState, rvq_training
 from gsvc_ref.training import Adan, BlockSettings
 from gsvc_ref.training.block_quantizer import BlockQuantizer, Learned
 

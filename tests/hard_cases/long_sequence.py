@@ -15,9 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.quantization import LsqParameters, lsq_quantize, rvq, to_half
-from gsvc_ref.quantization.lsq_parameters import with_exact_zero
-from gsvc_ref.reconstruction import Codebooks, FrameCodes, Quantizer, SplatBlock, State, reconstruct
+from gsvc_ref.paper import (
+    Codebooks,
+    FrameCodes,
+    LsqParameters,
+    Quantizer,
+    SplatBlock,
+    State,
+    lsq_quantize,
+    reconstruct,
+    rvq,
+    to_half,
+)
+from gsvc_ref.paper.lsq_parameters import with_exact_zero
 from gsvc_ref.stream import StreamReader, StreamWriter
 
 F4 = NDArray[np.float32]

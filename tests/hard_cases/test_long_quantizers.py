@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsvc_ref.quantization.lsq_parameters import SCALE_FLOOR
+from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
 from tests.hard_cases.long_quantizers import DOWN, RATE, averages, scales
 
 

@@ -11,10 +11,10 @@ from gsvc_ref.bitstream import LEVELS, SequenceHeader, crc32c
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.header import MAIN, sequence_header
-from gsvc_ref.main_profile.cells import halving_count
-from gsvc_ref.main_profile.codes import SIDES, IntraCodes, MainCodes
-from gsvc_ref.main_profile.densities import Densities, Density
-from gsvc_ref.main_profile.motion import field_shape
+from gsvc_ref.main.cells import halving_count
+from gsvc_ref.main.codes import SIDES, IntraCodes, MainCodes
+from gsvc_ref.main.densities import Densities, Density
+from gsvc_ref.main.motion import field_shape
 from gsvc_ref.testing import write_stream
 
 PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 81 00")

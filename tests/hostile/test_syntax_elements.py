@@ -21,7 +21,7 @@ from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
 from gsvc_ref.draws import Draws
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, split_chunks, write_stream
 
 ACCEPTED: Final = ""

@@ -109,7 +109,7 @@ def decoding(precision: str, *, main: bool = False) -> str:
 
 def encoding_of_main() -> str:
     """An encode of profile `main` with few evaluations."""
-    from gsvc_ref.main_encoder.settings import InterSettings, IntraSettings
+    from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 
     intra = IntraSettings(grow=4, weigh=3, settle=1)
     inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=3, rounded_iterations=2)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import gsvc_ref
 from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE, VERSION_MAJOR
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.paper import State, reconstruct
 from gsvc_ref.stream import StreamReader, concat
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.copying import CopiedStream, Opening, _Index, sound_chunks

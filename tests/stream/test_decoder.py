@@ -11,7 +11,7 @@ from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_ref.encoder import encode
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.rendering import render, rendering_work, to_frame
 from gsvc_ref.splats import scale_parameters
 from gsvc_ref.stream import Gap, Stream, decode, decoder, scaled_size

@@ -15,7 +15,7 @@ from gsvc_ref import spec
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.seeking import WINDOW, find_frame

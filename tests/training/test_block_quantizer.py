@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import RvqSettings, lsq_gradients, rvq
-from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
+from gsvc_ref.paper import FrameCodes, Kept, RvqSettings, State, lsq_gradients, reconstruct, rvq
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import BlockSettings
 from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
-from gsvc_ref.quantization import RvqSettings
+from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.training.block_quantizer import enough_codewords

@@ -8,7 +8,7 @@ from codec_cases import adan_fast, encoded, flat, paper_quick, waves
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.quantizer_choice import frame_bytes, with_best_quantizer
-from gsvc_ref.reconstruction import FrameCodes, Kept, State, reconstruct
+from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.stream import Stream

@@ -8,8 +8,7 @@ from codec_cases import faint_splats
 
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.errors import UsageError
-from gsvc_ref.quantization import rvq
-from gsvc_ref.reconstruction import State, reconstruct
+from gsvc_ref.paper import State, reconstruct, rvq
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, RoundingSettings, round_in_stages

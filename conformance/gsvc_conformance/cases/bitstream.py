@@ -29,7 +29,7 @@ from gsvc_conformance.cases.building import (
     stream_of,
 )
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import RICH_HEADER, rich_frames, write_stream
 
 STREAM: Final = ("read_stream", "reconstruct_stream")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_conformance.case import Inputs, Tier, case
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.reconstruction import Codebooks, FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.paper import Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, join_chunks, overview_frames, split_chunks, write_stream
 
 Array = NDArray[Any]

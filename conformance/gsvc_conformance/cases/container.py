@@ -18,7 +18,7 @@ from gsvc_conformance.cases.building import (
 )
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE, index_steps
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 STREAM: Final = ("read_stream", "reconstruct_stream")

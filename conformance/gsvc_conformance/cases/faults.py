@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from gsvc_conformance.cases.building import HEADER, Chunks, intra_block, operated, predicted, quantizer_of
 from gsvc_ref.bitstream.coder import Element, encode_uv
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
 

@@ -17,7 +17,7 @@ from gsvc_conformance.cases.faults import (
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, split_chunks, write_stream
 
 OUT_OF_RANGE: Final = {

@@ -11,7 +11,7 @@ from gsvc_conformance.cases.building import predicted, quantizer_of
 from gsvc_conformance.cases.container import equal_splats
 from gsvc_conformance.cases.faults import Broken, each_of, flat, overview
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, write_stream
 
 

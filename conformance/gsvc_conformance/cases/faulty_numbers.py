@@ -10,7 +10,7 @@ from gsvc_conformance.cases.building import BOOKS, HEADER, intra_block
 from gsvc_conformance.cases.faults import Broken, colored, each_of, overview, rich, value_of
 from gsvc_ref.bitstream import crc32c
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import Lie, write_stream
 
 FIRST_OFFSET: Final = 52

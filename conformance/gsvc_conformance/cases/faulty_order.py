@@ -18,7 +18,7 @@ from gsvc_conformance.cases.faults import (
     with_payload,
 )
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import RICH_HEADER, Lie, rich_frames, write_stream
 
 Make = Callable[[], bytes]

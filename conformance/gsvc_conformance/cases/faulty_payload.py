@@ -9,7 +9,7 @@ import numpy as np
 from gsvc_conformance.cases.building import quantizer_of
 from gsvc_conformance.cases.faults import Broken, colored, each_of, overview, rich, room_behind, with_table
 from gsvc_ref.bitstream.golomb import golomb_bits
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
 
 CODED: Final = "cholesky_code[l11]"

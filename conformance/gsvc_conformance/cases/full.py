@@ -7,7 +7,7 @@ from gsvc_conformance.cases.building import on, operated, predicted, result, str
 from gsvc_conformance.cases.container import UUID, equal_splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.draws import Draws
-from gsvc_ref.reconstruction import FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.splats import F4
 from gsvc_ref.testing import write_stream
 

@@ -11,7 +11,7 @@ from gsvc_conformance.cases.container import equal_splats
 from gsvc_conformance.cases.gradients import noise
 from gsvc_conformance.cases.splat_sets import population
 from gsvc_ref.draws import Draws
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 
 FLAGS: Final = ("large-frame", "tile-edge")
 

@@ -22,7 +22,7 @@ from gsvc_conformance.cases.building import (
 from gsvc_conformance.cases.container import equal_splats
 from gsvc_conformance.cases.faults import value_of
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 
 STREAM: Final = ("read_stream", "reconstruct_stream")
 FRAMES: Final = ("decode_stream", "decode_stream_deterministic")

@@ -13,8 +13,8 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.draws import Draws
-from gsvc_ref.main_profile.codes import MainCodes
-from gsvc_ref.main_profile.frames import MainState, frame_body
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
 Edit = Callable[[bytes], bytes]

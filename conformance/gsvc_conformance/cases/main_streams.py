@@ -11,11 +11,11 @@ from gsvc_conformance.cases.building import frames_of, on, result
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.draws import Draws
-from gsvc_ref.main_profile.cells import halving_count
-from gsvc_ref.main_profile.codes import IntraCodes, MainCodes
-from gsvc_ref.main_profile.densities import PLANES, Densities, Density
-from gsvc_ref.main_profile.frames import MainState, code_run
-from gsvc_ref.reconstruction import FrameType
+from gsvc_ref.main.cells import halving_count
+from gsvc_ref.main.codes import IntraCodes, MainCodes
+from gsvc_ref.main.densities import PLANES, Densities, Density
+from gsvc_ref.main.frames import MainState, code_run
+from gsvc_ref.paper import FrameType
 from gsvc_ref.testing import write_stream
 from gsvc_ref.testing.random_main_streams import Kind, RandomRun
 

@@ -13,7 +13,7 @@ from gsvc_conformance.cases.faults import CRC_SIZE, Broken
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.header import PER_SECOND
-from gsvc_ref.reconstruction import FrameCodes, SplatBlock
+from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.testing import Lie, write_stream
 
 STREAM: Final = ("read_stream", "reconstruct_stream")

@@ -22,7 +22,7 @@ from gsvc_conformance.cases.container import INDICES_IN_WORDS, entries_of, indic
 from gsvc_conformance.cases.faults import end_of
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.reconstruction import FrameCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing import Lie, join_chunks, split_chunks, write_stream
 

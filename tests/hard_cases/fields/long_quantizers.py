@@ -6,7 +6,7 @@ import numpy as np
 from mpmath import mpf
 from numpy.typing import NDArray
 
-from gsvc_ref.quantization.lsq_parameters import SCALE_FLOOR
+from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
 from tests.hard_cases.catalogue import Entry, LongRun
 from tests.hard_cases.long_quantizers import (
     CHOSEN,

@@ -13,7 +13,7 @@ from .layout import elements
 from .seeded import execute
 
 PACKAGE: Final = Path(gsvc_ref.__file__).parent
-LOOKED_AT: Final = tuple(str(PACKAGE / name) for name in ("bitstream", "main_profile", "reconstruction", "video"))
+LOOKED_AT: Final = tuple(str(PACKAGE / name) for name in ("bitstream", "main", "paper", "video"))
 LONGEST: Final = 1200
 """Bytes of an input that is worth keeping."""
 

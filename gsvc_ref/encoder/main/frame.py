@@ -1,0 +1,428 @@
+"""One frame at a time in profile `main`, each against the reconstruction of the one before (closed loop).
+
+What is asked for decides N and D, the splats and the step of a frame:
+
+- Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
+- With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
+- With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
+  that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
+
+In the first two P-frames have the D of their I-frame; without a quality it becomes finer where P-frames sink
+(`held_level`).
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_ref.arrays import F4, Frame
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.header import MAIN
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
+from gsvc_ref.encoder.held_level import HeldLevel
+from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
+from gsvc_ref.encoder.log import OFF, FrameLog, percent
+from gsvc_ref.encoder.main.density_choice import choose_densities
+from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
+from gsvc_ref.encoder.main.intra import encode_intra
+from gsvc_ref.encoder.main.splat_number import splats_for
+from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.rate import visibility
+from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.encoder.watched import watched_objectives
+from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
+from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.tables import QUANTIZERS, step_of
+from gsvc_ref.metrics import psnr
+from gsvc_ref.paper import FrameType
+from gsvc_ref.rendering import Renderer
+from gsvc_ref.splats import Splats
+from gsvc_ref.training import psnr_of_loss
+from gsvc_ref.training.motion import estimated_motion
+
+DB_PER_STEP: Final = 0.4
+"""Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
+
+P_TRIES: Final = 8
+"""Constant quality: the most values of D that are tried for a P-frame."""
+
+BEHIND: Final = 1.0
+"""A P-frame with so many dB less than its I-frame is worked on again where the source stays the same..."""
+
+PASS_GAIN: Final = 0.3
+"""...as long as each pass gains so many dB."""
+
+MOST_PSNR: Final = 200.0
+"""Stands for that of a frame equal to its source, in dB; no other frame has so much."""
+
+D_TRIES: Final = 3
+"""Constant quality: the most values of D that are tried for an I-frame after the numbers of splats."""
+
+
+@dataclass(frozen=True)
+class _Coded:
+    """A frame in codes.
+
+    Attributes
+    ----------
+    codes, state
+        The codes, and the decoder's state behind them.
+    psnr
+        Of the decoded frame, in dB, at most MOST_PSNR.
+    inter
+        The encoder of P-frames after this one.
+    bits
+        Those of the frame's body.
+    """
+
+    codes: MainCodes
+    state: MainState
+    psnr: float
+    inter: InterEncoder
+    bits: int
+
+
+class MainFrameEncoder:
+    """Encodes frames in order.
+
+    Parameters
+    ----------
+    settings
+        All settings.
+    width, height, bit_depth
+        The size of the frames in pixels, and the bits of a sample.
+    holds_level
+        Whether D may become finer where P-frames sink, at constant rate.
+
+    Attributes
+    ----------
+    settings
+        The settings given.
+    state
+        The decoder's state after the frames so far.
+    total, most, room
+        The number of splats that an I-frame begins its search with, the largest that it may be given, and the largest
+        that a frame may be counted with.
+    quantizer
+        That of the next P-frame, or the first that is tried for it.
+    intra_bits
+        Constant quality: bits of the last I-frame. A P-frame that misses the goal with more is given up.
+    before
+        The source of the frame before, (H, W, 3) f4.
+    is_catching_up
+        Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
+        is worth it if the source stays the same.
+    level, last
+        PSNR of the last I-frame and of the last frame, in dB.
+    holds_level
+        Whether it does so.
+    below
+        Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
+    above
+        Of a layer: the splats of those above in the frame before. A P-frame is fitted to the picture with them all,
+        moved by the optical flow, so that what they stand on goes where they will go.
+    """
+
+    def __init__(
+        self, settings: Settings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
+    ) -> None:
+        self.settings, self.bit_depth = settings, bit_depth
+        self.state = MainState.initial(width, height)
+        self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
+        self.room = settings.counted_splats(width, height)
+        self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+        self.inter = _inter_encoder(settings)
+        self.quantizer, self.intra_bits = 0, 0
+        self.before: F4 | None = None
+        self.is_catching_up, self.level, self.last = False, 0.0, 0.0
+        self.below, self.above = Splats.empty(), Splats.empty()
+        self.holds_level = holds_level and settings.psnr is None and settings.quality is None
+        self._held_level = HeldLevel(settings.main_inter.fall, 0)
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that the profile has."""
+        return {"profile": MAIN, "lane_count": self.settings.lane_count}
+
+    @property
+    def decides_first(self) -> bool:
+        """Whether the first frame decides on the number of splats from which each I-frame begins its search."""
+        settings = self.settings
+        return settings.psnr is not None or (settings.quality is not None and settings.splats is None)
+
+    def decided(self) -> tuple[int, ...]:
+        """The number of splats from which each I-frame begins its search."""
+        return (self.total,)
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take what the first frame of the stream has decided, as `decided` said it."""
+        (total,) = decided
+        self.total = min(max(1, total), self.most)
+
+    def for_group(self) -> "MainFrameEncoder":
+        """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
+        state = self.state
+        other = type(self)(self.settings, state.width, state.height, self.bit_depth, holds_level=self.holds_level)
+        other.total, other.most, other.room = self.total, self.most, self.room
+        return other
+
+    def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
+        work = _FrameWork(self, frame, number, progress)
+        is_equal = frame_type == "R"
+        is_again = is_equal and self.is_catching_up
+        if is_again:
+            frame_type = "P"
+        result = {"I": work.intra, "P": work.predicted, "R": work.repeated}[frame_type]()
+        if is_again:
+            result = worked_on_again(result)
+        assert isinstance(result.state, MainState)
+        self.state, self.before = result.state, work.picture
+        self._remember(result, is_equal)
+        return result
+
+    def _remember(self, result: EncodedFrame, is_equal: bool) -> None:
+        """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
+        if result.codes.type == "I":
+            self.level = result.psnr
+            self._held_level = HeldLevel(self.settings.main_inter.fall, self.quantizer)
+        elif result.codes.type == "P" and self.holds_level:
+            self._held_level = self._held_level.after(result.psnr)
+            self.quantizer = self._held_level.following(self.quantizer)
+        gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
+        self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
+        self.last = result.psnr
+
+
+class _FrameWork:
+    """The work on one frame: what its steps share, and the time that each takes."""
+
+    def __init__(self, encoder: MainFrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
+        self.encoder, self.settings, self.frame = encoder, encoder.settings, frame
+        self.number = number
+        self.progress = progress
+        self.peak = (1 << encoder.bit_depth) - 1
+        self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
+        self.seconds: dict[str, float] = {}
+        self.iterations = 0
+        self.log = FrameLog()
+
+    def repeated(self, why: str | None = None) -> EncodedFrame:
+        """An R-frame: nothing changes."""
+        before = self.encoder.state
+        if why is not None:
+            self.log.add("frames", why, done=False)
+        with self._timed("check"):
+            quality = self._quality(before)
+        codes = MainCodes.repeated_frame()
+        return EncodedFrame(codes, before, quality, self.iterations, self.seconds, self.log.decisions)
+
+    def intra(self, reason: str | None = None) -> EncodedFrame:
+        """An I-frame."""
+        encoder, settings = self.encoder, self.settings
+        with self._timed("intra"):
+            if settings.psnr is not None:
+                coded = self._held_intra(settings.psnr)
+            else:
+                quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
+                if quantizer is not None and settings.splats is None:
+                    encoder.total = self._splats_for(quantizer)
+                coded = self._searched(encoder.total, quantizer)
+        if settings.psnr is not None:
+            encoder.total = max(1, len(coded.state.values))
+            encoder.intra_bits = coded.bits
+        self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
+        return self._finished(coded, reason)
+
+    def predicted(self) -> EncodedFrame:
+        """A P-frame, or an I- or R-frame where that is better."""
+        encoder, settings, reference = self.encoder, self.settings, self.encoder.state
+        if len(reference.values) == 0:
+            return self.intra("the frame before has no splats")
+        with self._timed("inter"):
+            coded = (
+                self._inter(encoder.quantizer)
+                if settings.psnr is None
+                else self._coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, {})
+            )
+        if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
+            return self.intra("no room for more splats in the level of the stream")
+        if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.level):
+            return self.intra("a P-frame does not reach the quality")
+        if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
+            return self.repeated("no splat changes, so the frame before is repeated")
+        self._log_inter(coded.codes)
+        return self._finished(coded)
+
+    def _searched(self, splats: int, quantizer: int | None) -> _Coded:
+        """An I-frame of about so many splats."""
+        settings = self.settings
+        rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
+        found = encode_intra(
+            self.picture, splats, rng, quantizer, settings.main_intra, base=self.encoder.below.to_array(),
+            threads=settings.threads, precision=settings.precision,
+            on_evaluation=self._watch(settings.main_intra.evaluations),
+        )  # fmt: skip
+        return self._decoded(found.codes, _inter_encoder(settings))
+
+    def _held_intra(self, goal: float) -> _Coded:
+        """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
+
+        If the result is still too good, its weakest splats go; if that does not do, as with few splats, D becomes
+        coarser.
+        """
+        encoder = self.encoder
+        number, whole = fewest_splats(lambda n: self._searched(n, None), encoder.total, encoder.most, goal)
+        if not whole.psnr - goal > ENOUGH:
+            return whole
+        best = self._thinned(whole, goal)
+        if best.psnr - goal <= ENOUGH:
+            return best
+        steps = max(1, round((whole.psnr - goal) / DB_PER_STEP))
+        first = min(whole.codes.quantizer + steps, QUANTIZERS - 1)
+        tries = {whole.codes.quantizer: whole}
+        return self._thinned(self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, tries), goal)
+
+    def _thinned(self, coded: _Coded, goal: float) -> _Coded:
+        """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
+        new, state = coded.codes.new, coded.state
+        weakest = np.argsort(visibility(state.splats.to_array()), kind="stable")
+
+        def without(count: int) -> _Coded:
+            kept = new.take(np.sort(weakest[count:]))
+            densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
+            return self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
+
+        return most_spared(without, coded, len(weakest), goal)
+
+    def _splats_for(self, quantizer: int) -> int:
+        """The number of splats that goes with a quantiser."""
+        encoder, settings = self.encoder, self.settings
+        watch = self._watch(settings.main_intra.evaluations)
+        rng = np.random.default_rng([settings.seed, self.number])
+        target = Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
+        return splats_for(target, quantizer, rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most)
+
+    def _inter(self, quantizer: int) -> _Coded:
+        """A P-frame with a quantiser."""
+        encoder, settings = self.encoder, self.settings
+        assert encoder.before is not None
+        count = settings.main_inter.iterations + settings.main_inter.rounded_iterations
+        above = encoder.above.to_array()
+        if len(above) and settings.effects.motion != "off":
+            above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
+        beside = np.concatenate([encoder.below.to_array(), above])
+        splats = len(encoder.state.values) + len(beside)
+        objective, sampled = watched_objectives(self.picture, beside, splats, settings, self._watch(count))
+        inter = copy(encoder.inter)
+        frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
+        return self._decoded(inter.encode(frame), inter)
+
+    def _coarsest(
+        self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
+    ) -> _Coded:
+        """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
+        leap = 1
+        for _ in range(tries):
+            if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
+                break
+            coded = tried[quantizer] = make(quantizer)
+            if 0 <= coded.psnr - goal <= ENOUGH:
+                break
+            fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
+            coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
+            steps = round((coded.psnr - goal) / _slope(tried))
+            if fine < 0:  # a finer D gains little until new splats are worth their bits
+                if coded.bits > self.encoder.intra_bits:
+                    break
+                leap *= 2
+                steps = min(steps, -leap)
+            quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
+        reaching = [q for q, found in tried.items() if found.psnr >= goal]
+        return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
+
+    def _decoded(self, codes: MainCodes, inter: InterEncoder) -> _Coded:
+        """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
+        codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
+        before = self.encoder.state
+        body = Writer()
+        state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
+        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter, body.position)
+
+    def _quality(self, state: MainState) -> float:
+        """PSNR of a decoded frame, in dB."""
+        splats = self.encoder.below.append(state.splats)
+        return psnr(self.frame, self.encoder.renderer.frame(splats, self.encoder.bit_depth), self.peak)
+
+    def _finished(self, coded: _Coded, reason: str | None = None) -> EncodedFrame:
+        encoder = self.encoder
+        encoder.inter = coded.inter
+        encoder.quantizer = coded.codes.quantizer
+        quality = math.inf if coded.psnr == MOST_PSNR else coded.psnr
+        return EncodedFrame(
+            coded.codes, coded.state, quality, self.iterations, self.seconds, self.log.decisions, reason
+        )
+
+    def _log_inter(self, codes: MainCodes) -> None:
+        """Log what became of the splats of the frame before."""
+        effects, log = self.settings.effects, self.log
+        same, removed = float((codes.modes == 0).mean()), int((codes.modes == REMOVED).sum())
+        if same:
+            log.add("regions", f"changing {percent(same)} of the splats is not worth its bits", done=False)
+        else:
+            log.add("regions", "every splat changes", done=True)
+        new = codes.intra_count
+        if effects.gsa == "off":
+            log.add("gsa", OFF, done=False)
+        else:
+            reason = f"new splats that are worth their bits: {new:,}" if new else "no new splat is worth its bits"
+            log.add("gsa", reason, done=new > 0)
+        reason = f"splats removed, since they left the frame: {removed:,}" if removed else "no splat has left the frame"
+        log.add("gsp", reason, done=removed > 0)
+        if effects.motion == "off":
+            log.add("motion", OFF, done=False)
+        elif codes.motion_cell:
+            log.add("motion", f"a field in cells of {SIDES[codes.motion_cell]} pixels moves the splats", done=True)
+        else:
+            log.add("motion", "no field is worth its bits", done=False)
+
+    def _watch(self, count: int) -> Callable[[float], None]:
+        """What is called after each of about `count` evaluations."""
+        done = 0
+
+        def evaluated(loss: float) -> None:
+            nonlocal done
+            self.iterations += 1
+            done = done % count + 1
+            self.progress("encode", done, count, psnr_of_loss(loss))
+
+        return evaluated
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+
+def _inter_encoder(settings: Settings) -> InterEncoder:
+    """An encoder of the P-frames behind an I-frame, with the effects that are switched on."""
+    inter, effects = settings.main_inter, settings.effects
+    if effects.motion == "off":
+        inter = replace(inter, cells=())
+    if effects.gsa == "off":
+        inter = replace(inter, new_share=0.0)
+    return InterEncoder(inter)
+
+
+def _slope(tried: dict[int, _Coded]) -> float:
+    """The PSNR that a step of D costs, in dB, by the outermost tries."""
+    low, high = min(tried), max(tried)
+    if low == high:
+        return DB_PER_STEP
+    return max((tried[low].psnr - tried[high].psnr) / (high - low), DB_PER_STEP / 4)

@@ -1,0 +1,140 @@
+"""The codes of a frame of profile `main`, before arithmetic (spec.md section 15)."""
+
+from dataclasses import dataclass, field, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_ref.arrays import I8
+from gsvc_ref.main.densities import Densities
+from gsvc_ref.paper import FrameType
+
+REMOVED: Final = 8
+"""The mode of a splat that is removed."""
+
+SIDES: Final = (0, 64, 32, 16)
+"""Side of a motion cell in pixels, by `motion_cell`; 0: no field."""
+
+
+def _none(*shape: int) -> I8:
+    return np.zeros(shape, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class IntraCodes:
+    """The codes of the splats of an I-frame, or of new ones, in the order of their cells.
+
+    Attributes
+    ----------
+    cells
+        (N, 2), column and row of the cell.
+    colors
+        (N, 3), k0, k1 and k2.
+    shapes
+        (N, 3), the codes of size, aspect and shear.
+    places
+        (N, 2), the place in the cell.
+    """
+
+    cells: I8 = field(default_factory=lambda: _none(0, 2))
+    colors: I8 = field(default_factory=lambda: _none(0, 3))
+    shapes: I8 = field(default_factory=lambda: _none(0, 3))
+    places: I8 = field(default_factory=lambda: _none(0, 2))
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def __eq__(self, other: object) -> bool:
+        """Equality of all codes."""
+        return isinstance(other, IntraCodes) and all(
+            np.array_equal(getattr(self, part.name), getattr(other, part.name)) for part in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def take(self, indices: I8) -> "IntraCodes":
+        """The codes of some splats, in another order."""
+        return IntraCodes(self.cells[indices], self.colors[indices], self.shapes[indices], self.places[indices])
+
+
+@dataclass(frozen=True, eq=False)
+class MainCodes:
+    """The codes of a frame.
+
+    Attributes
+    ----------
+    type
+        ``I``, ``P`` or ``R``; an R-frame has no other code.
+    quantizer
+        0..79, which gives D.
+    lane_exponent
+        The binary logarithm of the number of lanes.
+    densities
+        The frame's own densities; None: those that are kept.
+    new
+        The splats of an I-frame, or the new ones of a P-frame.
+    motion_cell
+        0 no field, else 1, 2, 3: cells of 64, 32 or 16 pixels.
+    vectors
+        (rows, columns, 2), the vectors in quarter pixels.
+    modes
+        (N,), the mode of each splat of the frame before: bits 0 to 2 for differences of position, shape and colour, or
+        `REMOVED`.
+    differences
+        (N, 8), q.
+    """
+
+    type: FrameType = field(kw_only=True)
+    quantizer: int = 0
+    lane_exponent: int = 0
+    densities: Densities | None = None
+    new: IntraCodes = field(default_factory=IntraCodes)
+    motion_cell: int = 0
+    vectors: I8 = field(default_factory=lambda: _none(0, 0, 2))
+    modes: I8 = field(default_factory=lambda: _none(0))
+    differences: I8 = field(default_factory=lambda: _none(0, 8))
+
+    @classmethod
+    def repeated_frame(cls) -> "MainCodes":
+        """An R-frame: the splats of the frame before."""
+        return cls(type="R")
+
+    @property
+    def intra_count(self) -> int:
+        """`splat_count` of an I-frame, `new_splat_count` of a P-frame."""
+        return len(self.new)
+
+    @property
+    def survivor_count(self) -> int:
+        """The number of splats that stay; 0 unless this is a P-frame."""
+        return int(np.count_nonzero(self.modes != REMOVED))
+
+    @property
+    def origins(self) -> I8 | None:
+        """For each splat of a P-frame the index of the one before that it continues, or -1, (N,) i8; else None."""
+        if self.type != "P":
+            return None
+        return np.concatenate([np.flatnonzero(self.modes != REMOVED), np.full(len(self.new), -1)])
+
+    def __eq__(self, other: object) -> bool:
+        """Equality of all codes."""
+        if not isinstance(other, MainCodes):
+            return False
+        pairs = [(getattr(self, part.name), getattr(other, part.name)) for part in fields(self)]
+        return all(np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b for a, b in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))
+"""The groups of differences: name, first component, and the one behind the last; bit i of a mode is that of group i."""
+
+
+def modes_of(differences: I8, removed: I8 | NDArray[np.bool_]) -> I8:
+    """The mode of each splat (N,) from its differences (N, 8) and whether it is removed (N,)."""
+    modes = sum(
+        (differences[:, first:end] != 0).any(axis=1).astype(np.int64) << bit
+        for bit, (_, first, end) in enumerate(GROUPS)
+    )
+    return np.where(removed.astype(bool), REMOVED, modes)

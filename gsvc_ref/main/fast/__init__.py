@@ -1,0 +1,1 @@
+"""The reading kernels of profile `main`: twins of its passes, compiled."""

@@ -1,0 +1,220 @@
+"""The layers of a stream of profile `main` (spec.md section 15.13): further splats for each frame, in chunks `n`.
+
+A layer is predicted from itself alone. So what a decoder carries is a state of each layer, beside that of the base.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, cast
+
+import numpy as np
+
+from gsvc_ref.arrays import I8
+from gsvc_ref.bitstream.coder import Coder
+from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import Body, MainState, frame_body
+from gsvc_ref.paper import FrameType
+from gsvc_ref.splats import Splats
+
+LAYER_TYPES: Final = (*b"IPR",)
+"""The values of `layer_type`."""
+
+
+@dataclass(frozen=True)
+class LayerHead:
+    """The elements of a chunk `n` in front of its body.
+
+    Attributes
+    ----------
+    layer
+        1 to `layer_count` - 1.
+    type
+        ``I``, ``P`` or ``R``; None of a layer that is skipped.
+    checksum
+        `parameter_checksum`, if the stream has some.
+    checksum_bit
+        The offset of that element in bits from the start of the stream.
+    """
+
+    layer: int
+    type: FrameType | None
+    checksum: int | None = None
+    checksum_bit: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """The layers of the frame decoded last, up to the quality that is wanted.
+
+    Attributes
+    ----------
+    quality
+        The highest layer that is wanted, at least 1.
+    base
+        The state of the base behind the frame; None in front of the first frame.
+    there
+        The layers that the frame shows, each with its state behind it.
+    before
+        The states that they are predicted from.
+    last
+        The layer of the last chunk behind the frame, skipped ones included; 0: there was none.
+    lost
+        Layers that damage has taken: their chunks are skipped up to an `I`. For salvage alone.
+    closed
+        Whether chunks behind the frame are skipped, since they may belong to a frame that is lost. For salvage alone.
+    """
+
+    quality: int
+    base: MainState | None = None
+    there: Mapping[int, MainState] = field(default_factory=dict)
+    before: Mapping[int, MainState] = field(default_factory=dict)
+    last: int = 0
+    lost: frozenset[int] = frozenset()
+    closed: bool = False
+
+    def behind(self, frame_type: FrameType, base: MainState) -> "Layers":
+        """The layers directly behind a frame of the base, whose state then is `base` (R-15.13-2)."""
+        before = {} if frame_type == "I" else self.there
+        there = before if frame_type == "R" else {}
+        lost = frozenset[int]() if frame_type == "I" else self.lost
+        return Layers(self.quality, base, there, before, lost=lost)
+
+    def interrupted(self) -> "Layers":
+        """The layers behind a damaged part of the stream: those that the frame had before it stay, the others are lost.
+
+        Which frame a chunk behind the damage belongs to is unknown until there is one.
+        """
+        own = {layer: state for layer, state in self.there.items() if layer <= self.last}
+        lost = frozenset(layer for layer in range(1, self.quality + 1) if layer not in own)
+        return replace(self, there=own, before={}, lost=lost, closed=True)
+
+    def with_layer(self, layer: int, state: MainState) -> "Layers":
+        """With the state of a layer behind its chunk."""
+        there = dict(sorted([*((n, s) for n, s in self.there.items() if n != layer), (layer, state)]))
+        return replace(self, there=there, last=layer, lost=self.lost - {layer})
+
+    @property
+    def takes_chunks(self) -> bool:
+        """Whether a chunk `n` that stands here belongs to a frame."""
+        return self.base is not None and not self.closed
+
+    @property
+    def splats(self) -> Splats:
+        """The splats of the frame: those of the base, and behind them those of the layers in their order."""
+        assert self.base is not None
+        splats = self.base.splats
+        for state in self.there.values():
+            splats = splats.append(state.splats)
+        return splats
+
+    def others(self, layer: int) -> int:
+        """The number of splats of the base and of all layers but one."""
+        assert self.base is not None
+        return len(self.base.values) + sum(len(state.values) for n, state in self.there.items() if n != layer)
+
+    def start_of(self, layer: int, header: SequenceHeader) -> MainState:
+        """The state that a layer is predicted from."""
+        return self.before.get(layer, MainState.initial(header.width, header.height))
+
+
+def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHead | None = None) -> LayerHead:
+    """The elements of layer() in front of its body (R-15.13-1, R-15.13-2).
+
+    Parameters
+    ----------
+    s
+        The bits.
+    header
+        The sequence header.
+    layers
+        The layers behind the chunk before.
+    given
+        What a Writer writes.
+    """
+    told = given or LayerHead(0, "I")
+    with s.part("frame_header"):
+        layer = s.le("layer", 1, told.layer)
+        if not layers.last < layer < header.layer_count:
+            s.fail(
+                "R-15.13-1",
+                f"`layer` is {layer}; it must be {layers.last + 1} to {header.layer_count - 1} here",
+            )
+        if layer > layers.quality:
+            return LayerHead(layer, None)
+        code = s.le("layer_type", 1, ord(told.type or "R"))
+        if code not in LAYER_TYPES:
+            s.fail("R-3.2-1", f"`layer_type` is {code}; it must be one of I, P and R in ASCII")
+        layer_type = cast(FrameType, chr(code))
+        if layer_type != "I" and layer not in layers.before:
+            if layer in layers.lost:
+                return LayerHead(layer, None)
+            s.fail("R-15.13-2", f"layer {layer} goes on with {layer_type}, and it is not there: it must begin with I")
+    if not header.parameter_checksum_flag:
+        return LayerHead(layer, layer_type)
+    with s.part("checksums"):
+        checksum = s.le("parameter_checksum", 4, told.checksum or 0)
+    return LayerHead(layer, layer_type, checksum, s.element_bit)
+
+
+def layer_body(
+    s: Coder, header: SequenceHeader, layers: Layers, layer: int, layer_type: FrameType, given: MainCodes | None = None
+) -> Body:
+    """The body of a layer; one that is repeated has none.
+
+    Parameters
+    ----------
+    s, header, layers
+        As in `layer_head`.
+    layer, layer_type
+        Of its head.
+    given
+        The codes that a Writer writes.
+    """
+    before = layers.start_of(layer, header)
+    if layer_type == "R":
+        return Body(MainCodes.repeated_frame(), before, {})
+    room = header.limits.splats - layers.others(layer)  # R-15.13-3
+    return frame_body(s, layer_type, before, header.lane_count, room, given)
+
+
+def joined_origins(
+    base: MainCodes, chunks: Mapping[int, MainCodes], layers: Layers, before: Layers | None
+) -> I8 | None:
+    """For each splat of a frame with layers the index of the one before that it continues, or -1.
+
+    Parameters
+    ----------
+    base
+        The codes of the frame.
+    chunks
+        Those of the layers that have a chunk behind it.
+    layers, before
+        The layers behind this frame and behind the one before.
+
+    Returns
+    -------
+    (N,) i8; None if the frame continues nothing.
+    """
+    if before is None or before.base is None or layers.base is None or base.type == "I":
+        return None
+    repeated = MainCodes.repeated_frame()
+    found, offset = [_origins_of(base, len(layers.base.values), 0)], len(before.base.values)
+    offsets = {}
+    for layer, state in before.there.items():
+        offsets[layer], offset = offset, offset + len(state.values)
+    for layer, state in layers.there.items():
+        codes = chunks.get(layer, repeated)
+        found.append(_origins_of(codes, len(state.values), offsets.get(layer, 0)))
+    return np.concatenate(found)
+
+
+def _origins_of(codes: MainCodes, count: int, offset: int) -> I8:
+    """The origins of the splats of a part, whose splats began at `offset` in the frame before."""
+    if codes.type == "I":
+        return np.full(count, -1, np.int64)
+    if codes.type == "R":
+        return np.arange(offset, offset + count)
+    origins = codes.origins
+    assert origins is not None
+    return np.where(origins >= 0, origins + offset, -1)

@@ -1,0 +1,209 @@
+"""The adaptive models of P-frames (spec.md section 15.11)."""
+
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I8
+from gsvc_ref.main.fast.lanes import Lanes, read_low_bits, read_symbols
+from gsvc_ref.main.passes import ONE, Distributions, Run, magnitude_classes
+
+
+class Start(NamedTuple):
+    """A model at the start: its symbols, and the counts of each context without those at the end that are 1."""
+
+    symbols: int
+    counts: tuple[tuple[int, ...], ...]
+
+    def rows(self) -> I8:
+        """All counts, (contexts, symbols)."""
+        return np.array([[*row, *[1] * (self.symbols - len(row))] for row in self.counts], np.int64)
+
+
+STARTS: Final = {
+    "vector": Start(24, (
+        (736, 152, 76, 40, 52, 36, 44, 28, 36, 20, 20, 10, 8, 4, 3, 2, 2),
+        (1024, 116, 36, 16, 16, 10, 12, 8, 10, 6, 6, 4, 3, 2),
+        (500, 286, 116, 56, 62, 40, 50, 36, 44, 22, 28, 14, 10, 4, 2),
+        (320, 148, 80, 56, 82, 68, 108, 74, 112, 68, 72, 36, 32, 10, 6, 2),
+        (386, 102, 48, 44, 60, 50, 104, 66, 98, 80, 96, 54, 46, 18, 10, 5, 4),
+    )),
+    "mode": Start(9, (
+        (1184, 20, 24, 10, 14, 6, 7, 9, 6),
+        (1032, 52, 68, 32, 40, 11, 17, 22, 6),
+        (752, 92, 116, 66, 96, 26, 52, 74, 6),
+        (928, 68, 92, 46, 48, 14, 33, 45, 6),
+        (736, 116, 146, 92, 70, 26, 46, 50, 6),
+        (336, 97, 193, 176, 92, 48, 122, 216, 6),
+        (944, 52, 79, 49, 44, 16, 33, 57, 6),
+        (912, 53, 84, 54, 56, 18, 41, 58, 6),
+        (784, 53, 87, 70, 66, 22, 54, 138, 6),
+        (1056, 27, 62, 32, 24, 11, 20, 26, 22),
+    )),
+    "position": Start(24, (
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+    )),
+    "shape": Start(24, (
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
+        (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
+        (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
+        (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
+    )),
+    "color": Start(24, (
+        (264, 244, 228, 148, 152, 76, 72, 36, 24, 10, 8, 4),
+        (736, 320, 96, 42, 32, 14, 14, 7, 5, 3, 2),
+        (736, 320, 96, 42, 32, 14, 14, 7, 5, 3, 2),
+        (736, 320, 96, 42, 32, 14, 14, 7, 5, 3, 2),
+        (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
+        (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
+        (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
+    )),
+}  # fmt: skip
+"""The models by name (R-15.11-1)."""
+
+SYMBOLS: Final = 24
+"""The most symbols of a model."""
+
+
+class Row(NamedTuple):
+    """Where the contexts of a model are in the counts of all: the first row, and the one behind the last."""
+
+    first: int
+    end: int
+
+
+def _rows() -> dict[str, Row]:
+    ends = np.cumsum([0, *(len(start.counts) for start in STARTS.values())]).tolist()
+    return {name: Row(*ends[i : i + 2]) for i, name in enumerate(STARTS)}
+
+
+ROWS: Final = _rows()
+
+_SYMBOLS_OF: Final[I8] = np.concatenate([np.full(len(start.counts), start.symbols) for start in STARTS.values()])
+"""The number of symbols of each row."""
+
+_START: Final[I8] = np.concatenate(
+    [np.pad(start.rows(), ((0, 0), (0, SYMBOLS - start.symbols))) for start in STARTS.values()]
+)
+"""The counts of all models at the start (R-15.11-1)."""
+
+SUM_BITS: Final = 17
+"""The counts of a context are shifted until their sum has no more bits, so that 32 bits do."""
+
+GAIN: Final = 64
+"""What one symbol adds to a count (15-11)."""
+
+
+def distributions(counts: I8) -> Distributions:
+    """The distribution of each context of a model with these counts (contexts, K)."""
+    return _distributions(counts, np.full(len(counts), counts.shape[1]))
+
+
+@kernel()
+def _distributions(counts: I8, symbols: I8) -> Distributions:
+    """The distributions of contexts of so many symbols each (15-14)."""
+    first = np.zeros(len(counts) + 1, np.int64)
+    for context in range(len(counts)):
+        first[context + 1] = first[context] + symbols[context] + 1
+    cumulative = np.zeros(first[len(counts)], np.int64)
+    for context in range(len(counts)):
+        K, total, shift, largest, at = symbols[context], 0, 0, 0, 0
+        for s in range(K):
+            total += counts[context, s]
+        while total >> shift >= 1 << SUM_BITS:
+            shift += 1
+        total = 0
+        for s in range(K):
+            total += counts[context, s] >> shift
+        begin = first[context]
+        for s in range(K):
+            frequency = 1 + (ONE - K) * (counts[context, s] >> shift) // total
+            cumulative[begin + s + 1] = cumulative[begin + s] + frequency
+            if frequency > largest:
+                largest, at = frequency, s
+        rest = ONE - cumulative[begin + K]
+        for s in range(at, K):
+            cumulative[begin + s + 1] += rest
+    return Distributions(cumulative, first)
+
+
+@kernel()
+def model_distributions(counts: I8) -> Distributions:
+    """The distribution of each context of all models (33, 24)."""
+    return _distributions(counts, _SYMBOLS_OF)
+
+
+@kernel()
+def note_symbols(contexts: I8, symbols: I8, seen: I8) -> None:
+    """Count the symbols of a pass in their contexts."""
+    for i in range(len(symbols)):
+        seen[contexts[i], symbols[i]] += 1
+
+
+@kernel()
+def adapted(counts: I8, seen: I8) -> I8:
+    """The counts of a model after a frame in which each symbol was seen so often in each context (15-11)."""
+    contexts, symbols = counts.shape
+    after = counts.copy()
+    for context in range(contexts):
+        used = False
+        for s in range(symbols):
+            used |= seen[context, s] > 0
+        for s in range(symbols):
+            if used:
+                after[context, s] = (7 * counts[context, s] >> 3) + GAIN * seen[context, s]
+    return after
+
+
+@kernel()
+def read_magnitudes(lanes: Lanes, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
+    """Passes of classes of magnitudes, by the rows of models, and of low bits; whether the words sufficed."""
+    if not read_symbols(lanes, tables, rows, magnitudes):
+        return False
+    note_symbols(rows, magnitudes, seen)
+    return read_low_bits(lanes, magnitudes)
+
+
+class Models:
+    """All models in one frame: static while the frame is coded.
+
+    Attributes
+    ----------
+    counts
+        (33, 24), the counts of the contexts of all models.
+    """
+
+    def __init__(self, counts: I8 = _START) -> None:
+        self.counts = counts
+        self._seen = np.zeros_like(counts)
+
+    @cached_property
+    def distributions(self) -> Distributions:
+        """The distributions of all contexts."""
+        return model_distributions(self.counts)
+
+    def code(self, run: Run, name: str, contexts: I8, symbols: I8 | None = None) -> I8:
+        """A pass of symbols by a model."""
+        rows = ROWS[name].first + contexts
+        symbols = run.symbols(self.distributions, rows, symbols)
+        note_symbols(rows, symbols, self._seen)
+        return symbols
+
+    def code_magnitudes(self, run: Run, name: str, contexts: I8, magnitudes: I8 | None = None) -> I8:
+        """Passes of classes, by a model, and of low bits."""
+        rows = ROWS[name].first + contexts
+        magnitudes = run.magnitudes(self.distributions, rows, magnitudes)
+        note_symbols(rows, magnitude_classes(magnitudes), self._seen)
+        return magnitudes
+
+    def adapted(self) -> "Models":
+        """The models of the next frame."""
+        return Models(adapted(self.counts, self._seen))

@@ -1,0 +1,154 @@
+"""Codes of profile `main` to states, in integers (spec.md sections 15.9 and 15.11)."""
+
+from typing import Final
+
+import numpy as np
+
+from gsvc_ref._jit import kernel
+from gsvc_ref.arrays import I8
+from gsvc_ref.main.cells import CELL
+from gsvc_ref.main.codes import REMOVED, IntraCodes
+from gsvc_ref.main.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, X_MOST, class_of
+from gsvc_ref.main.tables import EXP2, exp2
+
+STEP_MOST: Final = 2**17 - 1
+"""The largest step of a position in 1/256 pixel."""
+
+CHANGED: Final = 1
+"""Any mode of a splat that has differences."""
+
+
+def colors_of(codes: I8, step: int) -> I8:
+    """The colours n (N, 3) of the codes (N, 3) of an I-frame, D being `step`."""
+    most = N_MOST // step
+    return np.clip(codes, -most, most) * step
+
+
+def place_bits(shapes: I8, j: I8) -> I8:
+    """How many bits x and y of the place in the cell have (N, 2), from the codes of shape (N, 3) and the classes."""
+    h = SIZE_STEPS[j]
+    logs = np.stack([(shapes[:, 0] + shapes[:, 1]) * h, (shapes[:, 0] - shapes[:, 1]) * h], axis=1)
+    bits: I8 = 2 - np.clip((np.clip(logs, A_LEAST, A_MOST) >> 10) + 1 - j[:, None], -4, 2)
+    return bits
+
+
+def intra_state(codes: IntraCodes, step: int) -> I8:
+    """The state (N, 8) that the codes of an I-frame, or of new splats, stand for: (15-10), (15-15).
+
+    Parameters
+    ----------
+    codes
+        The codes.
+    step
+        D in 1/16.
+    """
+    state = np.empty((len(codes), 8), np.int64)
+    find_intra_state(codes.cells, codes.colors, codes.shapes, codes.places, step, state)
+    return state
+
+
+@kernel()
+def find_intra_state(cells: I8, colors: I8, shapes: I8, places: I8, step: int, state: I8) -> None:
+    """`intra_state`, put into `state` (N, 8)."""
+    most = N_MOST // step
+    for splat in range(len(cells)):
+        for axis in range(3):
+            state[splat, 5 + axis] = min(max(colors[splat, axis], -most), most) * step
+        j = class_of(state[splat, 5:], step)
+        for axis in range(2):
+            size = log_size(shapes[splat, 0], shapes[splat, 1], j, axis)
+            unit = 8 + place_unit(size, j)  # a step of the place is 2^unit of 1/256 pixel
+            middle = 256 * CELL * cells[splat, axis] + (places[splat, axis] << unit) + (1 << (unit - 1))
+            state[splat, axis] = min(max(middle, -X_MOST), X_MOST)
+            state[splat, 2 + axis] = size
+        state[splat, 4] = min(max(shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST), S_MOST)
+
+
+@kernel(inline=True)
+def log_size(size: int, aspect: int, j: int, axis: int) -> int:
+    """A (axis 0) or B (axis 1) of the codes of size and aspect (15-10)."""
+    code = size - aspect if axis else size + aspect
+    return int(min(max(code * SIZE_STEPS[j], A_LEAST), A_MOST))
+
+
+@kernel(inline=True)
+def place_unit(size: int, j: int) -> int:
+    """The g of spec.md section 15.9: a step of a place in the cell is 2^g pixels."""
+    return min(max((size >> 10) + 1 - j, -4), 2)
+
+
+def position_steps(state: I8, j: I8) -> tuple[I8, I8, I8]:
+    """g_x, g_y and g_s of (15-13), (N,) each, in 1/256 pixel."""
+    A, B, S = state[:, 2:5].T
+    g_x, g_y = (np.clip(exp2(v + 512 - 1024 * j, 8), 1, STEP_MOST) for v in (A, B))
+    return g_x, g_y, np.sign(S) * np.minimum(np.abs(S) * g_y >> 10, STEP_MOST)
+
+
+def add_differences(state: I8, motion: I8, differences: I8, step: int) -> I8:
+    """The splats of the frame before that stay, after motion and differences (15-13).
+
+    Parameters
+    ----------
+    state
+        (N, 8), the reference.
+    motion
+        (N, 2) in 1/256 pixel.
+    differences
+        (N, 8), q.
+    step
+        D in 1/16.
+
+    Returns
+    -------
+    (N, 8), their state.
+    """
+    after, past = np.empty((len(state), 8), np.int64), np.empty(len(state), np.int64)
+    find_after(state, motion, np.full(len(state), CHANGED), differences, step, after, past)
+    return after
+
+
+@kernel()
+def find_after(state: I8, motion: I8, modes: I8, differences: I8, step: int, after: I8, past: I8) -> int:
+    """`add_differences` of the splats that are not removed, put into `after` (N, 8) from its start; how many there are.
+
+    What was done with each is put into `past` (N,): whether its mode is not 0. One of mode 0 has no differences.
+    """
+    stay = 0
+    for splat in range(len(state)):
+        if modes[splat] == REMOVED:
+            continue
+        q, X, Y = differences[splat], state[splat, 0] + motion[splat, 0], state[splat, 1] + motion[splat, 1]
+        A, B, S = state[splat, 2], state[splat, 3], state[splat, 4]
+        if modes[splat]:
+            j = class_of(state[splat, 5:], step)
+            g_x, g_y = position_step(A, j), position_step(B, j)
+            g_s = min(abs(S) * g_y >> 10, STEP_MOST)
+            X += q[0] * g_x
+            Y += q[0] * (-g_s if S < 0 else g_s) + q[1] * g_y
+            A = min(max(A + (q[2] + q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
+            B = min(max(B + (q[2] - q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
+            S = _sheared(S, A - state[splat, 2] - B + state[splat, 3]) + q[4] * SHEAR_STEPS[j]
+        after[stay, 0], after[stay, 1] = min(max(X, -X_MOST), X_MOST), min(max(Y, -X_MOST), X_MOST)
+        after[stay, 2], after[stay, 3], after[stay, 4] = A, B, min(max(S, -S_MOST), S_MOST)
+        for i in range(5, 8):
+            after[stay, i] = min(max(state[splat, i] + q[i] * step, -N_MOST), N_MOST)
+        past[stay] = min(modes[splat], 1)
+        stay += 1
+    return stay
+
+
+@kernel(inline=True)
+def position_step(size: int, j: int) -> int:
+    """The g_x or g_y of (15-13), from A or B."""
+    v = size + 512 - 1024 * j
+    shift = (v >> 10) - 7
+    power = EXP2[v & 1023] << shift if shift >= 0 else EXP2[v & 1023] >> -shift
+    return int(min(max(power, 1), STEP_MOST))
+
+
+@kernel(inline=True)
+def _sheared(S: int, v: int) -> int:
+    """S times 2^(v/1024), rounded towards 0, at most 32767 in magnitude."""
+    product, shift = abs(S) * EXP2[v & 1023], min(max((v >> 10) - 15, -62), 16)
+    magnitude = min(product << shift if shift >= 0 else product >> -shift, S_MOST)
+    return int(-magnitude if S < 0 else magnitude)

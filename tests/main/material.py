@@ -1,0 +1,86 @@
+"""Streams of profile `main` for the tests of this folder."""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+from gsvc_ref import spec
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.header import MAIN
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState
+from gsvc_ref.stream import reconstruct_stream
+from gsvc_ref.testing import join_chunks, split_chunks, write_stream
+from gsvc_ref.testing.choices import SeededChoices
+from gsvc_ref.testing.random_main_streams import make_main_frame
+
+HEADER = SequenceHeader(
+    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=4, bit_depth=8
+)
+
+
+@cache
+def codes_of(types: str, seed: int = 7, count: int = 12, header: SequenceHeader = HEADER) -> tuple[MainCodes, ...]:
+    """Codes of frames of these types, a letter each, with `count` new splats; all symbols are as likely."""
+    choices, state, found = SeededChoices(seed), MainState.initial(header.width, header.height), []
+    for letter in types:
+        codes, state = make_main_frame(choices, header, state, types=letter, count=count, kind="any")
+        found.append(codes)
+    return tuple(found)
+
+
+@cache
+def stream_of(types: str, seed: int = 7, count: int = 12, header: SequenceHeader = HEADER) -> bytes:
+    """A stream of such frames."""
+    return write_stream(header, codes_of(types, seed, count, header))
+
+
+def with_payload(stream: bytes, number: int, change: Callable[[bytes], bytes]) -> bytes:
+    """A stream with a changed payload of a chunk, whose length and checksum are right."""
+    chunks = split_chunks(stream)
+    chunks[number] = chunks[number][0], change(chunks[number][1])
+    return join_chunks(chunks, prefix=stream[:PREFIX_SIZE])
+
+
+def flipped(bit: int) -> Callable[[bytes], bytes]:
+    """Flips a bit of a payload, the highest one of a byte being the first."""
+
+    def flip(payload: bytes) -> bytes:
+        changed = bytearray(payload)
+        changed[bit // 8] ^= 128 >> bit % 8
+        return bytes(changed)
+
+    return flip
+
+
+def damages(stream: bytes, step: int, first: int = 0) -> Iterator[tuple[str, bytes]]:
+    """Every `step`-th of all cuts of a stream, all cuts of payloads, and all flipped bits of payloads."""
+    made: list[tuple[str, Callable[[], bytes]]] = [
+        (f"cut at byte {end}", lambda end=end: stream[:end]) for end in range(len(stream))
+    ]
+    for number, (kind, payload) in enumerate(split_chunks(stream)):
+        where = f"chunk {number} ({kind.decode()})"
+        made += [
+            (f"{where} cut at byte {end}", lambda n=number, end=end: with_payload(stream, n, lambda p: p[:end]))
+            for end in range(len(payload))
+        ]
+        made += [
+            (f"{where} with {more!r} behind", lambda n=number, more=more: with_payload(stream, n, lambda p: p + more))
+            for more in (b"\0", b"\0\0", b"\1\2\3")
+        ]
+        made += [
+            (f"{where} with bit {bit} flipped", lambda n=number, bit=bit: with_payload(stream, n, flipped(bit)))
+            for bit in range(8 * len(payload))
+        ]
+    for name, make in made[first::step]:
+        yield name, make()
+
+
+def both(stream: bytes) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Counts, parameters and error of the library and of spec.md's code."""
+    ours, theirs = reconstruct_stream(stream), spec.reconstruct_stream(stream)
+    return (
+        (ours.counts.tolist(), ours.parameters.tobytes(), ours.error),
+        (theirs["counts"].tolist(), theirs["parameters"].tobytes(), theirs["error"]),
+    )

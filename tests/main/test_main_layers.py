@@ -1,0 +1,429 @@
+"""Layers of profile `main`: gsvc_ref and the code of spec.md agree; damage to a layer takes no frame of the base."""
+
+from io import BytesIO
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import gsvc_ref
+from gsvc_ref import spec
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.coder import MAIN_CATEGORIES
+from gsvc_ref.bitstream.header import MAIN
+from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.layers import Layers
+from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamWriter
+from gsvc_ref.stream.listing import list_elements, place_of
+from gsvc_ref.testing import OVERVIEW_HEADER, join_chunks, main_streams, overview_frames, split_chunks, write_stream
+from gsvc_ref.testing import random_streams as random
+from gsvc_ref.testing.choices import SeededChoices
+from gsvc_ref.testing.random_main_streams import make_main_frame
+from tests.main.material import damages, flipped, with_payload
+
+HEADER = SequenceHeader(
+    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=2, layer_count=3
+)
+SMALL = {"max_frames": 4, "max_count": 20, "max_pixels": 4096}
+TYPES = "IPRPRIP"
+LAYERS: tuple[dict[int, str], ...] = (
+    {1: "I", 2: "I"}, {1: "P", 2: "R"}, {2: "P"}, {1: "P", 2: "I"}, {1: "R"}, {1: "I", 2: "I"}, {1: "P", 2: "P"},
+)  # fmt: skip
+"""The types of the layers behind each frame of `TYPES`."""
+
+
+def layered(
+    types: str = TYPES, layers: tuple[dict[int, str], ...] = LAYERS, header: SequenceHeader = HEADER, count: int = 6
+) -> bytes:
+    """A stream with layers of these types behind frames of these types."""
+    choices, states = SeededChoices(3), {}
+    codes: list[MainCodes] = []
+    of_frames: dict[int, list[tuple[int, MainCodes]]] = {}
+    for number, (letter, behind) in enumerate(zip(types, layers, strict=True)):
+        for layer, layer_type in {0: letter, **behind}.items():
+            before = states.get(layer, MainState.initial(header.width, header.height))
+            made, states[layer] = make_main_frame(choices, header, before, types=layer_type, count=count, kind="any")
+            if layer:
+                of_frames.setdefault(number, []).append((layer, made))
+            else:
+                codes.append(made)
+    return write_stream(header, codes, layers=of_frames)
+
+
+def both(stream: bytes, layer: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Counts, parameters and error of the library and of spec.md's code."""
+    ours, theirs = gsvc_ref.reconstruct_layers(stream, layer), spec.reconstruct_layers(stream, layer)
+    return (
+        (ours.counts.tolist(), ours.parameters.tobytes(), ours.error),
+        (theirs["counts"].tolist(), theirs["parameters"].tobytes(), theirs["error"]),
+    )
+
+
+def without(data: bytes, *numbers: int) -> bytes:
+    """A stream without some of its chunks; chunk 0 is the header."""
+    kept = [chunk for number, chunk in enumerate(split_chunks(data)) if number not in numbers]
+    return join_chunks(kept, prefix=data[:PREFIX_SIZE])
+
+
+def chunk_number(data: bytes, frame: int, layer: int) -> int:
+    """The number of the chunk of a layer."""
+    at = -1
+    for number, (kind, payload) in enumerate(split_chunks(data)):
+        at += kind in (b"I", b"P", b"R")
+        if at == frame and ((kind == b"n" and payload[0] == layer) or (kind != b"n" and layer == 0)):
+            return number
+    raise AssertionError
+
+
+@pytest.fixture(scope="module")
+def data() -> bytes:
+    return layered()
+
+
+@settings(max_examples=15)
+@given(main_streams(**SMALL))
+def test_the_code_of_the_document_reads_the_same(stream: random.Stream) -> None:
+    for layer in range(4):
+        ours, theirs = both(stream.data, layer)
+        assert ours == theirs
+        assert ours[2] == ""
+    base = gsvc_ref.reconstruct_stream(stream.data)
+    assert gsvc_ref.reconstruct_layers(stream.data, 0).parameters.tobytes() == base.parameters.tobytes()
+
+
+@settings(max_examples=30)
+@given(main_streams(**SMALL))
+def test_what_is_written_is_read(stream: random.Stream) -> None:
+    with StreamReader(stream.data, layer=None) as reader:
+        frames = list(reader)
+    for frame in frames:
+        written = [(layer, codes) for layer, codes in stream.layers[frame.number]]
+        assert [(chunk.layer, chunk.codes) for chunk in frame.chunks] == written
+        assert frame.splats.take(np.arange(len(frame.state.splats))) == stream.splats[frame.number]
+        for chunk in frame.chunks:
+            assert sum(chunk.bits.values()) == 8 * chunk.size
+            assert set(chunk.bits) <= set(MAIN_CATEGORIES)
+            assert chunk.number == frame.number
+
+
+def test_qualities(data: bytes) -> None:
+    """A frame shows the layers that are there: behind an R-frame also those without a chunk."""
+    base = gsvc_ref.reconstruct_layers(data, 0).counts
+    one, two = (gsvc_ref.reconstruct_layers(data, layer).counts for layer in (1, 2))
+    assert (one > base).all()
+    assert (two > one).all()
+    assert both(data, 3)[0] == both(data, 2)[0]
+
+
+def test_a_layer_without_a_chunk_behind_a_p_frame_is_gone() -> None:
+    cut = layered("IPP", ({1: "I"}, {}, {1: "I"}))
+    base, one = (gsvc_ref.reconstruct_layers(cut, layer).counts for layer in (0, 1))
+    assert (one - base).tolist() == [6, 0, 6]
+    ours, theirs = both(without(layered("IPP", ({1: "I"}, {1: "P"}, {1: "P"})), 4), 1)
+    assert ours == theirs
+    assert ours[2].split()[:2] == ["invalid", "R-15.13-2"]
+    assert len(ours[0]) == 3  # the frame of the layer at fault is there without it
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("checksums", [False, True])
+def test_some_damages(checksums: bool) -> None:
+    header = SequenceHeader(
+        profile=MAIN, level=1, width=20, height=9, lane_count=2, layer_count=3, parameter_checksum_flag=checksums
+    )
+    stream = layered("IPR", ({1: "I", 2: "I"}, {1: "P", 2: "R"}, {1: "P"}), header, count=2)
+    for what, damaged in damages(stream, 41, first=5 + checksums):
+        for layer in (1, 2):
+            ours, theirs = both(damaged, layer)
+            assert ours == theirs, (what, layer)
+
+
+def changed(data: bytes, chunk: int, byte: int, value: int) -> bytes:
+    return with_payload(data, chunk, lambda p: p[:byte] + bytes([value]) + p[byte + 1 :])
+
+
+FAULTS = {
+    "layer 0": (0, 0, "R-15.13-1"),
+    "a layer that the stream has not": (0, 3, "R-15.13-1"),
+    "a second chunk of a layer": (0, 2, "R-15.13-1"),
+    "no such type": (1, 69, "R-3.2-1"),
+    "P where the layer is not there": (1, 80, "R-15.13-2"),
+    "a wrong checksum": (2, 0, "R-6.4-3"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults(name: str, data: bytes) -> None:
+    byte, value, rule = FAULTS[name]
+    chunk = chunk_number(data, 0, 1)
+    damaged = changed(data, chunk, byte, value)
+    ours, theirs = both(damaged, 2)
+    assert ours == theirs
+    assert ours[2].split()[1] == rule
+    with pytest.raises(GsvcError) as caught:
+        list(gsvc_ref.open(damaged))
+    assert caught.value.rule == rule
+    for reader in (gsvc_ref.open(damaged, layer=0), StreamReader(damaged)):  # the base has no fault
+        assert len(list(reader)) == len(TYPES)
+
+
+def test_the_level_counts_all_layers() -> None:
+    """R-15.13-3: splats that the level allows to one layer are too many for two."""
+    header = SequenceHeader(profile=MAIN, level=1, width=32, height=24, layer_count=2)
+    most = header.limits.splats
+    choices, start = SeededChoices(5), MainState.initial(32, 24)
+    frame, state = make_main_frame(choices, header, start, types="I", max_count=9000, count=9000, kind="last")
+    assert most < 2 * 9000
+    with pytest.raises(UsageError, match=r"the level allows 7384|R-5-2"):
+        write_stream(header, [frame], layers={0: [(1, frame)]})
+    high = write_stream(SequenceHeader(**{**header.arguments, "level": 2}), [frame], layers={0: [(1, frame)]})
+    ours, theirs = both(changed(high, 0, 1, 1), 1)
+    assert ours == theirs
+    assert ours[2].split()[:2] == ["limit", "R-5-2"]
+    assert both(changed(high, 0, 1, 1), 0)[0][2] == ""
+    assert len(state.values) == 9000
+
+
+def test_least_level_is_one_for_all_layers() -> None:
+    header = SequenceHeader(profile=MAIN, level=3, width=32, height=24, layer_count=2)
+    start = MainState.initial(32, 24)
+    frame, _ = make_main_frame(SeededChoices(5), header, start, types="I", max_count=9000, count=9000, kind="last")
+    levels = []
+    for layers in ((), (1,)):
+        writer = StreamWriter(BytesIO(), header, least_level=True)
+        writer.write_frame(frame)
+        for layer in layers:
+            writer.write_layer(layer, frame)
+        writer.finish()
+        levels.append(writer.header.level)
+    assert levels == [1, 2]
+
+
+def test_layers_are_refused_where_they_cannot_stand() -> None:
+    choices, start = SeededChoices(1), MainState.initial(32, 24)
+    first, _ = make_main_frame(choices, HEADER, start, types="I", count=2)
+    writer = StreamWriter(BytesIO(), HEADER)
+    with pytest.raises(UsageError, match="a frame that it is added to"):
+        writer.write_layer(1, first)
+    writer.write_frame(first)
+    with pytest.raises(UsageError, match="must begin with I"):
+        writer.write_layer(1, MainCodes.repeated_frame())
+    writer.write_layer(2, first)
+    for layer in (1, 2, 3):
+        with pytest.raises(UsageError, match=r"R-15\.13-1"):
+            writer.write_layer(layer, first)
+
+
+def test_chunks_in_front_of_the_first_frame_and_of_other_profiles_are_skipped(data: bytes) -> None:
+    chunks = split_chunks(data)
+    early = join_chunks([chunks[0], (b"n", b"\x09"), *chunks[1:]], prefix=data[:PREFIX_SIZE])
+    ours, theirs = both(early, 2)
+    assert ours == theirs
+    assert ours[1] == both(data, 2)[0][1]
+    paper = split_chunks(write_stream(OVERVIEW_HEADER, overview_frames()))
+    stream = join_chunks([*paper[:2], (b"n", b"\x09"), *paper[2:]], prefix=data[:PREFIX_SIZE])
+    ours, theirs = both(stream, 1)
+    assert ours == theirs
+    assert len(ours[0]) == 3
+
+
+# --- Streams ---------------------------------------------------------------------------------------------------------
+
+
+def frames_of(data: bytes, **options: Any) -> list[DecodedFrame]:
+    return list(gsvc_ref.open(data, **options))
+
+
+def test_the_highest_layer_is_the_default(data: bytes) -> None:
+    for layer, wanted in ((None, 2), (2, 2), (1, 1), (0, 0)):
+        expected = gsvc_ref.reconstruct_layers(data, wanted).counts.tolist()
+        assert [len(frame.splats) for frame in frames_of(data, layer=layer)] == expected
+        assert gsvc_ref.open(data, layer=layer).layer == wanted
+    with pytest.raises(UsageError, match=r"layer 3 was asked for; the stream has layers 0 \(the base\) to 2"):
+        gsvc_ref.open(data, layer=3)
+    with pytest.raises(UsageError, match="no layer but the base"):
+        gsvc_ref.open(layered("I", ({},), SequenceHeader(profile=MAIN, level=1, width=9, height=9)), layer=1)
+    with pytest.raises(UsageError, match="it must be 0"):
+        gsvc_ref.open(data, layer=-1)
+
+
+def test_frames_from_anywhere(data: bytes) -> None:
+    frames = frames_of(data)
+    with gsvc_ref.open(data) as stream:
+        for start in range(len(TYPES) + 1):
+            for stop in range(start, len(TYPES) + 1):
+                assert list(stream.frames(start, stop)) == frames[start:stop]
+
+
+@pytest.mark.parametrize("layer", [0, 1, 2])
+def test_pictures(data: bytes, layer: int) -> None:
+    """Of each frame only what changed is rendered; the pictures are those of all of its splats."""
+    frames = list(gsvc_ref.decode(data, layer=layer))
+    splats = [frame.splats for frame in frames_of(data, layer=layer)]
+    for picture, wanted in zip(frames, splats, strict=True):
+        assert np.array_equal(picture, gsvc_ref.render_frame(wanted, 32, 24, 8))
+    assert np.array_equal(frames[3:6], list(gsvc_ref.decode(data, start=3, stop=6, layer=layer)))
+    assert np.array_equal(gsvc_ref.decode_stream(data), list(gsvc_ref.decode(data, layer=0)))
+
+
+def test_origins_tell_which_splat_goes_on(data: bytes) -> None:
+    """A splat with an origin that was not changed is the one of the frame before."""
+    frames = frames_of(data)
+    for before, frame in pairwise(frames):
+        if frame.repeats(before):
+            assert frame.splats == before.splats
+            continue
+        origins = frame.origins(before)
+        if frame.type == "I":
+            assert origins is None
+            continue
+        assert origins is not None
+        assert len(origins) == len(frame.splats)
+        assert origins.max() < len(before.splats)
+        assert len(set(origins[origins >= 0].tolist())) == np.count_nonzero(origins >= 0)
+        base = frame.codes.origins if frame.type == "P" else np.arange(len(frame.state.splats))
+        assert np.array_equal(origins[: len(base)], base)
+
+
+class Pipe:
+    """A source that can be read once, and tells how much of it was."""
+
+    def __init__(self, data: bytes) -> None:
+        self._file, self.taken = BytesIO(data), 0
+
+    def seekable(self) -> bool:
+        return False
+
+    def read(self, size: int) -> bytes:
+        data = self._file.read(size)
+        self.taken += len(data)
+        return data
+
+
+def test_a_pipe_gives_a_frame_as_soon_as_its_layers_are_there(data: bytes) -> None:
+    """At most the type of the next chunk is read beyond them."""
+    expected = frames_of(data)
+    pipe = Pipe(data)
+    frames = iter(gsvc_ref.open(pipe))
+    for number, frame in enumerate(frames):
+        assert frame == expected[number]
+        last = frame.chunks[-1]
+        assert pipe.taken <= last.offset + last.size + 1
+    assert number == len(TYPES) - 1
+
+
+def test_a_stream_that_grows_gives_what_is_complete(data: bytes) -> None:
+    """A file that ends inside a layer has the frame without that layer."""
+    end = 0
+    for number, frame in enumerate(frames_of(data)):
+        for chunk in frame.chunks:
+            for cut in (chunk.offset, chunk.offset + chunk.size // 2):
+                got = []
+                with pytest.raises(GsvcError, match=r"R-6\.2-4"):
+                    got.extend(gsvc_ref.open(data[:cut]))
+                assert len(got) == number + 1
+                assert [c.layer for c in got[-1].chunks] == [c.layer for c in frame.chunks if c.offset < chunk.offset]
+            end = chunk.offset + chunk.size
+    assert end < len(data)
+
+
+def test_every_bit_is_accounted_for(data: bytes) -> None:
+    for layer in (0, 1, 2):
+        summary = gsvc_ref.open(data, layer=layer).info()
+        assert summary.error is None
+        assert sum(summary.bits.values()) == 8 * len(data)
+        of_layers = [one.layer for frame in summary.frames for one in frame.layers]
+        assert sorted({*of_layers}) == list(range(1, layer + 1))
+        assert (summary.bits["ancillary"] > 0) == (layer < 2)
+    chunks = sum(frame.size + sum(one.size for one in frame.layers) for frame in summary.frames)
+    assert chunks < len(data)
+    assert [frame.splats for frame in summary.frames] == gsvc_ref.reconstruct_layers(data, 0).counts.tolist()
+
+
+def test_every_element_is_listed(data: bytes) -> None:
+    entries: list[Any] = []
+    assert list_elements(data, entries.append) == (None, None)
+    end = 0
+    for entry in entries:
+        assert entry.bit == end, entry.full_name
+        end += entry.bits
+    assert end == 8 * len(data)
+    names = [entry.full_name for entry in entries]
+    assert names.count("layer, chunk n, frame 0") == 2
+    assert "layer_type, chunk n, frame 1" in names
+    assert "new_splat_count, chunk n, frame 1" in names
+    assert {entry.frame for entry in entries if entry.chunk == "n"} == set(range(len(TYPES)))
+    found = next(entry for entry in entries if entry.name == "layer_type" and entry.frame == 3)
+    assert place_of(data, found.bit).entry.full_name == "layer_type, chunk n, frame 3"
+    some: list[Any] = []
+    list_elements(data, some.append, 1, 2)
+    assert [entry.bit for entry in some] == [entry.bit for entry in entries if entry.frame == 1]
+
+
+# --- Salvage ---------------------------------------------------------------------------------------------------------
+
+
+def torn(data: bytes, chunk: int) -> bytes:
+    """A stream with a byte of a chunk's payload changed, whose checksum then is wrong."""
+    before = without(data, *range(chunk, len(split_chunks(data))))
+    changed = bytearray(data)
+    changed[len(before) + 6] ^= 255
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("damage", [torn, lambda data, chunk: with_payload(data, chunk, flipped(16)), without])
+def test_damage_to_a_layer_loses_no_frame_of_the_base(data: bytes, damage: Any) -> None:
+    """Whatever is wrong with a layer, the base is there; and each layer that is shown is the right one."""
+    whole = frames_of(data)
+    for number, frame in enumerate(whole):
+        for chunk in frame.chunks:
+            damaged = damage(data, chunk_number(data, number, chunk.layer))
+            parts = list(gsvc_ref.open(damaged).salvage())
+            frames = [part for part in parts if isinstance(part, DecodedFrame)]
+            assert [part.codes for part in frames] == [part.codes for part in whole]
+            assert [part.state.splats for part in frames] == [part.state.splats for part in whole]
+            for part, intact in zip(frames, whole, strict=True):
+                assert all(one.splats in [other.splats for other in intact.chunks] for one in part.chunks)
+            assert frames[:number] == whole[:number]
+            if number < 5:  # behind an I-frame layers begin anew
+                assert [part.splats for part in frames[5:]] == [part.splats for part in whole[5:]]
+            summary = gsvc_ref.open(damaged).info(salvage=True)
+            assert sum(summary.bits.values()) == 8 * len(damaged)
+
+
+def test_layers_of_a_lost_frame_are_not_given_to_the_one_before(data: bytes) -> None:
+    damaged = torn(data, chunk_number(data, 3, 0))
+    frames = [part for part in gsvc_ref.open(damaged).salvage() if isinstance(part, DecodedFrame)]
+    whole = frames_of(data)
+    assert frames == [*whole[:3], *whole[5:]]
+
+
+def test_one_gap_for_a_layer_that_is_damaged_and_missed(data: bytes) -> None:
+    """The P-frames of a layer behind damage are no faults of their own."""
+    stream = layered("IPPPP", ({1: "I"}, {1: "P"}, {1: "P"}, {1: "P"}, {1: "I"}))
+    damaged = torn(stream, chunk_number(stream, 1, 1))
+    parts = list(gsvc_ref.open(damaged).salvage())
+    gaps = [part for part in parts if isinstance(part, Gap)]
+    assert len(gaps) == 1
+    assert gaps[0].missing_count == 0
+    assert "no frame is missing, but the checksum of a chunk n is wrong" in str(gaps[0])
+    frames = [part for part in parts if isinstance(part, DecodedFrame)]
+    assert [len(frame.chunks) for frame in frames] == [1, 0, 0, 0, 1]
+
+
+def test_what_is_lost_is_known_until_the_layer_begins_anew() -> None:
+    state = MainState.initial(8, 8)
+    layers = Layers(2).behind("I", state).with_layer(1, state).with_layer(2, state).behind("R", state)
+    assert list(layers.there) == [1, 2]
+    cut = layers.with_layer(1, state).interrupted()
+    assert (list(cut.there), cut.lost, cut.takes_chunks) == ([1], {2}, False)
+    assert cut.interrupted().there == cut.there
+    following = cut.behind("P", state)
+    assert (list(following.before), following.lost, following.takes_chunks) == ([1], {2}, True)
+    assert following.with_layer(2, state).lost == set()
+    assert cut.behind("I", state).lost == set()
