@@ -53,9 +53,8 @@ FOR_PEOPLE = ("scenes/gallery.py", "scenes/gallery_pictures.py", "encoder/report
 """What only makes pages and reports."""
 
 GENERATORS = {
-    "encoder/pretraining.py", "encoder/frame.py", "encoder/quantizer_choice.py", "training/frame_quantizer.py",
-    "encoder/prediction.py", "encoder/splat_coder.py", "training/block_quantizer.py", "encoder/rate.py",
-    "training/fitting.py", "encoder/main/frame.py", "encoder/main/intra.py", "encoder/main/splat_number.py",
+    "encoder/pretraining.py", "encoder/paper.py", "training/frame_quantizer.py", "encoder/splat_coder.py",
+    "training/block_quantizer.py", "encoder/main/frame.py", "encoder/main/intra.py", "encoder/main/splat_number.py",
 }  # fmt: skip
 """Who may name `numpy.random`: they make or hand on a `Generator`, of which only `random` is called."""
 

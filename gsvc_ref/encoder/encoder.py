@@ -11,12 +11,12 @@ from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import Encoding, completed
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.log import Decision, FrameLog
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.resume import GroupInWork, Keeper, about_encode
 from gsvc_ref.encoder.settings import Settings

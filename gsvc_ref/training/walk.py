@@ -1,35 +1,26 @@
-"""L-BFGS from one point of a picture's splats to the next: what the fit of a frame and its refits share.
+"""L-BFGS from one point of a picture's splats to the next.
 
-`FreeSplats` makes the squared error a function of the coordinates (`coordinates`) of what is free; `Walk` holds the
-optimiser (`descent`), the best point so far and the way back to it; `pull_plain` is the pull towards a reference.
+`Walk` holds the optimiser (`descent`), the best point so far and the way back to it; `pull_plain` is the pull towards a
+reference.
 """
 
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
+from gsvc_ref.arrays import F8
 from gsvc_ref.portable import exp
 from gsvc_ref.training.coordinates import (
     HALF,
     ROOT,
     exp_kernel,
-    gradient_by_coordinates,
     log_kernel,
     moved,
-    to_coordinates,
-    to_parameters,
 )
 from gsvc_ref.training.descent import LBFGS
 from gsvc_ref.training.loop import MIN_FACTOR
-
-Free = NDArray[np.bool_]
-"""(n, 3) bool: whether position, Cholesky factor and colour of a splat may change."""
-
-COLUMNS: Final = (2, 3, 3)
-"""The columns of position, Cholesky factor and colour, of parameters and of coordinates alike."""
 
 FAINTEST: Final = 16.0
 """D of the metric, in units of 8 bits: splats with less energy than 1.5 D move as those that have it."""
@@ -45,90 +36,6 @@ SOON: Final = 5
 
 AT_BOUND: Final = 1e-9
 """What is nearer to a bound than this stands at it."""
-
-
-class Evaluated(Protocol):
-    """What is needed of an `Objective` or a `Level`."""
-
-    def evaluate(self, parameters: F4) -> tuple[float, F4]:
-        """The loss, and its gradient (N, 8) f4."""
-        ...
-
-    def loss(self, parameters: F4) -> float:
-        """The loss alone."""
-        ...
-
-    def freeze(self, parameters: F4, frozen: NDArray[np.bool_]) -> None:
-        """Hold splats fixed."""
-
-    def thaw(self) -> None:
-        """Hold no splat fixed."""
-
-
-class FreeSplats:
-    """The squared error of a picture by the coordinates of what is free of its splats.
-
-    Parameters
-    ----------
-    objective
-        The picture; it holds the splats of which nothing is free until `Evaluated.thaw`.
-    parameters
-        (N, 8) f4 of all splats.
-    free
-        (N, 3) bool; None: all.
-    pixels
-        The number of pixels of the full size, by which losses are divided.
-    hold
-        Whether the objective is to hold the others; it does already if not.
-
-    Attributes
-    ----------
-    rows
-        The indices of the splats of which something is free.
-    parameters
-        (N, 8) f4, those that were evaluated last.
-    """
-
-    def __init__(
-        self, objective: Evaluated, parameters: F4, free: Free | None, pixels: int, *, hold: bool = True
-    ) -> None:
-        self._objective, self.parameters = objective, parameters.copy()
-        some = np.ones(len(parameters), np.bool_) if free is None else np.asarray(free.any(axis=1))
-        self.rows = np.flatnonzero(some)
-        self._held: NDArray[np.bool_] | None = None  # (n, 8) bool
-        if free is not None and not free[self.rows].all():
-            self._held = np.repeat(~free[self.rows], COLUMNS, axis=1)
-        if hold and not some.all():
-            objective.freeze(parameters, ~some)
-        self._scale = pixels * 255.0 * 255.0
-
-    def start(self) -> F8:
-        """The coordinates (n, 8) of the rows."""
-        return to_coordinates(self.parameters[self.rows])
-
-    def at(self, z: F8) -> F4:
-        """The parameters (N, 8) f4 of all splats with the rows at z (n, 8); what is held keeps its bits."""
-        own = to_parameters(z)
-        if self._held is not None:
-            own = np.where(self._held, self.parameters[self.rows], own)
-        self.parameters[self.rows] = own
-        return self.parameters
-
-    def error(self, z: F8) -> float:
-        """The squared error in units of 8 bits."""
-        return self._objective.loss(self.at(z)) * self._scale
-
-    def evaluate(self, z: F8) -> tuple[float, float, F8]:
-        """The loss, the squared error in units of 8 bits, and its gradient (n, 8) by (u, v, m, r, s, n0, n1, n2)."""
-        loss, gradient = self._objective.evaluate(self.at(z))
-        own = self.parameters[self.rows]
-        by_own = gradient[self.rows] * np.float32(self._scale)
-        if self._held is not None:
-            by_own[self._held] = 0  # so that a colour that is held does not count in its splat's size
-        by_z = gradient_by_coordinates(own, by_own)
-        if self._held is not None:
-            by_z[self._held] = 0
-        return loss, loss * self._scale, by_z
 
 
 class Walk:

@@ -16,8 +16,8 @@ import pytest
 from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, video_format, waves
 
 from gsvc_ref.encoder import IncompleteEncodeError, encode, groups, side_by_side
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import INSISTING_S
 from gsvc_ref.processes import DeadProcessError

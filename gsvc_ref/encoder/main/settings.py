@@ -147,6 +147,11 @@ class InterSettings:
                 "iterations and rounded_iterations at least 1"
             )
 
+    @property
+    def evaluations(self) -> int:
+        """How many evaluations a P-frame takes at least, beside those of the field."""
+        return self.iterations + self.rounded_iterations
+
     @classmethod
     def quick(cls) -> "InterSettings":
         """About as long for a frame as preset `quick` of profile `paper`."""
