@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
+from gsvc_base.arrays import F4
+from gsvc_base.files import complete_file
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
-from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.quick import grown
-from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import covered_pixels
 from gsvc_ref.video import ColorDescription, VideoFormat
 

@@ -5,17 +5,17 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import U2
+from gsvc_base.arrays import U2
+from gsvc_base.constants import SMALLEST_NORMAL
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.constants import SMALLEST_NORMAL
 from gsvc_ref.paper import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
 from gsvc_ref.paper.half import EXPONENT_MASK
 
 NO_BLOCK: Final = SplatBlock()
 NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
-NO_FRAME: Final = FrameCodes.repeated_frame()
+NO_FRAME_CODES: Final = FrameCodes.repeated_frame()
 """The codes that a Reader, which ignores values, is given."""
 
 
@@ -46,7 +46,7 @@ def frame(
     given
         The frame that a Writer writes; its blocks must fit `state`.
     """
-    told = given or Frame(frame_number, None, NO_FRAME)
+    told = given or Frame(frame_number, None, NO_FRAME_CODES)
     head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)
     return Frame(*head, frame_codes(s, header, state, frame_type, told.codes))
 
@@ -63,7 +63,7 @@ def frame_head(
 
 
 def frame_codes(
-    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME
+    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME_CODES
 ) -> FrameCodes:
     """What follows `parameter_checksum` in a frame of profile `paper`; a Writer writes `codes`."""
     before = state.forget() if frame_type == "I" else state

@@ -6,8 +6,8 @@ from typing import Final, Protocol, TypeVar
 
 import numpy as np
 
-from gsvc_ref.portable import log2, power
-from gsvc_ref.splats import F4
+from gsvc_base.portable import log2, power
+from gsvc_base.splats import F4
 
 ENOUGH: Final = 0.1
 """A frame with at most so many dB more than asked for is not made coarser."""
@@ -15,7 +15,7 @@ ENOUGH: Final = 0.1
 I_TRIES, MOST_TRIES = 5, 10
 """The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
 
-DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+FIRST_SLOPE, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
 
 MOST_DOUBLINGS: Final = 3.0
@@ -24,7 +24,7 @@ MOST_DOUBLINGS: Final = 3.0
 SCALE_TRIES: Final = 5
 """The most thresholds of what a change must be worth that are tried for a P-frame."""
 
-MOST_OCTAVES: Final = 16.0
+MOST_WORTH_OCTAVES: Final = 16.0
 """No change is worth 2 to this power times as much as the settings ask of it."""
 
 MOST_DROP: Final = 1.0
@@ -68,7 +68,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         What `make` made of it.
     """
     tried: dict[int, JudgedT] = {}
-    number, last, slope = first, first, DB_PER_DOUBLING
+    number, last, slope = first, first, FIRST_SLOPE
     for attempt in range(MOST_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
@@ -132,9 +132,9 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
         return frame
     best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
     for _ in range(SCALE_TRIES):
-        if best.psnr - goal <= ENOUGH or low == MOST_OCTAVES:
+        if best.psnr - goal <= ENOUGH or low == MOST_WORTH_OCTAVES:
             break
-        at = min(low + step, MOST_OCTAVES) if math.isinf(high) else (low + high) / 2
+        at = min(low + step, MOST_WORTH_OCTAVES) if math.isinf(high) else (low + high) / 2
         made = make(float(power(2.0, at)))
         if made.psnr >= goal:
             low, step = at, 2 * step

@@ -13,7 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, Frame
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
 from gsvc_ref.encoder.held_quality import ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
@@ -24,7 +25,6 @@ from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,

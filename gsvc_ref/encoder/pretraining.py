@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from gsvc_base.splats import F4, Splats
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4, Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_ref.arrays import F4, F8, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.intra import grow
 from gsvc_ref.encoder.main.settings import IntraSettings
 from gsvc_ref.encoder.main.target import Target

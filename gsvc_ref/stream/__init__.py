@@ -12,9 +12,6 @@ from typing import TYPE_CHECKING, Final
 from gsvc_ref._lazy import lazily
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream.concatenation import concat
-    from gsvc_ref.stream.copying import ConcatReport
-    from gsvc_ref.stream.cutting import cut
     from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
     from gsvc_ref.stream.decoder import Stream, decode, scaled_size
     from gsvc_ref.stream.formats import video_format
@@ -29,6 +26,9 @@ if TYPE_CHECKING:
         seek,
     )
     from gsvc_ref.stream.writer import StreamWriter
+    from gsvc_tools.editing.concatenation import concat
+    from gsvc_tools.editing.copying import ConcatReport
+    from gsvc_tools.editing.cutting import cut
 
 __all__ = [
     "ConcatReport",

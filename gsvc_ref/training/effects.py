@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
 
 Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from codec_cases import encoded, paper_fast, paper_quick, waves
 
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder import paper as paper_module
 from gsvc_ref.encoder.held_quality import visibility
 from gsvc_ref.metrics import psnr
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.effects import effects, shape_weights
 
 SIDE = 48

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters
 from gsvc_ref.training.loop import MIN_FACTOR
 from gsvc_ref.training.walk import MOST_SHEAR, add_pull, hold_at_bounds, keep_shapes, pull_plain

@@ -23,8 +23,8 @@ trained population of 1920x1080 pixels has 260,000 (N = 10,000). They are writte
 it does not matter that a second-level cache holds fewer: with an eighth of this room, the loss and its gradient took a
 fifth longer."""
 
-INDEX, PLACE = 2, 3
-NOT_KEPT: Final = -1
+INDEX, KEPT_AT = 2, 3
+NOWHERE: Final = -1
 """Columns of `Batch.rows`, and what stands for no place."""
 
 
@@ -35,7 +35,7 @@ class Batch(NamedTuple):
     ----------
     rows
         Per intersection (4,) i4: first row, the one after the last, the intersection's `INDEX` in the order by splat,
-        and the `PLACE` of its weights in `Buffers.kept`, or `NOT_KEPT`.
+        and the `KEPT_AT` of its weights in `Buffers.kept`, or `NOWHERE`.
     splats
         Per intersection (PROJECTED,) f4, copied from `Bins`.
     """
@@ -99,7 +99,7 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
         batch.rows[i, 0] = rows[0]
         batch.rows[i, 1] = rows[1]
         batch.rows[i, INDEX] = bins.intersections[first + i, 1]
-        batch.rows[i, PLACE] = NOT_KEPT
+        batch.rows[i, KEPT_AT] = NOWHERE
         for k in range(PROJECTED):
             batch.splats[i, k] = splat[k]
     return count

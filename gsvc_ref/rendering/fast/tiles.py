@@ -20,11 +20,11 @@ CHANNELS: Final = 3
 ROW: Final = CHANNELS * TILE_WIDTH
 """Floats in a row of a tile."""
 
-ROWS: Final = 3
+GROUP_ROWS: Final = 3
 """Rows that the inner loops handle at once, to hide latency. Four spill the 16 vector registers of AVX2, and from about
 eight on LLVM gives up and emits scalar code, ten times slower."""
 
-SPARE_ROWS: Final = ROWS - 1
+SPARE_ROWS: Final = GROUP_ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
 LANES: Final = np.arange(TILE_WIDTH, dtype=np.float32)  # (16,) f4

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import ffmpeg, planes, runner
 from gsvc_lab.bench.measure import Point
 from gsvc_lab.bench.page import bench_html
 from gsvc_lab.bench.planes import PlanarClip
 from gsvc_lab.cli import bench
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 
@@ -172,7 +172,7 @@ def test_what_cannot_be_is_refused_before_work(tmp_path, monkeypatch, capsys, wo
 def test_pictures_of_phones_are_upright(tmp_path, degrees):
     """Their planes are as coded, and their display matrix says how they are held."""
     pytest.importorskip("av")
-    from video.odd_clips import write_clip
+    from tools.video.odd_clips import write_clip
 
     source = tmp_path / "a.mp4"
     write_clip(source, rotation=degrees, times=[0, 40])
