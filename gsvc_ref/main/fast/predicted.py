@@ -27,7 +27,7 @@ from gsvc_ref.main.tables import step_of
 
 VECTOR_ROW: Final = ROWS["vector"].first
 MODE_ROW: Final = ROWS["mode"].first
-GROUP_ROWS: Final = tuple(ROWS[name].first for name, _, _ in GROUPS)
+DIFFERENCE_ROWS: Final = tuple(ROWS[name].first for name, _, _ in GROUPS)
 """The rows of the first contexts of vectors, of modes and of each group of differences among those of all models."""
 
 
@@ -201,7 +201,7 @@ def read_differences(lanes: Lanes, group: int, tables: Distributions, seen: I8, 
     magnitudes = np.empty((components, many), np.int64)
     for i in range(components):
         for k in range(many):
-            rows[k] = GROUP_ROWS[group] + (3 * (i - 1) + 1 + min(before[k], 2) if i > 0 else 0)
+            rows[k] = DIFFERENCE_ROWS[group] + (3 * (i - 1) + 1 + min(before[k], 2) if i > 0 else 0)
         if not read_magnitudes(lanes, tables, rows, seen, magnitudes[i]):
             return False
         for k in range(many):
