@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[1]
 RULE = re.compile(r"\bR-(\d+)(?:\.\d+)*-\d+\b")
 EQUATION = re.compile(r"\((\d+-\d+)\)")
 LAST_OF_CODEC = 11
-"""Requirements up to this section are about what gsvc_ref and gsvc_tools do, which cite them; the others are the kit's."""
+"""Requirements up to this section bind gsvc_ref and gsvc_tools, which cite them; the others are the kit's."""
 
 
 def text(path):

@@ -170,8 +170,7 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
 KILLED = """
 import itertools, os, signal, sys
 import gsvc_ref
-import gsvc_tools.editing
-from gsvc_ref.stream import copying
+from gsvc_tools.editing import copying
 steps, write = itertools.count(), copying.write_all
 def killing(target, data):
     if next(steps) == int(sys.argv[1]):
