@@ -23,7 +23,7 @@ MAKING = ("cases/[!_]*.py", "streams.py")
 LENDERS = ("gsvc_ref", "gsvc_lab")
 DATA = {
     "spec.md": "borrowed/gsvc_ref/spec.md",
-    "gsvc_lab/pages/style.css": "borrowed/gsvc_lab/pages/style.css",
+    "gsvc_base/pages/style.css": "borrowed/gsvc_base/pages/style.css",
     "conformance/protocol.md": "protocol.md",
     "conformance/examples": "examples",
     "LICENSE": "LICENSE",
@@ -32,11 +32,11 @@ DATA = {
 SAME_CLASSES = """
 
 try:  # whoever catches an error of the kit catches that of an installed gsvc_ref, and the other way round
-    from gsvc_ref.errors import GsvcError, UsageError
+    from gsvc_base.errors import GsvcError, UsageError
 except ModuleNotFoundError:
     pass
 """
-"""The end of the copy of gsvc_ref.errors."""
+"""The end of the copy of gsvc_base.errors."""
 OLDEST = (1980, 1, 1, 0, 0, 0)
 """The time of files in vectors.zip: the same archive each time."""
 
@@ -68,7 +68,7 @@ def put_together(checkout: Path, package: Path) -> None:
     for module in borrowed(checkout):
         source = path_of(checkout, module)
         target = package / "borrowed" / source.relative_to(checkout)
-        _write(target, rewritten(source) + (SAME_CLASSES if module == "gsvc_ref.errors" else ""))
+        _write(target, rewritten(source) + (SAME_CLASSES if module == "gsvc_base.errors" else ""))
         for folder in target.relative_to(package).parents[:-1]:
             if not (package / folder / "__init__.py").exists():
                 _write(package / folder / "__init__.py", "")

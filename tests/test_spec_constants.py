@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gsvc_base.rendering.bounds import EPS, ETA
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
-from gsvc_ref.rendering.bounds import EPS, ETA
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "gsvc_ref"

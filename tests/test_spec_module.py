@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsvc_ref import document, spec
+from gsvc_base import document, spec
 
 ROOT = Path(__file__).parents[1]
 DOCUMENT = ROOT / "spec.md"

@@ -10,9 +10,9 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.pages.tables import Table
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
+from gsvc_base.pages.tables import Table
 
 FrameType = Literal["I", "P", "R"]
 

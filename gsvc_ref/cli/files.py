@@ -6,8 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import STREAM_SUFFIX
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.loop import GroupCoder, silent

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any, Protocol, Self, TypeVar
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.log import Decision, FrameLog

@@ -8,6 +8,8 @@ from shutil import copyfileobj
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, cast
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.times import TIMES
@@ -17,8 +19,6 @@ from gsvc_ref.encoder.loop import FrameCoder
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, LayerReport
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.encoder.stages import StageSeconds
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.writer import can_go_back

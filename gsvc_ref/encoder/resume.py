@@ -15,7 +15,9 @@ from typing import Any, BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
@@ -25,8 +27,6 @@ from gsvc_ref.encoder.loop import GroupCoder, described, encode_frame
 from gsvc_ref.encoder.recording import NothingSavedError
 from gsvc_ref.encoder.report import ProgressReporter
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.video import VideoFormat
 
 ABOUT: Final = "encode.json"

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
 from gsvc_ref.encoder.frame import FrameEncoder
@@ -15,7 +16,6 @@ from gsvc_ref.encoder.report import FrameReport, OnProgress, ProgressReporter
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import SoundFrames
 from gsvc_ref.encoder.times import SourceTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoFormat, VideoReader
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.frame_types import TypedFrame
@@ -13,7 +14,6 @@ from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
 from gsvc_ref.encoder.settings import KeyFrames, Settings
 from gsvc_ref.encoder.source_and_target import SoundFrames, Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.training import BlockSettings, FitSettings

@@ -156,7 +156,7 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
     out.write_bytes(b"an older file")
 
     def interrupted(*arguments, **options):
-        with gsvc_ref.files.opened_output(out) as file:
+        with opened_output(out) as file:
             file.write(b"half")
             raise KeyboardInterrupt
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.commands import sets
-from gsvc_ref.errors import GsvcError, UsageError
 
 ROOT = Path(__file__).parents[2]
 KIT = ROOT / "conformance" / "gsvc_conformance"
@@ -83,7 +83,7 @@ def imported_from(text):
 @pytest.mark.parametrize("installed", [True, False])
 def test_errors_are_those_of_an_installed_gsvc_ref(hook, monkeypatch, installed):
     if not installed:
-        monkeypatch.setitem(sys.modules, "gsvc_ref.errors", None)  # so that importing it fails
+        monkeypatch.setitem(sys.modules, "gsvc_base.errors", None)  # so that importing it fails
     names = {"__name__": "copy"}
     exec(hook.rewritten(ROOT / "gsvc_ref" / "errors.py") + hook.SAME_CLASSES, names)
     assert (names["UsageError"] is UsageError, names["GsvcError"] is GsvcError) == (installed, installed)

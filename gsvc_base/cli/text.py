@@ -10,7 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from gsvc_ref.errors import naming
+from gsvc_base.errors import naming
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat

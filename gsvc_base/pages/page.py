@@ -4,8 +4,8 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gsvc_lab.pages.data import Figure
-from gsvc_lab.pages.tables import html_table
+from gsvc_base.pages.page import Figure
+from gsvc_base.pages.tables import html_table
 
 
 def document(title: str, sections: Sequence[str]) -> str:

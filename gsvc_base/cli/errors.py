@@ -9,8 +9,8 @@ from contextlib import suppress
 from io import TextIOWrapper
 from typing import Final
 
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import GsvcError, UsageError, naming
+from gsvc_base.cli.text import show
+from gsvc_base.errors import GsvcError, UsageError, naming
 
 EXIT_DATA: Final = 1
 EXIT_USAGE: Final = 2
