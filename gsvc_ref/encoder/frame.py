@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.splats import F4
 from gsvc_ref.encoder.blocks import block_errors, errors_left
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.frame_settings import FrameSettings
@@ -36,7 +37,6 @@ from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.splats import F4
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,

@@ -16,13 +16,13 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.splats import F4
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import F4
 from gsvc_ref.training.reduction import reduced
 
 Frame = NDArray[np.unsignedinteger[Any]]

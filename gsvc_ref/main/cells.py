@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.densities import density_at
 from gsvc_ref.main.fast.lanes import MISSING_WORD, Lanes, read_raw, take_symbol
 from gsvc_ref.main.passes import ONE, Distributions, Run

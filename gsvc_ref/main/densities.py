@@ -7,8 +7,8 @@ from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.fast.lanes import Lanes, read_low_bits, read_raw, read_signs, read_symbols
 from gsvc_ref.main.passes import ONE, Distributions, Run
 from gsvc_ref.main.state import CLASSES, SHEAR_STEPS, SIZE_STEPS

@@ -5,8 +5,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.fast.lanes import Lanes, read_low_bits, read_symbols
 from gsvc_ref.main.passes import ONE, Distributions, Run, magnitude_classes
 

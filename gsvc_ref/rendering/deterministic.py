@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
 from gsvc_ref.rendering.fast.sums import E_BLUE, E_GREEN, E_RED, MOMENTS, U1, U1U1, U1U2, U2, U2U2
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 F4 = NDArray[np.float32]
 

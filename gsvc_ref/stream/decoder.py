@@ -11,14 +11,14 @@ from typing import Any, BinaryIO, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats, scale_parameters
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.bitstream.times import FrameTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
 from gsvc_ref.rendering.fast.threads import thread_count
-from gsvc_ref.splats import Splats, scale_parameters
 from gsvc_ref.stream.ahead import read_ahead
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import F4, PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import F4, PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 

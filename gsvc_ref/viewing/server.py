@@ -25,7 +25,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.viewing.pages import PAGE, TYPES, viewer_files
 from gsvc_ref.viewing.source_frames import SourceFrames
 from gsvc_ref.viewing.streams import PIECE, StreamBytes

@@ -13,6 +13,7 @@ import pytest
 from conftest import QUICK
 
 import gsvc_ref
+from gsvc_base.files import opened_output
 from gsvc_ref.cli import concat, main
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
@@ -154,7 +155,7 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
     out.write_bytes(b"an older file")
 
     def interrupted(*arguments, **options):
-        with gsvc_ref.files.opened_output(out) as file:
+        with opened_output(out) as file:
             file.write(b"half")
             raise KeyboardInterrupt
 

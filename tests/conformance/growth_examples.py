@@ -15,6 +15,7 @@ from uuid import UUID
 
 import numpy as np
 
+from gsvc_base.spec import step_of
 from gsvc_ref import concat
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import MAGIC, VERSION_MAJOR, VERSION_MINOR
@@ -27,7 +28,6 @@ from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import Densities, Density
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.paper import Kept, SplatBlock
-from gsvc_ref.spec import step_of
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream
 

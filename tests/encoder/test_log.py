@@ -12,10 +12,10 @@ from codec_cases import encoded, paper_fast, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import open as open_stream
 from gsvc_ref.encoder.effects import EFFECT_NAMES, Effects
 from gsvc_ref.encoder.log import MAX_LINE, MAX_STEPS, OFF, SIGNATURE, Decision, FrameLog, percent, read_log, write_log
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamWriter
 
 CLIP = waves(32, 24, 4)

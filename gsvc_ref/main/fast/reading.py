@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.cells import cell_counts, read_cells
 from gsvc_ref.main.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
 from gsvc_ref.main.densities import (

@@ -11,8 +11,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref._jit import kernel
-from gsvc_ref.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.rendering.fast.tiles import F4, I4, TILE_WIDTH
 
 ELLIPSE: Final = SUPPORT_RADIUS * (1 + 2.0**-18)

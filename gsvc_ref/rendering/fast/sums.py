@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref._jit import kernel, without_contraction
-from gsvc_ref.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref.rendering.fast.batches import INDEX, NOT_KEPT, PLACE, Batch, Buffers
 from gsvc_ref.rendering.fast.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.fast.projection import BLUE, GREEN, R1, R2, RED, F, L, X, Y, row_range

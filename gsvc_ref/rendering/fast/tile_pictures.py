@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.constants import ONE
 from gsvc_ref._jit import kernel
-from gsvc_ref.constants import ONE
 from gsvc_ref.rendering.fast.tiles import CHANNELS, F4, F8, ROW, TILE_WIDTH, aligned, tile_count
 
 ZERO: Final = np.float32(0)

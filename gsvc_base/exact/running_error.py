@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.rendering.bounds import EPS, ETA, additions, gamma
-from gsvc_ref.testing.expansions import Expansion, certain, exact, joined, where
+from gsvc_base.exact.expansions import Expansion, certain, exact, joined, where
+from gsvc_base.rendering.bounds import EPS, ETA, additions, gamma
 
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 

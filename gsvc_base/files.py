@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 
-from gsvc_ref.errors import UsageError, naming
+from gsvc_base.errors import UsageError, naming
 
 MAX_NAME_BYTES: Final = 100
 """Maximum length of the target's name inside the temporary one, which has to fit the system's limit as well."""

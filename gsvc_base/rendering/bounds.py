@@ -45,10 +45,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.checks import door
-from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
-from gsvc_ref.rendering.definition import Footprint, added, check_residual, exp_minus, footprint
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+from gsvc_base.checks import door
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_base.rendering.definition import Footprint, added, check_residual, exp_minus, footprint
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 
 F8 = NDArray[np.float64]
 
