@@ -16,6 +16,7 @@ I4 = NDArray[np.int32]
 I8 = NDArray[np.int64]
 
 TILE_WIDTH: Final = 16
+assert TILE_WIDTH.bit_count() == 1 < TILE_WIDTH, "lanes are added half to half: a power of two"
 CHANNELS: Final = 3
 ROW: Final = CHANNELS * TILE_WIDTH
 """Floats in a row of a tile."""
