@@ -12,7 +12,6 @@ from uuid import UUID
 
 import numpy as np
 
-from gsvc_base.spec import step_of
 from gsvc_ref import concat
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import MAGIC, VERSION_MAJOR, VERSION_MINOR
