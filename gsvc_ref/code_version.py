@@ -8,7 +8,7 @@ from typing import Final
 import gsvc_base
 from gsvc_ref import __version__
 
-PACKAGE: Final = Path(__file__).resolve().parent
+SOURCES: Final = Path(__file__).resolve().parent
 BASE: Final = Path(gsvc_base.__file__).resolve().parent
 
 BESIDE_ENCODING: Final = ("cli", "exact", "pages", "testing", "web")
@@ -19,7 +19,7 @@ BESIDE_ENCODING: Final = ("cli", "exact", "pages", "testing", "web")
 def code_version() -> str:
     """The version with a digest of all sources that count, since those of a checkout change under the same number."""
     digest = sha256()
-    for package in (PACKAGE, BASE):
+    for package in (SOURCES, BASE):
         for path in sorted(package.rglob("*.py")):
             inside = path.relative_to(package)
             if inside.parts[0] not in BESIDE_ENCODING:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from gsvc_base.cli.text import per_second, plural
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
 CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
 STDIO: Final = "-"
-STREAM_SUFFIX: Final = ".gsvc"
-"""The end of the name of a file that holds a stream (R-1.1-1)."""
 FOREIGN_SUFFIXES: Final = frozenset((
     ".aac", ".apng", ".avi", ".avif", ".bmp", ".flac", ".flv", ".gif", ".h264", ".h265", ".hevc", ".html", ".ivf",
     ".jpeg", ".jpg", ".json", ".m4a", ".m4v", ".mkv", ".mov", ".mp3", ".mp4", ".mpeg", ".mpg", ".mts", ".mxf", ".npz",

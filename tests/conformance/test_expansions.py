@@ -8,7 +8,7 @@ import pytest
 
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import (
-    PRECISIONS,
+    COMPONENT_COUNTS,
     Expansion,
     certain,
     exact,
@@ -55,7 +55,7 @@ OPERATIONS = {
 }
 
 
-@pytest.mark.parametrize("most", [1, *PRECISIONS])
+@pytest.mark.parametrize("most", [1, *COMPONENT_COUNTS])
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_operations_are_within_their_radius_and_round_as_the_truth_does(operation, most):
     of_numbers, of_truth = OPERATIONS[operation]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.constants import LN_255
 from gsvc_base.exact.distinct import distinct
-from gsvc_base.exact.expansions import PRECISIONS, Expansion, exact, joined, settled, sums_of, where
+from gsvc_base.exact.expansions import COMPONENT_COUNTS, Expansion, exact, joined, settled, sums_of, where
 from gsvc_base.rendering.bounds import SumBound, error_footprints, gradient_bound
 from gsvc_conformance.elementary import exp
 
@@ -172,7 +172,7 @@ class Weights:
         u2 = (exact(pairs.row + 0.5) - y - l21 * u1) * self.i22[pairs.splat]
         sigma = (u1 * u1 + u2 * u2).scaled(-1)
         side = (sigma - exact(LN_255)).sign()
-        if self._most == PRECISIONS[-1] and np.isnan(side).any():
+        if self._most == COMPONENT_COUNTS[-1] and np.isnan(side).any():
             raise ArithmeticError("whether a splat covers a pixel is open with the most components")
         g = exp(-where(side <= 0, sigma, exact(0.0)))
         g = where(side <= 0, g, exact(0.0))
