@@ -11,7 +11,7 @@ from gsvc_ref import __version__
 SOURCES: Final = Path(__file__).resolve().parent
 BASE: Final = Path(gsvc_base.__file__).resolve().parent
 
-BESIDE_ENCODING: Final = ("cli", "exact", "pages", "testing", "web")
+BESIDE_ENCODING: Final = ("cli", "exact", "pages", "testing")
 """Folders of gsvc_ref and gsvc_base that no encode depends on."""
 
 

@@ -26,7 +26,7 @@ MAY_UNPICKLE = {
 """The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
 does. The others read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
-MAY_SERVE = {ROOT / "gsvc_ref" / "viewing" / "server.py"}
+MAY_SERVE = {ROOT / "gsvc_tools" / "viewing" / "server.py"}
 """It gives the viewer to a browser of this machine, on the loopback interface alone."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
