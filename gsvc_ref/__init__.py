@@ -29,6 +29,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_base import spec as spec
     from gsvc_base.errors import GsvcError as GsvcError
     from gsvc_base.errors import UsageError as UsageError
     from gsvc_base.splats import Splats as Splats
@@ -243,6 +244,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "spec":
+        return import_module("gsvc_base.spec")
     if name in _OFFERED:
         from gsvc_ref import plugins
 

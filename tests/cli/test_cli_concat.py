@@ -14,6 +14,7 @@ from conftest import QUICK
 
 import gsvc_ref
 import gsvc_tools.editing
+from gsvc_base.files import opened_output
 from gsvc_ref.cli import main
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
