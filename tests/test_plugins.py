@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import cli, plugins
-from gsvc_ref.errors import UsageError
 from gsvc_ref.plugins import NamedSource
 from gsvc_ref.video import open_video, open_writer
 from gsvc_ref.video.format import ColorDescription, VideoFormat
