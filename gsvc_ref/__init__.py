@@ -29,6 +29,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_base import spec as spec
     from gsvc_base.errors import GsvcError as GsvcError
     from gsvc_base.errors import UsageError as UsageError
     from gsvc_base.splats import Splats as Splats
@@ -75,8 +76,6 @@ if TYPE_CHECKING:
     from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
-    from gsvc_ref.stream import concat as concat
-    from gsvc_ref.stream import cut as cut
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -96,6 +95,8 @@ if TYPE_CHECKING:
     from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
     from gsvc_ref.video.color import frame_to_planes as frame_to_planes
     from gsvc_ref.video.color import planes_to_frame as planes_to_frame
+    from gsvc_tools.editing import concat as concat
+    from gsvc_tools.editing import cut as cut
 
 __version__ = "0.1.0"
 
@@ -111,9 +112,7 @@ _HOMES: Final = {
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.paper",
     "compact": "gsvc_ref.training.pruning",
-    "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
-    "cut": "gsvc_ref.stream",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
@@ -169,6 +168,9 @@ _HOMES: Final = {
     "write": "gsvc_ref.encoder",
 }
 """The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
+
+_OFFERED: Final = ("concat", "cut")
+"""The names that the plug-in gsvc_tools offers (`gsvc_ref.plugins.add_names`)."""
 
 __all__ = [
     "Gap",
@@ -242,9 +244,17 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name == "spec":
+        return import_module("gsvc_base.spec")
+    if name in _OFFERED:
+        from gsvc_ref import plugins
+
+        value = plugins.offered(name)
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)
+    else:
         raise AttributeError(f"module 'gsvc_ref' has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)
+    globals()[name] = value
     return value
 
 

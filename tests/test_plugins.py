@@ -3,22 +3,26 @@
 import subprocess
 import sys
 from fractions import Fraction
+from importlib import import_module
+from types import ModuleType
 
 import numpy as np
 import pytest
 
+import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import cli, plugins
 from gsvc_ref.plugins import NamedSource
-from gsvc_ref.video import open_video
+from gsvc_ref.video import open_video, open_writer
 from gsvc_ref.video.format import ColorDescription, VideoFormat
 from gsvc_ref.video.stream import VideoReader
 
-WITHOUT_LAB = """
+WITHOUT = """
 import importlib.metadata, sys
 importlib.metadata.entry_points = lambda **_: ()
 from gsvc_ref.cli import main
 code = main({words!r})
-print("gsvc_lab" in sys.modules)
+print({"gsvc_tools", "gsvc_lab"} & set(sys.modules))
 sys.exit(code)
 """
 
@@ -48,9 +52,9 @@ def grey(monkeypatch):
     monkeypatch.setattr(plugins, "_sources", [*plugins._sources, NamedSource("grey:", ".grey", GreyReader)])
 
 
-def without_lab(*words):
+def without_plugins(*words):
     """What `gsvc` does where nothing else is installed."""
-    command = [sys.executable, "-c", WITHOUT_LAB.format(words=list(words))]
+    command = [sys.executable, "-c", WITHOUT.replace("{words!r}", repr(list(words)))]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
@@ -71,10 +75,12 @@ def test_a_file_that_describes_a_source_must_exist(grey, tmp_path):
 
 
 def test_a_command_is_added(monkeypatch, capsys):
-    def add(commands):
-        commands.add_parser("hello").set_defaults(run=lambda arguments: print("hello") or 0)
-
-    monkeypatch.setattr(plugins, "_commands", [*plugins._commands, add])
+    module = ModuleType("hello")
+    module.add_command = lambda commands: commands.add_parser("hello").set_defaults(
+        run=lambda arguments: print("hello") or 0
+    )
+    monkeypatch.setitem(sys.modules, "hello", module)
+    monkeypatch.setattr(plugins, "_commands", {**plugins._commands, "hello": "hello"})
     assert cli.main(["hello"]) == 0
     assert capsys.readouterr().out == "hello\n"
 
@@ -85,12 +91,33 @@ def test_the_laboratory_is_a_plugin():
     assert len(plugins.commands()) >= 3
 
 
-def test_the_codec_works_without_the_laboratory(tmp_path):
-    shown = without_lab("--help")
+def test_the_codec_works_without_plugins(tmp_path):
+    shown = without_plugins("--help")
     assert shown.returncode == 0
     assert "encode" in shown.stdout
     assert "scene" not in shown.stdout
-    assert shown.stdout.endswith("False\n")
-    refused = without_lab("encode", "scene:pan", str(tmp_path / "x.gsvc"))
+    assert "concat" not in shown.stdout
+    assert shown.stdout.endswith("set()\n")
+    refused = without_plugins("encode", "scene:pan", str(tmp_path / "x.gsvc"))
     assert refused.returncode == 2
     assert "there is no file 'scene:pan'" in refused.stderr
+
+
+def test_names_and_files_of_a_plugin_that_is_missing(monkeypatch, tmp_path):
+    for name in ("_names", "_file_readers", "_targets"):
+        monkeypatch.setattr(plugins, name, type(getattr(plugins, name))())
+    monkeypatch.delitem(vars(gsvc_ref), "concat", raising=False)
+    with pytest.raises(UsageError, match="needs gsvc_tools"):
+        gsvc_ref.concat  # noqa: B018
+    (tmp_path / "clip.mkv").write_bytes(b"\x1aE\xdf\xa3 and more")
+    with pytest.raises(UsageError, match="other formats need gsvc_tools"):
+        open_video(tmp_path / "clip.mkv")
+    with pytest.raises(UsageError, match=r"ends in \.y4m, \.png, a folder"):
+        open_writer(tmp_path / "copy.mp4", GreyReader("grey:1").format)
+
+
+def test_all_that_gsvc_ref_asks_for_is_offered():
+    assert set(gsvc_ref._OFFERED) == set(plugins._names)
+    assert set(cli.ORDER) == {*cli.MODULES, *plugins.commands()} - {"report", "bench", "accuracy", "scene", "demo"}
+    for name, module in plugins._names.items():
+        assert getattr(gsvc_ref, name) is getattr(import_module(module), name)

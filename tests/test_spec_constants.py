@@ -14,10 +14,9 @@ from gsvc_base.rendering.bounds import EPS, ETA
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
-from gsvc_ref.main import models, passes, state, tables
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "gsvc_ref"
+PACKAGES = (ROOT / "gsvc_base", ROOT / "gsvc_ref")
 NAMED = re.compile(r"`([A-Z][A-Z0-9_]*)`")
 
 UNNEEDED = {
@@ -30,24 +29,7 @@ UNNEEDED = {
 }
 """Constants of Annex A that gsvc_ref has no need of, and why."""
 
-RENAMED = {
-    "TOTAL": lambda: passes.ONE,
-    "TAIL": lambda: tables._TAIL,
-    "LOGISTIC": lambda: tables.FAMILIES[0],
-    "LAPLACE": lambda: tables.FAMILIES[1],
-    "MAIN_K1": lambda: state.K1,
-    "MAIN_K2": lambda: state.K2,
-    "MAIN_K3": lambda: state.K3,
-    "SYMBOLS": lambda: {name: start.symbols for name, start in models.STARTS.items()},
-    "MODELS": lambda: {name: start.counts for name, start in models.STARTS.items()},
-}
-"""Constants of profile `main` that have another name in gsvc_ref, beside those of the table."""
-
 HOMONYMS = {
-    "K1": ["gsvc_ref.main.state"],
-    "K2": ["gsvc_ref.main.state"],
-    "K3": ["gsvc_ref.main.state"],
-    "ONE": ["gsvc_ref.main.passes"],
     "HALF": ["gsvc_ref.training.coordinates"],
     "REACH": ["gsvc_ref.encoder.main.candidates"],
     "S_MOST": ["gsvc_ref.encoder.main.new_splats"],
@@ -88,9 +70,9 @@ def defined(tree):
 
 @cache
 def definitions():
-    """The modules of gsvc_ref that define each name, leading underscores left out."""
+    """The modules of gsvc_base and gsvc_ref that define each name, leading underscores left out."""
     homes = {}
-    for path in PACKAGE.rglob("*.py"):
+    for path in (path for package in PACKAGES for path in package.rglob("*.py")):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         for name in defined(ast.parse(path.read_text(encoding="utf-8"))):
             homes.setdefault(name.lstrip("_"), []).append(module)
@@ -126,9 +108,6 @@ def test_a_name_has_one_definition_with_the_value_of_the_spec(name):
     homes = definitions().get(name, [])
     if name in UNNEEDED:
         assert homes == []
-        return
-    if name in RENAMED:
-        assert plain(RENAMED[name]()) == plain(spec.namespace()[name])
         return
     homes = [home for home in homes if home not in HOMONYMS.get(name, [])]
     assert len(homes) == 1, f"{name} is defined in {homes}"

@@ -120,7 +120,7 @@ def missing_package(error: BaseException) -> str | None:
     if not isinstance(error, ModuleNotFoundError):
         return None
     package = (error.name or "").partition(".")[0]
-    return None if package in ("", "gsvc_ref", *sys.stdlib_module_names) else package
+    return None if package in ("", "gsvc_base", "gsvc_ref", *sys.stdlib_module_names) else package
 
 
 def describe_os_error(error: OSError) -> str:

@@ -11,12 +11,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gsvc_base.splats import F4
+from gsvc_base.arrays import F4, Frame
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
@@ -25,7 +24,6 @@ from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.paper import FrameType
 from gsvc_ref.training.reduction import reduced
 
-Frame = NDArray[np.unsignedinteger[Any]]
 FrameT = TypeVar("FrameT")
 OnPretraining = Callable[[int], None]
 """Called with the number of each frame before it is looked at."""
@@ -263,7 +261,7 @@ def _stands_out(change: float, others: list[float]) -> bool:
 
 
 @kernel()
-def _changed_pixels(before: NDArray[Any], now: NDArray[Any]) -> int:
+def _changed_pixels(before: Frame, now: Frame) -> int:
     """The number of pixels at which two frames (H, W, 3) differ."""
     height, width, channels = now.shape
     changed = 0

@@ -104,7 +104,8 @@ class GivenFrames:
             low, high = self._low[column], self._high[column]
             raise SplatsError(
                 number,
-                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be a number from {low:.9g} to {high:.9g}",
+                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be a number from {low:.9g} to "
+                f"{high:.9g}",
                 splat,
             )
 
@@ -133,8 +134,8 @@ class GivenFrames:
             column = COLUMN_L11 if parameters[splat, COLUMN_L11] < SMALLEST_NORMAL else COLUMN_L22
             raise SplatsError(
                 number,
-                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be at least 2^-126, or the splat covers "
-                f"nothing: {REMEDIES[self._degenerate]}",
+                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be at least 2^-126, or the splat "
+                f"covers nothing: {REMEDIES[self._degenerate]}",
                 splat,
             )
         if bad.any():

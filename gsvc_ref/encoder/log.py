@@ -131,8 +131,8 @@ def _line(number: int, decisions: Iterable[Decision]) -> bytes:
 def read_log(payload: bytes, frame_count: int) -> list[tuple[Decision, ...]]:
     """The decisions about all frames, each with one about each effect in the order of `EFFECT_NAMES`.
 
-    Whatever the payload is, it takes at most MAX_LOG_LINE bytes for each frame: it is inflated piece by piece, and reading
-    ends at the first line that is too long or one too many. Names that this version does not know are skipped.
+    Any payload takes at most MAX_LOG_LINE bytes for each frame: it is inflated piece by piece, and reading ends at the
+    first line that is too long or one too many. Names that this version does not know are skipped.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from gsvc_base.splats import F4, Splats
+from gsvc_base.arrays import F4
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training import (

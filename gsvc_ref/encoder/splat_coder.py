@@ -5,10 +5,7 @@ An I-frame quantises the splats. A P-frame quantises the differences of those th
 left with, and what changes the picture less than that error is left as it is.
 """
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -18,11 +15,12 @@ from gsvc_base.portable import log2
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.bitstream.frames import Frame
+from gsvc_ref.bitstream.frames import FrameElements
 from gsvc_ref.bitstream.frames import frame as write_frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer, rendering_work
@@ -78,6 +76,10 @@ class SplatCoder:
         """The elements of the sequence header that belong to the profile."""
         return self.settings.quantizer_elements()
 
+    def for_group(self) -> Self:
+        """The same coder, since its I-frames forget what was before them."""
+        return self
+
     def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it.
 
@@ -88,15 +90,15 @@ class SplatCoder:
         """
         self._check_level(frame, number)
         progress("quantize", 0, 0, np.inf)
-        seconds: dict[str, float] = {}
-        with _timed(seconds, "start"):
+        seconds = StageSeconds()
+        with seconds.timed("start"):
             given = Splats.from_array(frame.parameters)
             objective = Objective(
                 self._renderer.picture(given), self.settings.threads, precision=self.settings.precision
             )
-        with _timed(seconds, "quantize"):
+        with seconds.timed("quantize"):
             coded, reason = self._coded(frame, frame_type, number, objective)
-        with _timed(seconds, "check"):
+        with seconds.timed("check"):
             wanted, shown = (self._renderer.frame(splats, self.bit_depth) for splats in (given, coded.state.splats))
             quality = psnr(wanted, shown, (1 << self.bit_depth) - 1)
         if coded.codes.type == "I":
@@ -191,7 +193,7 @@ class SplatCoder:
             level=self.level, width=self.width, height=self.height, **self.settings.quantizer_elements()
         )
         s = Writer()
-        write_frame(s, header, self.state, coded.codes.type, number, Frame(number, None, coded.codes))
+        write_frame(s, header, self.state, coded.codes.type, number, FrameElements(number, None, coded.codes))
         return len(s.getvalue())
 
 
@@ -200,10 +202,3 @@ def _changes(codes: FrameCodes) -> bool:
     inter = codes.inter
     stays = codes.survivors is not None and codes.survivors.all() and codes.intra_count == 0
     return not stays or (inter is not None and inter.count is not None)
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    begin = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - begin

@@ -18,7 +18,7 @@ from gsvc_ref.main.codes import SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
 from gsvc_ref.main.frames import MainState, code_run
 from gsvc_ref.main.layers import Layers
-from gsvc_ref.main.passes import ONE, Distributions, Run
+from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
 from gsvc_ref.testing.choices import Choices, SeededChoices
@@ -41,7 +41,7 @@ class RandomRun(Run):
         """A pass: symbol i has the distribution `which[i]`."""
         first, last = tables.first[which], tables.first[which + 1] - 2
         if self._kind == "likely":
-            slots = self._rng.integers(0, ONE, (len(which),))
+            slots = self._rng.integers(0, TOTAL, (len(which),))
             found = [
                 np.searchsorted(tables.cumulative[low : high + 1], slot, side="right") - 1
                 for low, high, slot in zip(first, last, slots, strict=True)

@@ -275,7 +275,7 @@ def make_frame(
     max_count: int = 120,
     count: int | None = None,
 ) -> FrameCodes:
-    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `ANY_SIZE_SPLATS` in all.
+    """A frame that may follow `state`: one of `types`, with up to `max_count` new splats and `ANY_SIZE_SPLATS` in all.
 
     With `count` it has so many splats, unless it is an R-frame; `state` must have no more.
     """

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_base.arrays import F8
-from gsvc_base.splats import F4
+from gsvc_base.arrays import F4, F8
 from gsvc_ref.paper import (
     Kept,
     LsqParameters,

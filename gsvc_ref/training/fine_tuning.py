@@ -3,7 +3,8 @@
 import math
 from typing import ClassVar
 
-from gsvc_base.splats import F4, PARAMETERS_PER_SPLAT
+from gsvc_base.arrays import F4
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.paper import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.adan import Adan

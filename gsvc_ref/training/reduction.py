@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsvc_base.splats import F4
+from gsvc_base.arrays import F4
 from gsvc_ref._jit import kernel
 
 

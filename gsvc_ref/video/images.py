@@ -16,12 +16,10 @@ from PIL.JpegImagePlugin import JpegImageFile
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError, naming
 from gsvc_base.files import PartialFile, check_parent, remove_leftover
-from gsvc_ref.video import png
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
-from gsvc_ref.video.png import PngImage, decode_png, encode_png
+from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 
-PNG_SIGNATURE: Final = png.PNG_SIGNATURE
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
 GAPS_NAMED: Final = 4

@@ -174,9 +174,8 @@ def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
 def _pillow_samples(chunks: dict[bytes, bytes], raw_mode: str | None) -> Frame:
     """Samples as Pillow reads them from the chunks that make the picture, all others left out; (H, W) or more."""
     kept = b"".join(_chunk(kind, chunks[kind]) for kind in (b"IHDR", b"IDAT", b"IEND"))
-    picture: Any = PngImageFile(
-        io.BytesIO(PNG_SIGNATURE + kept)
-    )  # Image.open warns, and warnings belong to the process
+    # Image.open warns, and warnings belong to the process.
+    picture: Any = PngImageFile(io.BytesIO(PNG_SIGNATURE + kept))
     if raw_mode is not None:
         picture.tile = [(*picture.tile[0][:3], raw_mode)]
     samples = np.asarray(picture)

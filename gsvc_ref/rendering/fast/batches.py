@@ -9,10 +9,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, I4
 from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.projection import PROJECTED, row_range
-from gsvc_ref.rendering.fast.tiles import F4, I4, ROW, SPARE_ROWS, TILE_WIDTH, aligned
+from gsvc_ref.rendering.fast.tiles import ROW, SPARE_ROWS, TILE_WIDTH, aligned
 
 BATCH: Final = 1 << 12
 """Maximum number of intersections in a batch."""
@@ -25,7 +26,7 @@ fifth longer."""
 
 INDEX, KEPT_AT = 2, 3
 NOWHERE: Final = -1
-"""Columns of `Batch.rows`, and what stands for no place."""
+"""Columns of `Batch.rows`, and the value of the second for weights that are not kept."""
 
 
 class Batch(NamedTuple):
@@ -35,7 +36,7 @@ class Batch(NamedTuple):
     ----------
     rows
         Per intersection (4,) i4: first row, the one after the last, the intersection's `INDEX` in the order by splat,
-        and the `KEPT_AT` of its weights in `Buffers.kept`, or `NOWHERE`.
+        and where its weights begin in `Buffers.kept` (`KEPT_AT`), or `NOWHERE`.
     splats
         Per intersection (PROJECTED,) f4, copied from `Bins`.
     """

@@ -12,14 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
 from gsvc_base.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref._jit import kernel, without_contraction
 from gsvc_ref.rendering.fast.batches import INDEX, KEPT_AT, NOWHERE, Batch, Buffers
 from gsvc_ref.rendering.fast.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.fast.projection import BLUE, GREEN, R1, R2, RED, F, L, X, Y, row_range
-from gsvc_ref.rendering.fast.tiles import CHANNELS, F4, F8, GROUP_ROWS, LANES, ROW, SPARE_ROWS, TILE_WIDTH
-
-ZERO: Final = np.float32(0)
+from gsvc_ref.rendering.fast.tiles import CHANNELS, GROUP_ROWS, LANES, ROW, SPARE_ROWS, TILE_WIDTH, ZERO
 
 MOMENTS: Final = 8
 M_U1, M_U2, M_U1U1, M_U1U2, M_U2U2, M_RED, M_GREEN, M_BLUE = range(MOMENTS)
@@ -31,17 +30,18 @@ Q, QU2, QU2U2, GE_RED, GE_GREEN, GE_BLUE = range(0, LANE_SUMS, TILE_WIDTH)
 """The places where the lanes of each sum of the backward loop begin: the sums of q, q u2, q u2 u2 and the three of
 g e. Within a tile u1 is constant per lane, so that the moments with u1 follow from these."""
 
-EIGHT: Final = TILE_WIDTH // 2
-QU1, QU1U1, QU1U2 = Q, Q + EIGHT, QU2 + EIGHT
-"""The places where `fold_lanes` puts the sums with u1, once lanes k and k + 8 have been added: eight lanes each."""
+HALF_TILE: Final = TILE_WIDTH // 2
+QU1, QU1U1, QU1U2 = Q, Q + HALF_TILE, QU2 + HALF_TILE
+"""The places where `fold_lanes` puts the sums with u1, once lanes k and k + HALF_TILE have been added: HALF_TILE lanes
+each."""
 
 
 @kernel(inline=True)
 def at(row: int, lane: int) -> Any:
     """Index of a lane of a row of weights; `at(row * CHANNELS, lane)` is that of the row's first channel in a tile.
 
-    It is unsigned, so that Numba does not look whether it counts from the end, for which LLVM would find every GROUP_ROWS
-    rows anew whether arrays overlap.
+    It is unsigned, so that Numba does not look whether it counts from the end, for which LLVM would find anew for every
+    GROUP_ROWS rows whether arrays overlap.
     """
     return np.uint64(row * TILE_WIDTH + lane)
 
@@ -182,8 +182,13 @@ grad_add_splat_strict = without_contraction(grad_add_splat)
 
 @kernel(inline=True)
 def tree(a: F4) -> Any:
-    """The sum of eight numbers as a fixed tree."""
-    return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
+    """The sum of HALF_TILE numbers, which it overwrites: the upper half is added to the lower until one is left."""
+    half = HALF_TILE // 2
+    while half > 0:
+        for k in range(half):
+            a[k] += a[half + k]
+        half //= 2
+    return a[0]
 
 
 @kernel(contract=True, inline=True)
@@ -194,11 +199,11 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
     unroll short bodies into scalar code.
     """
     x, r1 = splat[X], splat[R1]
-    for k in range(EIGHT):
+    for k in range(HALF_TILE):
         u1_left = ((column + LANES[k]) - x) * r1
-        u1_right = ((column + LANES[EIGHT + k]) - x) * r1
-        q_left, q_right = lane_sums[Q + k], lane_sums[Q + EIGHT + k]
-        qu2_left, qu2_right = lane_sums[QU2 + k], lane_sums[QU2 + EIGHT + k]
+        u1_right = ((column + LANES[HALF_TILE + k]) - x) * r1
+        q_left, q_right = lane_sums[Q + k], lane_sums[Q + HALF_TILE + k]
+        qu2_left, qu2_right = lane_sums[QU2 + k], lane_sums[QU2 + HALF_TILE + k]
         # Where nothing is covered u1 may be infinite, and 0 * infinity is no sum.
         u1_left = u1_left if q_left != ZERO or qu2_left != ZERO else ZERO
         u1_right = u1_right if q_right != ZERO or qu2_right != ZERO else ZERO
@@ -206,18 +211,18 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
         lane_sums[QU1U1 + k] = q_left * u1_left * u1_left + q_right * u1_right * u1_right
         lane_sums[QU2 + k] = qu2_left + qu2_right
         lane_sums[QU1U2 + k] = qu2_left * u1_left + qu2_right * u1_right
-        lane_sums[QU2U2 + k] += lane_sums[QU2U2 + EIGHT + k]
-        lane_sums[GE_RED + k] += lane_sums[GE_RED + EIGHT + k]
-        lane_sums[GE_GREEN + k] += lane_sums[GE_GREEN + EIGHT + k]
-        lane_sums[GE_BLUE + k] += lane_sums[GE_BLUE + EIGHT + k]
-    S[M_U1] = tree(lane_sums[QU1 : QU1 + EIGHT])
-    S[M_U2] = tree(lane_sums[QU2 : QU2 + EIGHT])
-    S[M_U1U1] = tree(lane_sums[QU1U1 : QU1U1 + EIGHT])
-    S[M_U1U2] = tree(lane_sums[QU1U2 : QU1U2 + EIGHT])
-    S[M_U2U2] = tree(lane_sums[QU2U2 : QU2U2 + EIGHT])
-    S[M_RED] = tree(lane_sums[GE_RED : GE_RED + EIGHT])  # (10-9)
-    S[M_GREEN] = tree(lane_sums[GE_GREEN : GE_GREEN + EIGHT])
-    S[M_BLUE] = tree(lane_sums[GE_BLUE : GE_BLUE + EIGHT])
+        lane_sums[QU2U2 + k] += lane_sums[QU2U2 + HALF_TILE + k]
+        lane_sums[GE_RED + k] += lane_sums[GE_RED + HALF_TILE + k]
+        lane_sums[GE_GREEN + k] += lane_sums[GE_GREEN + HALF_TILE + k]
+        lane_sums[GE_BLUE + k] += lane_sums[GE_BLUE + HALF_TILE + k]
+    S[M_U1] = tree(lane_sums[QU1 : QU1 + HALF_TILE])
+    S[M_U2] = tree(lane_sums[QU2 : QU2 + HALF_TILE])
+    S[M_U1U1] = tree(lane_sums[QU1U1 : QU1U1 + HALF_TILE])
+    S[M_U1U2] = tree(lane_sums[QU1U2 : QU1U2 + HALF_TILE])
+    S[M_U2U2] = tree(lane_sums[QU2U2 : QU2U2 + HALF_TILE])
+    S[M_RED] = tree(lane_sums[GE_RED : GE_RED + HALF_TILE])  # (10-9)
+    S[M_GREEN] = tree(lane_sums[GE_GREEN : GE_GREEN + HALF_TILE])
+    S[M_BLUE] = tree(lane_sums[GE_BLUE : GE_BLUE + HALF_TILE])
 
 
 fold_lanes_strict = without_contraction(fold_lanes)
