@@ -28,6 +28,8 @@ their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_ref import plugins
+
 if TYPE_CHECKING:
     from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
     from gsvc_ref.bitstream.planes import decode_plane as decode_plane
@@ -170,6 +172,9 @@ _HOMES: Final = {
 }
 """The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
+_OFFERED: Final[tuple[str, ...]] = ()
+"""The names that the plug-in gsvc_tools offers (`gsvc_ref.plugins.add_names`)."""
+
 __all__ = [
     "Gap",
     "GsvcError",
@@ -242,9 +247,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name in _OFFERED:
+        value = plugins.offered(name)
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)
+    else:
         raise AttributeError(f"module 'gsvc_ref' has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)
+    globals()[name] = value
     return value
 
 

@@ -21,7 +21,7 @@ R = TypeVar("R")
 
 _REFUSED: Final = object()
 
-_NAMES: Final[Mapping[Any, str]] = {
+_TYPE_NAMES: Final[Mapping[Any, str]] = {
     bool: "True or False",
     int: "a whole number",
     float: "a finite number",
@@ -167,7 +167,7 @@ def _described(hint: Any) -> str:
         return f"a tuple, each item {_described(arguments[0])}"
     if origin is tuple:
         return f"a tuple ({', '.join(_described(item) for item in arguments)})"
-    return _NAMES.get(hint, f"a {getattr(hint, '__name__', hint)}")
+    return _TYPE_NAMES.get(hint, f"a {getattr(hint, '__name__', hint)}")
 
 
 def door(function: Callable[P, R]) -> Callable[P, R]:
@@ -213,7 +213,7 @@ def _check_argument(function: Callable[..., Any], name: str, value: Any, error: 
         return
     if parameter.annotation in (int, float):
         if (_whole if parameter.annotation is int else _finite)(value) is _REFUSED:
-            raise UsageError(f"{name} is {value!r}; it must be {_NAMES[parameter.annotation]}") from error
+            raise UsageError(f"{name} is {value!r}; it must be {_TYPE_NAMES[parameter.annotation]}") from error
         return
     try:
         numbers(value, name, "give numbers, or an array of them")

@@ -7,7 +7,7 @@ from typing import Final
 
 from gsvc_ref import __version__
 
-PACKAGE: Final = Path(__file__).resolve().parent
+SOURCES: Final = Path(__file__).resolve().parent
 
 BESIDE_ENCODING: Final = ("cli", "testing", "web")
 """Folders of the package that no encode depends on."""
@@ -17,8 +17,8 @@ BESIDE_ENCODING: Final = ("cli", "testing", "web")
 def code_version() -> str:
     """The version with a digest of all sources that count, since those of a checkout change under the same number."""
     digest = sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        inside = path.relative_to(PACKAGE)
+    for path in sorted(SOURCES.rglob("*.py")):
+        inside = path.relative_to(SOURCES)
         if inside.parts[0] not in BESIDE_ENCODING:
             digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return f"{__version__} {digest.hexdigest()[:12]}"

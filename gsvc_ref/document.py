@@ -10,14 +10,14 @@ _HERE: Final = Path(__file__).parent
 PATH: Final = _HERE / "spec.md" if (_HERE / "spec.md").exists() else _HERE.parent / "spec.md"
 """The document: in the package where that is installed from a wheel, beside the package's folder in a checkout."""
 
-_BLOCK: Final = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_PYTHON_BLOCK: Final = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @cache
 def blocks() -> tuple[str, ...]:
     """The blocks in order, each behind as many empty lines as stand before it in spec.md, so that tracebacks fit."""
     text = PATH.read_text(encoding="utf-8")
-    return tuple("\n" * text.count("\n", 0, block.start(1)) + block[1] for block in _BLOCK.finditer(text))
+    return tuple("\n" * text.count("\n", 0, block.start(1)) + block[1] for block in _PYTHON_BLOCK.finditer(text))
 
 
 def as_python() -> list[str]:

@@ -19,11 +19,11 @@ Size = int | tuple[int, ...]
 """The shape of what is drawn."""
 
 _GAMMA: Final = 0x9E3779B97F4A7C15
-_FIRST: Final = 0xBF58476D1CE4E5B9
-_SECOND: Final = 0x94D049BB133111EB
+_MIX_1: Final = 0xBF58476D1CE4E5B9
+_MIX_2: Final = 0x94D049BB133111EB
 _MASK: Final = (1 << 64) - 1
 _MIDDLE: Final = 6 * ((1 << 32) - 1)  # of the sum of twelve numbers of 32 bits
-_BLOCK: Final = 1 << 13  # normal numbers at once, whose words stay in the cache
+_NORMALS_AT_ONCE: Final = 1 << 13  # normal numbers at once, whose words stay in the cache
 
 
 class Draws:
@@ -100,8 +100,8 @@ class Draws:
         beyond 6, and those beyond 3 are rarer than normal ones (0.20 % instead of 0.27 %).
         """
         drawn = np.empty(_count(size), dtype)
-        for begin in range(0, len(drawn), _BLOCK):
-            block = drawn[begin : begin + _BLOCK]
+        for begin in range(0, len(drawn), _NORMALS_AT_ONCE):
+            block = drawn[begin : begin + _NORMALS_AT_ONCE]
             words = self.words(6 * len(block))
             total = np.zeros(len(block), np.uint64)
             for half in (words >> np.uint64(32), words & np.uint64(0xFFFFFFFF)):
@@ -131,9 +131,9 @@ class Draws:
 def _mix(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """SplitMix64's output of its states."""
     words = words ^ (words >> np.uint64(30))
-    words *= np.uint64(_FIRST)
+    words *= np.uint64(_MIX_1)
     words ^= words >> np.uint64(27)
-    words *= np.uint64(_SECOND)
+    words *= np.uint64(_MIX_2)
     words ^= words >> np.uint64(31)
     return words
 

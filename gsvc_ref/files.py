@@ -11,6 +11,9 @@ from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 
 from gsvc_ref.errors import UsageError, naming
 
+STREAM_SUFFIX: Final = ".gsvc"
+"""The end of the name of a file that holds a stream (R-1.1-1)."""
+
 MAX_NAME_BYTES: Final = 100
 """Maximum length of the target's name inside the temporary one, which has to fit the system's limit as well."""
 

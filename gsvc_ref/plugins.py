@@ -1,17 +1,28 @@
-"""What other packages add to gsvc_ref: names that are videos though no files, and commands of ``gsvc``.
+"""What plug-ins add to gsvc_ref, which therefore imports none of them.
 
-A package names a module in the group of entry points "gsvc_ref.plugins". The module is imported when a command starts,
-or when a video is opened by its name, and calls `add_source`, `add_command` and `set_page_writer`; it should import
-little.
+A package names a module in the group of entry points "gsvc_ref.plugins". Importing that module registers what the
+package offers, by the functions here:
+
+- `add_command`: a command of ``gsvc``;
+- `add_names`: names that `gsvc_ref` offers, such as ``gsvc_ref.concat``, and the module that each comes from;
+- `add_source`: videos that are opened by a name, such as ``scene:pan``;
+- `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
+- `set_page_writer`: the page of ``gsvc encode --report``.
+
+The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
+commands and names are registered with the name of a module, which is imported when it is used.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video.stream import VideoReader
+    from gsvc_ref.video.format import VideoFormat
+    from gsvc_ref.video.stream import Extras, VideoReader, VideoWriter
 
 GROUP: Final = "gsvc_ref.plugins"
 
@@ -25,6 +36,24 @@ class NamedSource(NamedTuple):
     """What the name of a file ends with that describes one, such as ``.toml``."""
     open: Callable[[str], "VideoReader"]
     """A new reader by such a name."""
+
+
+class Target(NamedTuple):
+    """Files that a video is written to, by the ends of their names."""
+
+    suffixes: tuple[str, ...]
+    """In lower case, such as ``.mp4``."""
+    takes_sound: bool
+    """Whether `Extras.audio_from` is copied into such a file."""
+    open: Callable[[Path, "VideoFormat", "Extras"], "VideoWriter"]
+    """A new writer of such a file."""
+
+
+class FileReader(Protocol):
+    """Opens a video file that gsvc_ref cannot read."""
+
+    def __call__(self, file: Path | BinaryIO, name: str) -> "VideoReader":
+        """A new reader of a file that messages call `name`."""
 
 
 class PageWriter(Protocol):
@@ -44,9 +73,26 @@ class PageWriter(Protocol):
         """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again)."""
 
 
-_page_writers: Final[list[PageWriter]] = []
+_commands: Final[dict[str, str]] = {}
+_names: Final[dict[str, str]] = {}
 _sources: Final[list[NamedSource]] = []
-_commands: Final[list[Callable[[Any], None]]] = []
+_file_readers: Final[list[FileReader]] = []
+_targets: Final[list[Target]] = []
+_page_writers: Final[list[PageWriter]] = []
+
+
+def add_command(name: str, module: str) -> None:
+    """Give ``gsvc`` a command.
+
+    The module has a function ``add_command``, which takes the subparsers of argparse and adds a parser that sets
+    ``run``. The order of ``gsvc --help`` is that of `gsvc_ref.cli.ORDER`, then that of registration.
+    """
+    _commands[name] = module
+
+
+def add_names(homes: Mapping[str, str]) -> None:
+    """Offer names of `gsvc_ref`, each from the module that it is mapped to; `gsvc_ref` lists those that it asks for."""
+    _names.update(homes)
 
 
 def add_source(source: NamedSource) -> None:
@@ -54,9 +100,14 @@ def add_source(source: NamedSource) -> None:
     _sources.append(source)
 
 
-def add_command(add: Callable[[Any], None]) -> None:
-    """Give ``gsvc`` a command; `add` takes the subparsers of argparse and adds a parser that sets ``run``."""
-    _commands.append(add)
+def set_file_reader(open_file: FileReader) -> None:
+    """Let `gsvc_ref.video.open_video` open files that are neither y4m nor pictures."""
+    _file_readers.append(open_file)
+
+
+def add_target(target: Target) -> None:
+    """Let `gsvc_ref.video.open_writer` write files with such names."""
+    _targets.append(target)
 
 
 def set_page_writer(write: PageWriter) -> None:
@@ -64,10 +115,26 @@ def set_page_writer(write: PageWriter) -> None:
     _page_writers.append(write)
 
 
-def page_writer() -> PageWriter | None:
-    """What was given to `set_page_writer` last, or None."""
+def commands() -> Mapping[str, str]:
+    """The module of each command that was given to `add_command`."""
     _load()
-    return _page_writers[-1] if _page_writers else None
+    return _commands
+
+
+def offered(name: str) -> Any:
+    """What a plug-in offers under a name of `gsvc_ref`.
+
+    Raises
+    ------
+    UsageError
+        No plug-in that is installed offers it.
+    """
+    _load()
+    if name not in _names:
+        from gsvc_ref.errors import UsageError
+
+        raise UsageError(f"gsvc_ref.{name} needs gsvc_tools, which comes with gsvc_ref: pip install .")
+    return getattr(import_module(_names[name]), name)
 
 
 def source_by_prefix(name: str) -> NamedSource | None:
@@ -82,10 +149,22 @@ def source_by_suffix(name: str) -> NamedSource | None:
     return next((source for source in _sources if name.lower().endswith(source.suffix)), None)
 
 
-def commands() -> tuple[Callable[[Any], None], ...]:
-    """What was given to `add_command`, in that order."""
+def file_reader() -> FileReader | None:
+    """What was given to `set_file_reader` last, or None."""
     _load()
-    return tuple(_commands)
+    return _file_readers[-1] if _file_readers else None
+
+
+def targets() -> tuple[Target, ...]:
+    """What was given to `add_target`, in that order."""
+    _load()
+    return tuple(_targets)
+
+
+def page_writer() -> PageWriter | None:
+    """What was given to `set_page_writer` last, or None."""
+    _load()
+    return _page_writers[-1] if _page_writers else None
 
 
 @cache

@@ -12,18 +12,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-_LN2: Final = (0.6931471803691238, 1.9082149292705877e-10)
+_LN2_PARTS: Final = (0.6931471803691238, 1.9082149292705877e-10)
 """ln 2 in two pieces; the product of the first by an exponent is exact."""
 
 _HALF_PI: Final = (1.570796325802803, 9.920935739593517e-10, 5.721188726109832e-18)
 """pi / 2 in three pieces; the products of the first two by whole numbers up to 2^26 are exact."""
 
-_EXP: Final = tuple(1 / math.factorial(n) for n in range(14))
+_EXP_SERIES: Final = tuple(1 / math.factorial(n) for n in range(14))
 _SIN: Final = tuple((1, -1)[n % 2] / math.factorial(2 * n + 1) for n in range(9))
 _COS: Final = tuple((1, -1)[n % 2] / math.factorial(2 * n) for n in range(9))
-_LOG: Final = tuple(2 / (2 * n + 1) for n in range(12))
+_LOG_SERIES: Final = tuple(2 / (2 * n + 1) for n in range(12))
 _ARCTAN: Final = tuple((1, -1)[n % 2] / (2 * n + 1) for n in range(13))
-_STEPS: Final = 8
+_ARCTAN_STEPS: Final = 8
 """The arc tangent is a polynomial around the multiples of an eighth, whose arc tangents are known."""
 
 _ARCTAN_OF_STEPS: Final = (
@@ -36,8 +36,8 @@ def exp(x: ArrayLike) -> Any:
     """e^x for x < 709, within 2 units in the last place of normal numbers; 0 far below."""
     values = np.clip(np.asarray(x, np.float64), -1e4, 1e4)
     whole = np.rint(values * (1 / math.log(2)))
-    rest = (values - whole * _LN2[0]) - whole * _LN2[1]
-    return _as_given(np.ldexp(_polynomial(_EXP, rest), _integers(whole).astype(np.int32)))
+    rest = (values - whole * _LN2_PARTS[0]) - whole * _LN2_PARTS[1]
+    return _as_given(np.ldexp(_polynomial(_EXP_SERIES, rest), _integers(whole).astype(np.int32)))
 
 
 def log(x: ArrayLike) -> Any:
@@ -46,7 +46,9 @@ def log(x: ArrayLike) -> Any:
     low = part < math.sqrt(0.5)
     part, exponent = np.where(low, 2 * part, part), exponent - low
     ratio = (part - 1) / (part + 1)
-    return _as_given(exponent * _LN2[0] + (ratio * _polynomial(_LOG, ratio * ratio) + exponent * _LN2[1]))
+    return _as_given(
+        exponent * _LN2_PARTS[0] + (ratio * _polynomial(_LOG_SERIES, ratio * ratio) + exponent * _LN2_PARTS[1])
+    )
 
 
 def log2(x: ArrayLike) -> Any:
@@ -90,8 +92,8 @@ def arctan2(y: ArrayLike, x: ArrayLike) -> Any:
     high, wide = abs(below), abs(right)
     most = np.maximum(high, wide)
     share = np.minimum(high, wide) / np.where(most == 0, 1, most)  # 0 to 1
-    step = np.rint(share * _STEPS)
-    near = step / _STEPS
+    step = np.rint(share * _ARCTAN_STEPS)
+    near = step / _ARCTAN_STEPS
     rest = (share - near) / (1 + share * near)
     angle = np.take(_ARCTAN_OF_STEPS, _integers(step)) + rest * _polynomial(_ARCTAN, rest * rest)
     angle = np.where(high > wide, math.pi / 2 - angle, angle)

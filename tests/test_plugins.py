@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from fractions import Fraction
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -71,10 +72,12 @@ def test_a_file_that_describes_a_source_must_exist(grey, tmp_path):
 
 
 def test_a_command_is_added(monkeypatch, capsys):
-    def add(commands):
-        commands.add_parser("hello").set_defaults(run=lambda arguments: print("hello") or 0)
-
-    monkeypatch.setattr(plugins, "_commands", [*plugins._commands, add])
+    module = ModuleType("hello")
+    module.add_command = lambda commands: commands.add_parser("hello").set_defaults(
+        run=lambda arguments: print("hello") or 0
+    )
+    monkeypatch.setitem(sys.modules, "hello", module)
+    monkeypatch.setattr(plugins, "_commands", {**plugins._commands, "hello": "hello"})
     assert cli.main(["hello"]) == 0
     assert capsys.readouterr().out == "hello\n"
 

@@ -13,7 +13,6 @@ import pytest
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
-from gsvc_ref.main import models, passes, state, tables
 from gsvc_ref.rendering.bounds import EPS, ETA
 
 ROOT = Path(__file__).parents[1]
@@ -30,24 +29,7 @@ UNNEEDED = {
 }
 """Constants of Annex A that gsvc_ref has no need of, and why."""
 
-RENAMED = {
-    "TOTAL": lambda: passes.ONE,
-    "TAIL": lambda: tables._TAIL,
-    "LOGISTIC": lambda: tables.FAMILIES[0],
-    "LAPLACE": lambda: tables.FAMILIES[1],
-    "MAIN_K1": lambda: state.K1,
-    "MAIN_K2": lambda: state.K2,
-    "MAIN_K3": lambda: state.K3,
-    "SYMBOLS": lambda: {name: start.symbols for name, start in models.STARTS.items()},
-    "MODELS": lambda: {name: start.counts for name, start in models.STARTS.items()},
-}
-"""Constants of profile `main` that have another name in gsvc_ref, beside those of the table."""
-
 HOMONYMS = {
-    "K1": ["gsvc_ref.main.state"],
-    "K2": ["gsvc_ref.main.state"],
-    "K3": ["gsvc_ref.main.state"],
-    "ONE": ["gsvc_ref.main.passes"],
     "HALF": ["gsvc_ref.training.coordinates"],
     "REACH": ["gsvc_ref.encoder.main.candidates"],
     "S_MOST": ["gsvc_ref.encoder.main.new_splats"],
@@ -126,9 +108,6 @@ def test_a_name_has_one_definition_with_the_value_of_the_spec(name):
     homes = definitions().get(name, [])
     if name in UNNEEDED:
         assert homes == []
-        return
-    if name in RENAMED:
-        assert plain(RENAMED[name]()) == plain(spec.namespace()[name])
         return
     homes = [home for home in homes if home not in HOMONYMS.get(name, [])]
     assert len(homes) == 1, f"{name} is defined in {homes}"

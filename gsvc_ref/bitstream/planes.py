@@ -13,7 +13,7 @@ from gsvc_ref.bitstream.plane_coding import CODED, CONSTANT, RAW, PlaneCode, cho
 from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel
 from gsvc_ref.checks import door
 
-NO_CODE: Final = PlaneCode()
+NO_PLANE_CODE: Final = PlaneCode()
 """The elements that a Reader, which ignores values, is given."""
 
 
@@ -30,7 +30,7 @@ def plane(
 
     A Writer chooses the mode, the table and its order so that the plane takes as few bytes as it can find.
     """
-    code = NO_CODE if symbols is None else choose_plane_code(symbols, alphabet, header)
+    code = NO_PLANE_CODE if symbols is None else choose_plane_code(symbols, alphabet, header)
     with s.part(category, name):
         w = (alphabet - 1).bit_length()
         plane_mode = s.u("plane_mode", 2, code.plane_mode)

@@ -18,18 +18,21 @@ from gsvc_ref.cli.parser import Parser, suggestion
 from gsvc_ref.interrupts import termination_as_ctrl_c
 
 MODULES: Final = {
-    "encode": "encode",
-    "decode": "decode",
-    "view": "view",
-    "info": "info",
-    "dump": "dump",
-    "compare": "compare",
-    "concat": "concat",
-    "cut": "cut",
-    "import": "splats_in",
-    "export": "splats_out",
+    "encode": "gsvc_ref.cli.encode",
+    "decode": "gsvc_ref.cli.decode",
+    "view": "gsvc_ref.cli.view",
+    "info": "gsvc_ref.cli.info",
+    "dump": "gsvc_ref.cli.dump",
+    "compare": "gsvc_ref.cli.compare",
+    "concat": "gsvc_ref.cli.concat",
+    "cut": "gsvc_ref.cli.cut",
+    "import": "gsvc_ref.cli.splats_in",
+    "export": "gsvc_ref.cli.splats_out",
 }
-"""The module of each command, in the order of ``gsvc --help``."""
+"""The module of each command of this package."""
+
+ORDER: Final = ("encode", "decode", "view", "info", "dump", "compare", "concat", "cut", "import", "export")
+"""The order of ``gsvc --help``. Commands of plug-ins that are not named here come last."""
 
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""
@@ -43,13 +46,17 @@ def build_parser(named: str | None = None) -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for command in [named] if named in MODULES else MODULES:
-        import_module(f"gsvc_ref.cli.{MODULES[command]}").add_command(commands)
-    for add_command in () if named in MODULES else plugins.commands():
-        add_command(commands)
+    modules = MODULES if named in MODULES else {**MODULES, **plugins.commands()}
+    for command in [named] if named in modules else sorted(modules, key=_place):
+        import_module(modules[command]).add_command(commands)
     parser.commands = commands.choices
     parser.epilog = "gsvc COMMAND --help tells the options of a command. Start with: gsvc demo"
     return parser
+
+
+def _place(command: str) -> int:
+    """The place of a command in `ORDER`; sorting keeps the order of those that come last."""
+    return ORDER.index(command) if command in ORDER else len(ORDER)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import VideoFormat
 
-COMMAND: Final = "gsvc compare"
+GSVC_COMPARE: Final = "gsvc compare"
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     with (
-        compilation_notice(COMMAND, silent=arguments.quiet or arguments.json),
+        compilation_notice(GSVC_COMPARE, silent=arguments.quiet or arguments.json),
         open_side(arguments.original, arguments.frames, arguments.precision, arguments.layer) as a,
         open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer) as b,
     ):
@@ -95,7 +95,7 @@ def run(arguments: Namespace) -> int:
             else:
                 show(*describe(comparison, a, b, first, brief=arguments.quiet))
     for message in damage:
-        say(COMMAND, message)
+        say(GSVC_COMPARE, message)
     return EXIT_DATA if damage else 0
 
 

@@ -14,7 +14,7 @@ from gsvc_ref.errors import UsageError
 if TYPE_CHECKING:
     from gsvc_ref.stream import ConcatReport
 
-COMMAND: Final = "gsvc concat"
+GSVC_CONCAT: Final = "gsvc concat"
 
 
 def add_command(commands: Any) -> None:
@@ -49,10 +49,10 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     try:
-        with compilation_notice(COMMAND, silent=arguments.quiet or arguments.json):
+        with compilation_notice(GSVC_CONCAT, silent=arguments.quiet or arguments.json):
             report = _concat(arguments)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted; nothing was written")
+        say(GSVC_CONCAT, "interrupted; nothing was written")
         return EXIT_INTERRUPTED
     if arguments.json:
         print_json(report_object(arguments, report))

@@ -13,7 +13,7 @@ from gsvc_ref.errors import UsageError
 if TYPE_CHECKING:
     from gsvc_ref.stream import ConcatReport
 
-COMMAND: Final = "gsvc cut"
+GSVC_CUT: Final = "gsvc cut"
 
 
 def add_command(commands: Any) -> None:
@@ -50,14 +50,14 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     try:
-        with compilation_notice(COMMAND, silent=arguments.quiet or arguments.json):
+        with compilation_notice(GSVC_CUT, silent=arguments.quiet or arguments.json):
             import gsvc_ref
 
             source = sys.stdin.buffer if arguments.input == STDIO else arguments.input
             start, stop = arguments.frames or (0, None)
             report = gsvc_ref.cut(source, arguments.output, arguments.layer, start=start, stop=stop)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted; nothing was written")
+        say(GSVC_CUT, "interrupted; nothing was written")
         return EXIT_INTERRUPTED
     if arguments.json:
         print_json(report_object(arguments, report))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder.trial import Estimate, Range
     from gsvc_ref.video import Resampled
 
-COMMAND: Final = "gsvc encode"
+GSVC_DRY_RUN: Final = "gsvc encode"
 
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
@@ -26,7 +26,7 @@ def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> 
     jobs = 1 if arguments.jobs is None else arguments.jobs
     check_jobs(jobs)
     silent = arguments.quiet or arguments.json
-    with compilation_notice(COMMAND, silent=silent), ProgressDisplay(quiet=silent) as display:
+    with compilation_notice(GSVC_DRY_RUN, silent=silent), ProgressDisplay(quiet=silent) as display:
         display.status("encoding some frames to see")
         found = estimate(source.open_video, settings, jobs)
     if arguments.json:

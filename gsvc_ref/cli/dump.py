@@ -15,7 +15,7 @@ from gsvc_ref.errors import GsvcError, UsageError
 if TYPE_CHECKING:
     from gsvc_ref.stream.listing import Entry, Place
 
-COMMAND: Final = "gsvc dump"
+GSVC_DUMP: Final = "gsvc dump"
 LINES_AT_ONCE: Final = 512
 SHOWN_AS_THEY_ARE: Final = 6
 """Elements of a run whose values are all shown; of a longer one, their number and the least and the greatest."""
@@ -58,7 +58,7 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     from gsvc_ref.cli.compilation import compilation_notice  # after the check: it imports the compiler
 
-    with compilation_notice(COMMAND, silent=arguments.json):
+    with compilation_notice(GSVC_DUMP, silent=arguments.json):
         return _at(arguments) if arguments.at is not None else _list(arguments)
 
 
@@ -101,7 +101,7 @@ def _source(name: str) -> Any:
 
 
 def _report(name: str, fault: GsvcError) -> int:
-    say(COMMAND, f"{display_name(name)} is damaged: {fault}")
+    say(GSVC_DUMP, f"{display_name(name)} is damaged: {fault}")
     return EXIT_DATA
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_ref.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from gsvc_ref.video import Frame
 
 STDIO: Final = "-"
-STREAM_SUFFIX: Final = ".gsvc"
-"""The end of the name of a file that holds a stream (R-1.1-1)."""
 FOREIGN_SUFFIXES: Final = frozenset((
     ".aac", ".apng", ".avi", ".avif", ".bmp", ".flac", ".flv", ".gif", ".h264", ".h265", ".hevc", ".html", ".ivf",
     ".jpeg", ".jpg", ".json", ".m4a", ".m4v", ".mkv", ".mov", ".mp3", ".mp4", ".mpeg", ".mpg", ".mts", ".mxf", ".npz",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import FrameSummary, Gap, Stream, StreamSummary
     from gsvc_ref.video import VideoFormat
 
-COMMAND: Final = "gsvc info"
+GSVC_INFO: Final = "gsvc info"
 
 
 def add_command(commands: Any) -> None:
@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> int:
     name = display_name(arguments.input)
     try:
         with (
-            compilation_notice(COMMAND, silent=arguments.json),
+            compilation_notice(GSVC_INFO, silent=arguments.json),
             open_stream(arguments.input, salvage=arguments.salvage, max_level=arguments.max_level) as stream,
         ):
             video, notes, summary = stream.format, stream.notes, stream.info(salvage=arguments.salvage)
@@ -72,7 +72,7 @@ def run(arguments: Namespace) -> int:
             lines += ["", *(decision_lines(decisions) if note is None else [f"note: {note}"])]
         show(*lines)
     for line in damage:
-        say(COMMAND, line)
+        say(GSVC_INFO, line)
     return EXIT_DATA if damage else 0
 
 

@@ -19,9 +19,9 @@ from gsvc_ref.errors import GsvcError, UsageError
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport
 
-COMMAND: Final = "gsvc import"
+GSVC_IMPORT: Final = "gsvc import"
 
-OPTIONS: Final = (
+WRITE_OPTIONS: Final = (
     "key_frames", "degenerate", "bit_depth", "level", "cholesky_bits", "color_stages", "color_codewords", "seed",
     "threads", "checksums",
 )  # fmt: skip
@@ -120,7 +120,7 @@ def run(arguments: Namespace) -> int:
     try:
         return _import(arguments)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
+        say(GSVC_IMPORT, "interrupted before the first frame was complete; nothing was saved")
         return EXIT_INTERRUPTED
 
 
@@ -138,10 +138,10 @@ def _import(arguments: Namespace) -> int:
             f"{arguments.inputs[0]} does not say the size of the frames; give --width and --height in pixels"
         )
     rate = arguments.frame_rate or given.frame_rate or Fraction(25)
-    options = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
+    options = {name: value for name in WRITE_OPTIONS if (value := getattr(arguments, name)) is not None}
     fault = None
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(COMMAND, silent=not talkative), ProgressDisplay(quiet=arguments.quiet) as display:
+    with compilation_notice(GSVC_IMPORT, silent=not talkative), ProgressDisplay(quiet=arguments.quiet) as display:
         try:
             report = write(
                 arguments.output, given.frames, width, height, rate, progress=progress_callback(display), **options
@@ -157,12 +157,12 @@ def _import(arguments: Namespace) -> int:
         print_json(report_object(arguments, report, lost))
     else:
         for sentence in lost:
-            say(COMMAND, f"lost: {sentence}")
+            say(GSVC_IMPORT, f"lost: {sentence}")
         if talkative:
             show(summary(arguments.output, report), file=sys.stderr if arguments.output == STDIO else sys.stdout)
     if fault is not None:
         place = f"{given.files[fault.__cause__.frame]}: " if isinstance(fault.__cause__, SplatsError) else ""
-        say(COMMAND, str(GsvcError(fault.kind, place + fault.message, rule=fault.rule, bit=fault.bit)))
+        say(GSVC_IMPORT, str(GsvcError(fault.kind, place + fault.message, rule=fault.rule, bit=fault.bit)))
         return EXIT_DATA
     return EXIT_INTERRUPTED if report.interrupted else 0
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gsvc_ref.arrays import F4, I8
     from gsvc_ref.stream import DecodedFrame, Stream
 
-COMMAND: Final = "gsvc export"
+GSVC_EXPORT: Final = "gsvc export"
 
 
 def add_command(commands: Any) -> None:
@@ -57,12 +57,12 @@ def run(arguments: Namespace) -> int:
 
     try:
         with (
-            compilation_notice(COMMAND, silent=arguments.quiet or arguments.json),
+            compilation_notice(GSVC_EXPORT, silent=arguments.quiet or arguments.json),
             open_stream(arguments.input, max_level=arguments.max_level) as stream,
         ):
             return _export(arguments, stream)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted")
+        say(GSVC_EXPORT, "interrupted")
         return EXIT_INTERRUPTED
 
 
@@ -88,11 +88,11 @@ def _export(arguments: Namespace, stream: "Stream") -> int:
         print_json({"input": arguments.input, "output": arguments.output, "splats": counts, "lost": lost})
     else:
         for sentence in lost:
-            say(COMMAND, f"lost: {sentence}")
+            say(GSVC_EXPORT, f"lost: {sentence}")
         if not arguments.quiet:
             show(f"{output}: {plural(len(counts), 'frame')}, {plural(sum(counts), 'splat')}")
     if frames.damage is not None:
-        say(COMMAND, f"{frames.damage}; the frames before it were written")
+        say(GSVC_EXPORT, f"{frames.damage}; the frames before it were written")
         return EXIT_DATA
     return 0
 

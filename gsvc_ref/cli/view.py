@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gsvc_ref.viewing.source_frames import SourceFrames
     from gsvc_ref.viewing.streams import StreamBytes
 
-COMMAND: Final = "gsvc view"
+GSVC_VIEW: Final = "gsvc view"
 LOOK_S: Final = 0.5
 """Seconds between two looks at what comes."""
 
@@ -57,7 +57,7 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
     from gsvc_ref.viewing.server import Viewing, serving
 
-    with compilation_notice(COMMAND, silent=arguments.no_browser):
+    with compilation_notice(GSVC_VIEW, silent=arguments.no_browser):
         stream, source = _opened(arguments)
     try:
         name = "standard input" if arguments.input == STDIO else Path(arguments.input).name
@@ -65,7 +65,7 @@ def run(arguments: Namespace) -> int:
             _introduce(arguments, server)
             _watch(arguments.input, stream)
     except KeyboardInterrupt:
-        say(COMMAND, "ended; the page goes on with what it has read")
+        say(GSVC_VIEW, "ended; the page goes on with what it has read")
         return EXIT_INTERRUPTED
     finally:
         stream.close()

@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.splats import F4
-
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F4, F8
 
 BLOCK: Final = 16
 """Side of a block in pixels."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
+from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
@@ -21,7 +22,7 @@ from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.resume import GroupInWork, Keeper, about_encode
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.side_by_side import SideBySide
-from gsvc_ref.encoder.source_and_target import Frame, Source, Target, opened_source
+from gsvc_ref.encoder.source_and_target import Source, Target, opened_source
 from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.interrupts import Interrupts

@@ -15,7 +15,7 @@ import numpy as np
 from gsvc_ref.arrays import F4, I8
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.bitstream.frames import Frame
+from gsvc_ref.bitstream.frames import FrameElements
 from gsvc_ref.bitstream.frames import frame as write_frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
@@ -187,7 +187,7 @@ class SplatCoder:
             level=self.level, width=self.width, height=self.height, **quantizer_fields(self.settings)
         )
         s = Writer()
-        write_frame(s, header, self.state, coded.codes.type, number, Frame(number, None, coded.codes))
+        write_frame(s, header, self.state, coded.codes.type, number, FrameElements(number, None, coded.codes))
         return len(s.getvalue())
 
 

@@ -1,21 +1,23 @@
 """How many splats each cell of an I-frame has, by halving the frame (spec.md section 15.8)."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main.densities import density_at
-from gsvc_ref.main.fast.lanes import MISSING_WORD, Lanes, read_raw, take_symbol
-from gsvc_ref.main.passes import ONE, Distributions, Run
-from gsvc_ref.main.tables import EXP2, FAMILIES
+from gsvc_ref.main.densities import cumulative_at
+from gsvc_ref.main.passes import TOTAL, Distributions, Run
+from gsvc_ref.main.tables import EXP2, LOGISTIC
 
 CELL: Final = 4
 """Side of a cell in pixels."""
 
-_MOST_TABLED: Final = 15
-_MOST_OF_DENSITY: Final = 511
+MOST_BINOMIAL: Final = 15
+"""Most splats of a part whose halves are alike that have the beta-binomial distribution (15-8)."""
+
+COUNT_BITS: Final = 9
+"""The bits of the number in a first half that have a density; those below them are raw (15-9)."""
 
 
 def cell_counts(width: int, height: int) -> tuple[int, int]:
@@ -42,10 +44,10 @@ def cell_order(cells: I8, width: int, height: int) -> I8:
 
 
 @kernel(inline=True)
-def _small_half(n: int, alpha: int, C: I8) -> None:
-    """Cumulative frequencies of the number of n splats, at most 15, in the first of two halves alike (15-8)."""
+def small_half(n: int, alpha: int, C: I8) -> None:
+    """Cumulative frequencies of the number of n splats, at most MOST_BINOMIAL, in the first of equal halves (15-8)."""
     weight, total = 2**16, 0
-    for i in range(n + 1):
+    for i in range(n + 1):  # w[i] and, by symmetry, w[n - i] stand in the places of C[i + 1] until they are summed
         C[i + 1] = C[n - i + 1] = weight
         if i == n // 2:
             break
@@ -55,50 +57,68 @@ def _small_half(n: int, alpha: int, C: I8) -> None:
     part_of_total = 0
     for i in range(n + 1):
         weight = C[i + 1]
-        C[i] = i + (ONE - n - 1) * part_of_total // total
+        C[i] = i + (TOTAL - n - 1) * part_of_total // total
         part_of_total += weight
-    C[n + 1] = ONE
+    C[n + 1] = TOTAL
 
 
 @kernel(inline=True)
-def _half_density(n: int, first: int, second: int, alpha: int) -> tuple[int, int, int]:
+def half_density(n: int, first: int, second: int, alpha: int) -> tuple[int, int, int]:
     """The raw low bits, the centre and the `scale_code` of the density of the number in the first half (15-9)."""
     r = 0
-    while n >> (9 + r):
+    while n >> (COUNT_BITS + r):
         r += 1
-    m, b = n >> r, 256 * first // (first + second)
-    v = max(m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16), 1)
+    m, b = n >> r, 256 * first // (first + second)  # b: the expected share in 1/256
+    v = max(m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16), 1)  # the variance of both, in 1/64^2
     e = 0
     while v >> (e + 1):
         e += 1
-    return r, m * b // 4, 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)
+    return r, m * b // 4, 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)  # log2 of the deviation in quarters
 
 
 @kernel(inline=True)
-def _density_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
+def cumulative_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
     """C[i] of the density of the number of m splats in the first half, 0 < i <= m (15-6)."""
-    return i + ((ONE - m - 1) * density_at(64 * (2 * i - 1), centre, scale_code, 0, EXP2, FAMILIES[0]) >> 16)
+    return cumulative_at(i, m + 1, 64 * (2 * i - 1), centre, scale_code, 0, EXP2, LOGISTIC)
 
 
 @kernel()
 def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
     """Cumulative frequencies of the number of n splats in the first half, and how many of its low bits are raw."""
-    if n <= _MOST_TABLED and first == second:
+    if n <= MOST_BINOMIAL and first == second:
         C = np.empty(n + 2, np.int64)
-        _small_half(n, alpha, C)
+        small_half(n, alpha, C)
         return C, 0
-    r, centre, scale_code = _half_density(n, first, second, alpha)
+    r, centre, scale_code = half_density(n, first, second, alpha)
     m = n >> r
     C = np.empty(m + 2, np.int64)
-    C[0], C[m + 1] = 0, ONE
+    C[0], C[m + 1] = 0, TOTAL
     for i in range(1, m + 1):
-        C[i] = _density_of_half(i, m, centre, scale_code)
+        C[i] = cumulative_of_half(i, m, centre, scale_code)
     return C, r
 
 
+class Halves(NamedTuple):
+    """The numbers of splats in the first halves of the parts that have a choice.
+
+    Attributes
+    ----------
+    asked
+        (n,) i8, the indices of these parts.
+    tables
+        The distribution of each number without its raw bits.
+    low_bits
+        (n,) i8, how many low bits of each number are raw.
+    """
+
+    asked: I8
+    tables: Distributions
+    low_bits: I8
+
+
 @kernel()
-def _halves(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int) -> tuple[I8, I8, I8, I8]:
-    """Of the number of splats in the first half of each part that is asked: (15-8), (15-9).
+def halves_of(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int) -> Halves:
+    """The distributions of the numbers of splats in the first halves of parts (15-8), (15-9).
 
     Parameters
     ----------
@@ -110,33 +130,28 @@ def _halves(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: i
         The cells of the frame along it.
     alpha
         The shape, as in `half_distribution`.
-
-    Returns
-    -------
-    The indices of the parts that are asked; cumulative frequencies, one distribution behind the other, and where each
-    begins, as `Distributions` have them; and how many low bits of each number are raw.
     """
     asked = np.empty(len(counts), np.int64)
     first = np.zeros(len(counts) + 1, np.int64)
     low = np.zeros(len(counts), np.int64)
     most = many = 0
     for part in range(len(counts)):
-        most += min(counts[part], _MOST_OF_DENSITY) + 2
+        most += min(counts[part], (1 << COUNT_BITS) - 1) + 2
     cumulative = np.empty(most, np.int64)
     for part in range(len(counts)):
         second = min(size, inside - origins[part, axis] - size)
-        if second > 0:
+        if second > 0:  # a part whose second half is outside has all splats in its first one
             C, low[many] = _half_frequencies(counts[part], size, second, alpha)
             asked[many] = part
             first[many + 1] = first[many] + len(C)
             for i in range(len(C)):
                 cumulative[first[many] + i] = C[i]
             many += 1
-    return asked[:many], cumulative[: first[many]], first[: many + 1], low[:many]
+    return Halves(asked[:many], Distributions(cumulative[: first[many]], first[: many + 1]), low[:many])
 
 
 def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
-    """Of the number of n splats that are in the first half of a part (15-8), (15-9).
+    """The distribution of the number of n splats in the first half of a part (15-8), (15-9).
 
     Parameters
     ----------
@@ -156,9 +171,9 @@ def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, 
 
 
 @kernel()
-def _halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I8) -> tuple[I8, I8]:
+def halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I8) -> tuple[I8, I8]:
     """Counts and origins of the halves that have splats, each first half before the second one."""
-    halves, places = np.empty(2 * len(counts), np.int64), np.empty((2 * len(counts), 2), np.int64)
+    after, places = np.empty(2 * len(counts), np.int64), np.empty((2 * len(counts), 2), np.int64)
     k = many = 0
     for part in range(len(counts)):
         first = counts[part]
@@ -168,15 +183,21 @@ def _halved(counts: I8, origins: I8, axis: int, size: int, asked: I8, answers: I
         for half in range(2):
             n = counts[part] - first if half else first
             if n > 0:
-                halves[many] = n
+                after[many] = n
                 places[many, axis] = origins[part, axis] + (size if half else 0)
                 places[many, 1 - axis] = origins[part, 1 - axis]
                 many += 1
-    return halves[:many], places[:many]
+    return after[:many], places[:many]
+
+
+def splats_in_first_halves(cells: I8, counts: I8, origins: I8, axis: int, size: int) -> I8:
+    """How many of each part's splats (n,), which stand in a row in cells (N, 2), are in its first half, (n,)."""
+    part = np.repeat(np.arange(len(counts)), counts)
+    return np.bincount(part[cells[:, axis] < origins[part, axis] + size], minlength=len(counts)).astype(np.int64)
 
 
 def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int, ...], cells: I8 | None = None) -> I8:
-    """Column and row of the cell of each splat, (count, 2) in the order of `cell_order`; `read_cells` reads them.
+    """Column and row of the cell of each splat, (count, 2) in the order of `cell_order`.
 
     Parameters
     ----------
@@ -197,117 +218,12 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
     for halving, alpha in enumerate(alphas):
         axis = halving % 2
         size = size >> 1 if axis == 0 else size
-        asked, cumulative, begins, low = _halves(counts, origins, axis, size, inside[axis], alpha)
+        asked, tables, low = halves_of(counts, origins, axis, size, inside[axis], alpha)
+        answers = asked
         if len(asked):
-            given = None
-            if cells is not None:  # how many of each part's splats, which stand in a row, are in its first half
-                part = np.repeat(np.arange(len(counts)), counts)
-                given = np.bincount(part[cells[:, axis] < origins[part, axis] + size], minlength=len(counts))[asked]
-            which = np.arange(len(asked))
-            high = run.symbols(Distributions(cumulative, begins), which, None if given is None else given >> low)
+            given = None if cells is None else splats_in_first_halves(cells, counts, origins, axis, size)[asked]
+            answers = run.symbols(tables, np.arange(len(asked)), None if given is None else given >> low)
             if low.any():
-                high = (high << low) + run.raw_bits(low, None if given is None else given & ((1 << low) - 1))
-        else:
-            high = asked
-        counts, origins = _halved(counts, origins, axis, size, asked, high)
+                answers = (answers << low) + run.raw_bits(low, None if given is None else given & ((1 << low) - 1))
+        counts, origins = halved(counts, origins, axis, size, asked, answers)
     return np.repeat(origins, counts, axis=0)
-
-
-@kernel()
-def read_cells(lanes: Lanes, inside: tuple[int, int], alphas: I8, cells: I8) -> bool:
-    """Column and row of the cell of each splat, in the order of `cell_order` (spec.md section 15.8).
-
-    Parameters
-    ----------
-    lanes
-        The lanes of the frame.
-    inside
-        Columns and rows of cells.
-    alphas
-        (2 a,), the shape of each halving.
-    cells
-        (count, 2), where the cells are put.
-
-    Returns
-    -------
-    Whether the words sufficed.
-    """
-    many = 1
-    counts, origins = np.empty(len(cells), np.int64), np.zeros((len(cells), 2), np.int64)
-    halves, places = np.empty(len(cells), np.int64), np.empty((len(cells), 2), np.int64)
-    answers, sizes, low = np.empty(len(cells), np.int64), np.empty(len(cells), np.int64), np.empty(len(cells), np.int64)
-    counts[0] = len(cells)
-    size = 1 << (len(alphas) // 2)
-    for halving in range(len(alphas)):
-        axis = halving % 2
-        size = size >> 1 if axis == 0 else size
-        if not _read_halves(lanes, counts[:many], origins, axis, size, inside[axis], alphas[halving], answers, sizes):
-            return False
-        if not read_raw(lanes, sizes[:many], low):
-            return False
-        after = 0
-        for part in range(many):
-            first = min((answers[part] << sizes[part]) + low[part], counts[part])
-            for half in range(2):
-                n = counts[part] - first if half else first
-                if n > 0:
-                    halves[after] = n
-                    places[after, axis] = origins[part, axis] + (size if half else 0)
-                    places[after, 1 - axis] = origins[part, 1 - axis]
-                    after += 1
-        counts, halves, origins, places, many = halves, counts, places, origins, after
-    splat = 0
-    for part in range(many):
-        for _ in range(counts[part]):
-            cells[splat, 0], cells[splat, 1] = origins[part, 0], origins[part, 1]
-            splat += 1
-    return True
-
-
-@kernel()
-def _read_halves(
-    lanes: Lanes, counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int, answers: I8, sizes: I8
-) -> bool:
-    """A pass of the upper bits of how many splats are in the first half of each part, and how many lower ones it has.
-
-    A part that is not asked has all splats in its first half.
-    """
-    states, words, mask = lanes.states, lanes.words, len(lanes.states) - 1
-    taken, place, length = lanes.taken[0], 0, 0
-    small, known = np.empty((_MOST_TABLED + 1, _MOST_TABLED + 2), np.int64), np.zeros(_MOST_TABLED + 1, np.bool_)
-    for part in range(len(counts)):
-        n, second = counts[part], min(size, inside - origins[part, axis] - size)
-        answers[part], sizes[part] = n, 0
-        if second <= 0:
-            continue
-        x = states[place & mask]
-        slot = x & (ONE - 1)
-        if n <= _MOST_TABLED and size == second:
-            if not known[n]:
-                _small_half(n, alpha, small[n])
-                known[n] = True
-            k = 0
-            while small[n, k + 1] <= slot:
-                k += 1
-            start, end = small[n, k], small[n, k + 1]
-        else:
-            sizes[part], centre, scale_code = _half_density(n, size, second, alpha)
-            m = n >> sizes[part]
-            k, above, start, end = 0, m + 1, 0, ONE
-            while above - k > 1:  # C[k] is start <= slot, C[above] is end > slot
-                middle = (k + above) >> 1
-                c = _density_of_half(middle, m, centre, scale_code)
-                if c <= slot:
-                    k, start = middle, c
-                else:
-                    above, end = middle, c
-        answers[part] = k
-        x, taken = take_symbol(x, start, end - start, words, taken)
-        if taken == MISSING_WORD:
-            return False
-        states[place & mask] = x
-        place += 1
-        length += lanes.lengths[end - start - 1]
-    lanes.taken[0] = taken
-    lanes.spent[0] += length
-    return True

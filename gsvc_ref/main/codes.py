@@ -1,7 +1,7 @@
 """The codes of a frame of profile `main`, before arithmetic (spec.md section 15)."""
 
 from dataclasses import dataclass, field, fields
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,20 @@ SIDES: Final = (0, 64, 32, 16)
 
 def _none(*shape: int) -> I8:
     return np.zeros(shape, np.int64)
+
+
+class CodeArrays(NamedTuple):
+    """The arrays of `IntraCodes`, as kernels have them: (N, 2), (N, 3), (N, 3) and (N, 2) i8."""
+
+    cells: I8
+    colors: I8
+    shapes: I8
+    places: I8
+
+    @classmethod
+    def empty(cls, count: int) -> "CodeArrays":
+        """Arrays for the codes of some splats, to be filled."""
+        return cls(*(np.empty((count, columns), np.int64) for columns in (2, 3, 3, 2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +66,11 @@ class IntraCodes:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def arrays(self) -> CodeArrays:
+        """All codes."""
+        return CodeArrays(self.cells, self.colors, self.shapes, self.places)
 
     def take(self, indices: I8) -> "IntraCodes":
         """The codes of some splats, in another order."""
@@ -128,7 +147,10 @@ class MainCodes:
 
 
 GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))
-"""The groups of differences: name, first component, and the one behind the last; bit i of a mode is that of group i."""
+"""The groups of differences: name, first component, and the one after the last; bit i of a mode is that of group i."""
+
+GROUP_ENDS: Final = (0, *(end for _, _, end in GROUPS))
+"""The first component of each group, and the number of components."""
 
 
 def modes_of(differences: I8, removed: I8 | NDArray[np.bool_]) -> I8:

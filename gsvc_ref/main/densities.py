@@ -9,10 +9,9 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main.fast.lanes import Lanes, read_low_bits, read_raw, read_signs, read_symbols
-from gsvc_ref.main.passes import ONE, Distributions, Run
-from gsvc_ref.main.state import CLASSES, SHEAR_STEPS, SIZE_STEPS
-from gsvc_ref.main.tables import EXP2, FAMILIES, exp2
+from gsvc_ref.main.passes import TOTAL, Distributions, Run
+from gsvc_ref.main.state import SHEAR_STEPS, SIZE_STEPS
+from gsvc_ref.main.tables import EXP2, LAPLACE, LOGISTIC, exp2
 
 Plane = Literal["luma", "chroma1", "chroma2", "size", "aspect", "shear"]
 PLANES: Final[tuple[Plane, ...]] = get_args(Plane)
@@ -31,7 +30,8 @@ LARGEST_MAGNITUDE: Final = (4 << 18) - 1
 _MAGNITUDE_EDGES: Final[I8] = 16 * (2 * np.arange(1, MAGNITUDE_CLASSES) - 1)
 """The inner edges of the classes of magnitudes, doubled."""
 
-_MOST_BINS: Final = 512
+MOST_BINS: Final = 512
+"""Most bins of 16 scales; a window with more has raw low bits (15-7)."""
 
 
 @dataclass(frozen=True)
@@ -87,17 +87,30 @@ def cumulative(edges: I8, centre: int, family: int, scale_code: int, unit_bits: 
     (K + 1,) from 0 to 2^14.
     """
     one = np.array([len(edges) + 1]), edges, np.array([centre])
-    return _distributions(*one, scale_code, unit_bits, FAMILIES[family]).cumulative
+    return _distributions(*one, scale_code, unit_bits, family_of(family)).cumulative
+
+
+def family_of(density_family: int) -> I8:
+    """The T of a `density_family`, (257,)."""
+    return LAPLACE if density_family else LOGISTIC
 
 
 @kernel(inline=True)
 def density_at(edge: int, centre: int, scale_code: int, unit_bits: int, exp2_table: I8, family: I8) -> int:
     """V of (15-6) at a doubled edge: the distribution function in 2^-16."""
-    shift = 15 - (-scale_code // 4) - 11 + unit_bits
-    u = 2**15 + ((edge - 2 * centre) * exp2_table[-256 * scale_code & 1023] >> shift)
+    shift = 15 - (-scale_code // 4) - 11 + unit_bits  # 2^-11: 16 scales are the 2^16 of u
+    u = 2**15 + ((edge - 2 * centre) * exp2_table[-256 * scale_code & 1023] >> shift)  # in 1/4096 of a scale
     u = min(max(u, 0), 2**16 - 1)
     place = u >> 8
     return int(family[place] + ((family[place + 1] - family[place]) * (u & 255) >> 8))
+
+
+@kernel(inline=True)
+def cumulative_at(
+    i: int, bins: int, edge: int, centre: int, scale_code: int, unit_bits: int, exp2_table: I8, family: I8
+) -> int:
+    """C[i] of (15-6), 0 < i < bins, at the doubled edge in front of bin i; every bin has at least a frequency of 1."""
+    return i + ((TOTAL - bins) * density_at(edge, centre, scale_code, unit_bits, exp2_table, family) >> 16)
 
 
 @lru_cache(maxsize=64)
@@ -106,7 +119,7 @@ def magnitude_distributions(density: Density) -> Distributions:
     bins = np.full(MAGNITUDE_CLASSES, MAGNITUDE_CLASSES)
     edges = np.concatenate([_MAGNITUDE_EDGES] * MAGNITUDE_CLASSES)
     centres = density.centre + density.slope * np.arange(MAGNITUDE_CLASSES) // 4
-    return _distributions(bins, edges, centres, density.scale_code, 2, FAMILIES[density.family])
+    return _distributions(bins, edges, centres, density.scale_code, 2, family_of(density.family))
 
 
 @kernel()
@@ -117,26 +130,18 @@ def _distributions(bins: I8, edges: I8, centres: I8, scale_code: int, unit_bits:
         first[row + 1] = first[row] + bins[row] + 1
     cumulative, edge = np.empty(first[len(bins)], np.int64), 0
     for row in range(len(bins)):
-        cumulative[first[row]], cumulative[first[row + 1] - 1] = 0, ONE
+        cumulative[first[row]], cumulative[first[row + 1] - 1] = 0, TOTAL
         for i in range(1, bins[row]):
-            v = density_at(edges[edge], centres[row], scale_code, unit_bits, EXP2, family)
-            cumulative[first[row] + i] = i + ((ONE - bins[row]) * v >> 16)
+            C = cumulative_at(i, bins[row], edges[edge], centres[row], scale_code, unit_bits, EXP2, family)
+            cumulative[first[row] + i] = C
             edge += 1
     return Distributions(cumulative, first)
 
 
-def code_magnitudes(run: Run, density: Density, context: I8, codes: I8 | None) -> I8:
+def code_colors(run: Run, density: Density, context: I8, codes: I8 | None) -> I8:
     """Signed codes of a colour channel: passes of classes, of low bits and of signs (spec.md section 15.7)."""
     magnitudes = run.magnitudes(magnitude_distributions(density), context, None if codes is None else np.abs(codes))
     return run.signs(magnitudes, codes)
-
-
-@kernel()
-def read_codes(lanes: Lanes, tables: Distributions, context: I8, codes: I8) -> bool:
-    """Signed codes of a colour channel, as `code_magnitudes` has them; whether the words sufficed."""
-    if not read_symbols(lanes, tables, context, codes):
-        return False
-    return read_low_bits(lanes, codes) and read_signs(lanes, codes)
 
 
 class Windows(NamedTuple):
@@ -150,16 +155,31 @@ class Windows(NamedTuple):
 @lru_cache(maxsize=64)
 def windows_of(plane: Plane, density: Density) -> Windows:
     """The windows of size, aspect or shear."""
-    scale, steps = int(exp2(256 * density.scale_code, 4)), STEPS_OF[plane]
-    centres = 64 * density.centre + 16 * density.slope * np.arange(CLASSES)
-    low = np.array([max(-(-16 * scale // (_MOST_BINS * step)) - 1, 0).bit_length() for step in steps.tolist()])
-    first = (centres - 8 * scale) // (steps << low)
-    bins = -((-centres - 8 * scale) // (steps << low)) - first + 1
-    edges = np.concatenate(
-        [(2 * (np.arange(a + 1, a + n) << r) - 1) * step for a, n, r, step in zip(first, bins, low, steps, strict=True)]
-    )
-    tables = _distributions(bins, edges, centres, density.scale_code, 4, FAMILIES[density.family])
-    return Windows(tables, low, first)
+    scale, family = int(exp2(256 * density.scale_code, 4)), family_of(density.family)
+    return _windows(STEPS_OF[plane], density.centre, density.slope, density.scale_code, scale, family)
+
+
+@kernel()
+def _windows(steps: I8, centre: int, slope: int, scale_code: int, scale: int, family: I8) -> Windows:
+    """(15-7) of each class j; `scale` is 2^(scale_code / 4) in the unit of the steps."""
+    low, first = np.empty(len(steps), np.int64), np.empty(len(steps), np.int64)
+    begins = np.zeros(len(steps) + 1, np.int64)
+    for j in range(len(steps)):
+        middle, r = 64 * centre + 16 * slope * j, 0
+        while 16 * scale > MOST_BINS * (steps[j] << r):
+            r += 1
+        width = steps[j] << r
+        low[j], first[j] = r, (middle - 8 * scale) // width
+        last = -((-middle - 8 * scale) // width)
+        begins[j + 1] = begins[j] + last - first[j] + 2
+    cumulative = np.empty(begins[len(steps)], np.int64)
+    for j in range(len(steps)):
+        middle, bins = 64 * centre + 16 * slope * j, begins[j + 1] - begins[j] - 1
+        cumulative[begins[j]], cumulative[begins[j + 1] - 1] = 0, TOTAL
+        for i in range(1, bins):
+            edge = (2 * ((first[j] + i) << low[j]) - 1) * steps[j]
+            cumulative[begins[j] + i] = cumulative_at(i, bins, edge, middle, scale_code, 4, EXP2, family)
+    return Windows(Distributions(cumulative, begins), low, first)
 
 
 def code_windowed(run: Run, windows: Windows, j: I8, codes: I8 | None) -> I8:
@@ -168,16 +188,3 @@ def code_windowed(run: Run, windows: Windows, j: I8, codes: I8 | None) -> I8:
     bins = run.symbols(windows.distributions, j, None if codes is None else (codes >> sizes) - first)
     low = run.raw_bits(sizes, None if codes is None else codes & ((1 << sizes) - 1))
     return ((bins + first) << sizes) + low
-
-
-@kernel()
-def read_windowed(lanes: Lanes, windows: Windows, j: I8, codes: I8) -> bool:
-    """The codes of a plane with windows, as `code_windowed` has them; whether the words sufficed."""
-    sizes, low = np.empty(len(j), np.int64), np.empty(len(j), np.int64)
-    for i in range(len(j)):
-        sizes[i] = windows.low_bits[j[i]]
-    if not (read_symbols(lanes, windows.distributions, j, codes) and read_raw(lanes, sizes, low)):
-        return False
-    for i in range(len(j)):
-        codes[i] = ((codes[i] + windows.first[j[i]]) << sizes[i]) + low[i]
-    return True

@@ -1,7 +1,7 @@
 """The body of a frame of profile `main` (spec.md sections 15.5 and 15.12).
 
 The elements in front of the run are read and written by the same lines. The run is written, or made, by the passes of
-this module; `gsvc_ref.main.fast.reading` reads it in two kernels.
+this module, `code_intra` and `code_predicted`; the kernels of `gsvc_ref.main.fast` read it.
 """
 
 from dataclasses import dataclass, replace
@@ -22,12 +22,13 @@ from gsvc_ref.main.densities import (
     SLOPED,
     Densities,
     Density,
-    code_magnitudes,
+    code_colors,
     code_windowed,
     windows_of,
 )
-from gsvc_ref.main.fast.lanes import MOTION, Lanes
-from gsvc_ref.main.fast.reading import MissingWordError, read_intra, read_predicted
+from gsvc_ref.main.fast.intra import read_intra
+from gsvc_ref.main.fast.lanes import MOTION, Lanes, MissingWordError
+from gsvc_ref.main.fast.predicted import read_predicted
 from gsvc_ref.main.models import Models
 from gsvc_ref.main.motion import code_field, field_motion, field_shape, mode_contexts
 from gsvc_ref.main.passes import LENGTH_UNIT, Run, RunWriter, magnitude_classes
@@ -280,10 +281,10 @@ def code_run(
     """
     state, step = before, step_of(codes.quantizer)
     if len(before.values):
-        state, codes = _predicted(run, before, codes, given)
+        state, codes = code_predicted(run, before, codes, given)
     if count:
         assert before.densities is not None
-        new = _intra(run, before, before.densities, count, step, given.new if given else None)
+        new = code_intra(run, before, before.densities, count, step, given.new if given else None)
         state, codes = _with_new(state, codes, new, intra_state(new, step))
     return state, codes
 
@@ -308,7 +309,7 @@ def _check_finished(s: Coder, lanes: Lanes) -> None:
         s.fail("R-7-1", f"lane {lane} ends in the state {lanes.states[lane]}; it must be {LOWEST_STATE}", bit=bit)
 
 
-def _intra(
+def code_intra(
     run: Run, before: MainState, densities: Densities, count: int, step: int, given: IntraCodes | None
 ) -> IntraCodes:
     """The passes of the splats of an I-frame, or of new ones (spec.md section 15.9)."""
@@ -317,11 +318,11 @@ def _intra(
         cells = code_cells(run, count, before.width, before.height, alphas, given.cells if given else None)
     columns: list[I8 | None] = [None] * 3 if given is None else list(given.colors.T)
     with run.part("luma"):
-        luma = code_magnitudes(run, densities.of("luma"), np.zeros(count, np.int64), columns[0])
+        luma = code_colors(run, densities.of("luma"), np.zeros(count, np.int64), columns[0])
     context = magnitude_classes(np.abs(luma))
     with run.part("chroma"):
-        chroma1 = code_magnitudes(run, densities.of("chroma1"), context, columns[1])
-        chroma2 = code_magnitudes(run, densities.of("chroma2"), context, columns[2])
+        chroma1 = code_colors(run, densities.of("chroma1"), context, columns[1])
+        chroma2 = code_colors(run, densities.of("chroma2"), context, columns[2])
     colors = np.stack([luma, chroma1, chroma2], axis=1)
     j = classes(colors_of(colors, step), step)
     shapes = np.empty((count, 3), np.int64)
@@ -335,7 +336,9 @@ def _intra(
     return IntraCodes(cells, colors, shapes, np.stack(places, axis=1))
 
 
-def _predicted(run: Run, before: MainState, codes: MainCodes, given: MainCodes | None) -> tuple[MainState, MainCodes]:
+def code_predicted(
+    run: Run, before: MainState, codes: MainCodes, given: MainCodes | None
+) -> tuple[MainState, MainCodes]:
     """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11)."""
     splats, models, step = before.values, before.models, step_of(codes.quantizer)
     models = Models(models.counts)
@@ -349,7 +352,7 @@ def _predicted(run: Run, before: MainState, codes: MainCodes, given: MainCodes |
     with run.part("modes"):
         contexts = mode_contexts(splats, motion, before.past, codes.vectors, side, before.width, before.height)
         modes = models.code(run, "mode", contexts, None if given is None else given.modes)
-    differences = _differences(run, models, modes, None if given is None else given.differences)
+    differences = code_differences(run, models, modes, None if given is None else given.differences)
     stay = modes != REMOVED
     after = replace(
         before,
@@ -360,7 +363,7 @@ def _predicted(run: Run, before: MainState, codes: MainCodes, given: MainCodes |
     return after, replace(codes, modes=modes, differences=differences)
 
 
-def _differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
+def code_differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
     """The differences q (N, 8) of all groups that the modes name."""
     q = np.zeros((len(modes), 8), np.int64)
     for bit, (group, first, end) in enumerate(GROUPS):
@@ -370,7 +373,7 @@ def _differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I8:
         with run.part(group):
             for i in range(end - first):
                 contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
-                sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the last one cannot be 0
+                sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the mode says that not all are 0
                 wanted = None if told is None else np.abs(told[:, i]) - sure
                 magnitudes.append(models.code_magnitudes(run, group, contexts, wanted) + sure)
                 before = before + magnitudes[-1]

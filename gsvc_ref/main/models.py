@@ -1,5 +1,6 @@
 """The adaptive models of P-frames (spec.md section 15.11)."""
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -7,30 +8,17 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main.fast.lanes import Lanes, read_low_bits, read_symbols
-from gsvc_ref.main.passes import ONE, Distributions, Run, magnitude_classes
+from gsvc_ref.main.passes import TOTAL, Distributions, Run, magnitude_classes
 
-
-class Start(NamedTuple):
-    """A model at the start: its symbols, and the counts of each context without those at the end that are 1."""
-
-    symbols: int
-    counts: tuple[tuple[int, ...], ...]
-
-    def rows(self) -> I8:
-        """All counts, (contexts, symbols)."""
-        return np.array([[*row, *[1] * (self.symbols - len(row))] for row in self.counts], np.int64)
-
-
-STARTS: Final = {
-    "vector": Start(24, (
+MODELS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
+    "vector": (
         (736, 152, 76, 40, 52, 36, 44, 28, 36, 20, 20, 10, 8, 4, 3, 2, 2),
         (1024, 116, 36, 16, 16, 10, 12, 8, 10, 6, 6, 4, 3, 2),
         (500, 286, 116, 56, 62, 40, 50, 36, 44, 22, 28, 14, 10, 4, 2),
         (320, 148, 80, 56, 82, 68, 108, 74, 112, 68, 72, 36, 32, 10, 6, 2),
         (386, 102, 48, 44, 60, 50, 104, 66, 98, 80, 96, 54, 46, 18, 10, 5, 4),
-    )),
-    "mode": Start(9, (
+    ),
+    "mode": (
         (1184, 20, 24, 10, 14, 6, 7, 9, 6),
         (1032, 52, 68, 32, 40, 11, 17, 22, 6),
         (752, 92, 116, 66, 96, 26, 52, 74, 6),
@@ -41,14 +29,14 @@ STARTS: Final = {
         (912, 53, 84, 54, 56, 18, 41, 58, 6),
         (784, 53, 87, 70, 66, 22, 54, 138, 6),
         (1056, 27, 62, 32, 24, 11, 20, 26, 22),
-    )),
-    "position": Start(24, (
+    ),
+    "position": (
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
-    )),
-    "shape": Start(24, (
+    ),
+    "shape": (
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
         (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2),
@@ -56,8 +44,8 @@ STARTS: Final = {
         (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
         (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
         (576, 320, 156, 72, 70, 28, 24, 10, 8, 3, 2),
-    )),
-    "color": Start(24, (
+    ),
+    "color": (
         (264, 244, 228, 148, 152, 76, 72, 36, 24, 10, 8, 4),
         (736, 320, 96, 42, 32, 14, 14, 7, 5, 3, 2),
         (736, 320, 96, 42, 32, 14, 14, 7, 5, 3, 2),
@@ -65,35 +53,42 @@ STARTS: Final = {
         (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
         (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
         (944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),
-    )),
+    ),
 }  # fmt: skip
-"""The models by name (R-15.11-1)."""
+"""The counts of each context of the models by name at the start, without those at the end that are 1 (R-15.11-1)."""
 
-SYMBOLS: Final = 24
-"""The most symbols of a model."""
+SYMBOLS: Final = {"vector": 24, "mode": 9, "position": 24, "shape": 24, "color": 24}
+"""The number of symbols of each model."""
+
+MOST_SYMBOLS: Final = max(SYMBOLS.values())
 
 
 class Row(NamedTuple):
-    """Where the contexts of a model are in the counts of all: the first row, and the one behind the last."""
+    """Where the contexts of a model are in the counts of all: the first row, and the one after the last."""
 
     first: int
     end: int
 
 
 def _rows() -> dict[str, Row]:
-    ends = np.cumsum([0, *(len(start.counts) for start in STARTS.values())]).tolist()
-    return {name: Row(*ends[i : i + 2]) for i, name in enumerate(STARTS)}
+    ends = np.cumsum([0, *map(len, MODELS.values())]).tolist()
+    return {name: Row(*ends[i : i + 2]) for i, name in enumerate(MODELS)}
 
 
 ROWS: Final = _rows()
 
-_SYMBOLS_OF: Final[I8] = np.concatenate([np.full(len(start.counts), start.symbols) for start in STARTS.values()])
+
+def _counts(name: str) -> I8:
+    """All counts of a model at the start (contexts, MOST_SYMBOLS), 0 where it has no symbol."""
+    ones = [[*row, *[1] * (SYMBOLS[name] - len(row))] for row in MODELS[name]]
+    return np.pad(np.array(ones, np.int64), ((0, 0), (0, MOST_SYMBOLS - SYMBOLS[name])))
+
+
+_SYMBOLS_OF: Final[I8] = np.concatenate([np.full(len(MODELS[name]), SYMBOLS[name]) for name in MODELS])
 """The number of symbols of each row."""
 
-_START: Final[I8] = np.concatenate(
-    [np.pad(start.rows(), ((0, 0), (0, SYMBOLS - start.symbols))) for start in STARTS.values()]
-)
-"""The counts of all models at the start (R-15.11-1)."""
+_START: Final[I8] = np.concatenate([_counts(name) for name in MODELS])
+"""The counts of all models at the start, (33, 24)."""
 
 SUM_BITS: Final = 17
 """The counts of a context are shifted until their sum has no more bits, so that 32 bits do."""
@@ -125,11 +120,11 @@ def _distributions(counts: I8, symbols: I8) -> Distributions:
             total += counts[context, s] >> shift
         begin = first[context]
         for s in range(K):
-            frequency = 1 + (ONE - K) * (counts[context, s] >> shift) // total
+            frequency = 1 + (TOTAL - K) * (counts[context, s] >> shift) // total
             cumulative[begin + s + 1] = cumulative[begin + s] + frequency
             if frequency > largest:
                 largest, at = frequency, s
-        rest = ONE - cumulative[begin + K]
+        rest = TOTAL - cumulative[begin + K]
         for s in range(at, K):
             cumulative[begin + s + 1] += rest
     return Distributions(cumulative, first)
@@ -161,15 +156,6 @@ def adapted(counts: I8, seen: I8) -> I8:
             if used:
                 after[context, s] = (7 * counts[context, s] >> 3) + GAIN * seen[context, s]
     return after
-
-
-@kernel()
-def read_magnitudes(lanes: Lanes, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
-    """Passes of classes of magnitudes, by the rows of models, and of low bits; whether the words sufficed."""
-    if not read_symbols(lanes, tables, rows, magnitudes):
-        return False
-    note_symbols(rows, magnitudes, seen)
-    return read_low_bits(lanes, magnitudes)
 
 
 class Models:

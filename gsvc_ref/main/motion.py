@@ -6,9 +6,8 @@ import numpy as np
 
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
-from gsvc_ref.main.fast.lanes import Lanes, magnitude_class, read_signs
-from gsvc_ref.main.models import ROWS, Models, read_magnitudes
-from gsvc_ref.main.passes import Distributions, Run, magnitude_classes
+from gsvc_ref.main.models import Models
+from gsvc_ref.main.passes import Run, magnitude_classes
 
 X_CLASSES: Final = (0, 2, 7)
 """The largest class of a magnitude in x of each context of the magnitude in y but the last one."""
@@ -18,10 +17,6 @@ UNRESTS: Final = (2, 7)
 
 OUTSIDE: Final = 9
 """The context of the mode of a splat that leaves the frame."""
-
-
-VECTOR_ROW: Final = ROWS["vector"].first
-"""The row of the first context of vectors among those of all models."""
 
 
 def field_shape(width: int, height: int, side: int) -> tuple[int, int]:
@@ -88,6 +83,7 @@ def find_motion(state: I8, field: I8, side: int, motion: I8) -> None:
         i, i1, f = _between(state[splat, 0], side, b, field.shape[1])
         j, j1, h = _between(state[splat, 1], side, b, field.shape[0])
         for axis in range(2):
+            # bilinear between the centres of four cells, in 64ths; quarter pixels times 64 are 1/256 pixel
             upper = (64 - f) * field[j, i, axis] + f * field[j, i1, axis]
             lower = (64 - f) * field[j1, i, axis] + f * field[j1, i1, axis]
             motion[splat, axis] = ((64 - h) * upper + h * lower + 32) >> 6
@@ -95,7 +91,7 @@ def find_motion(state: I8, field: I8, side: int, motion: I8) -> None:
 
 @kernel(inline=True)
 def _between(position: int, side: int, b: int, cells: int) -> tuple[int, int, int]:
-    """The cell before a position, the one behind it, and the 64ths of the way between their centres; 2^b = 256 side."""
+    """The cells around a position, and how far it is between their centres, in 64ths; 2^b = 256 side."""
     u = min(max(position - 128 * side, 0), (cells - 1) << b)
     i = min(u >> b, max(cells - 2, 0))
     return i, min(i + 1, cells - 1), (u - (i << b)) >> (b - 6)
@@ -153,33 +149,3 @@ def field_unrest(field: I8) -> I8:
                     unrest[j, i] = max(unrest[j, i], step)
                     unrest[j1, i1] = max(unrest[j1, i1], step)
     return unrest
-
-
-@kernel()
-def read_field(lanes: Lanes, tables: Distributions, seen: I8, field: I8) -> bool:
-    """The vectors of the field (rows, columns, 2), as `code_field` has them; whether the words sufficed."""
-    rows, columns = field.shape[:2]
-    contexts = np.empty(rows * columns, np.int64)
-    x, y = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
-    for cell in range(len(x)):
-        contexts[cell] = VECTOR_ROW
-    if not read_magnitudes(lanes, tables, contexts, seen, x):
-        return False
-    for cell in range(len(x)):
-        contexts[cell] = VECTOR_ROW + 1
-        for bound in X_CLASSES:
-            contexts[cell] += magnitude_class(x[cell]) > bound
-    if not read_magnitudes(lanes, tables, contexts, seen, y):
-        return False
-    if not (read_signs(lanes, x) and read_signs(lanes, y)):
-        return False
-    for cell in range(len(x)):
-        j, i = cell // columns, cell % columns
-        left, above = (j, i - 1), (j - 1, 0)
-        before_x, before_y = 0, 0
-        if cell > 0:
-            j1, i1 = left if i > 0 else above
-            before_x, before_y = field[j1, i1, 0], field[j1, i1, 1]
-        field[j, i, 0] = ((x[cell] + before_x + 2**15) & 0xFFFF) - 2**15
-        field[j, i, 1] = ((y[cell] + before_y + 2**15) & 0xFFFF) - 2**15
-    return True

@@ -14,12 +14,13 @@ from gsvc_ref.main import state as states
 from gsvc_ref.main.cells import half_distribution
 from gsvc_ref.main.codes import SIDES, IntraCodes
 from gsvc_ref.main.densities import cumulative
-from gsvc_ref.main.tables import FAMILIES, step_of
+from gsvc_ref.main.tables import step_of
 
 ANY: Final = None
 """A side of an array that may have any length."""
 
 
+# twin of spec.density_frequencies
 @door
 def density_frequencies(edges: ArrayLike, centre: int, density_family: int, scale_code: int, unit_bits: int) -> I8:
     """Cumulative frequencies of the bins of a density (15-6).
@@ -46,7 +47,7 @@ def density_frequencies(edges: ArrayLike, centre: int, density_family: int, scal
     UsageError
         An argument is of another type or shape, or there is no such family.
     """
-    if density_family not in range(len(FAMILIES)):
+    if density_family not in (0, 1):
         raise UsageError(f"density_family is {density_family!r}; it must be 0 or 1")
     return cumulative(_integers("edges", edges, ANY), centre, density_family, scale_code, unit_bits)
 
@@ -60,6 +61,7 @@ class HalfFrequencies(NamedTuple):
     """How many of its low bits are raw."""
 
 
+# twin of spec.half_frequencies
 @door
 def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) -> HalfFrequencies:
     """The distribution of how many of a part's splats are in its first half (15-8), (15-9).
@@ -88,6 +90,7 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
     return HalfFrequencies(*half_distribution(count, first_half, second_half, alpha))
 
 
+# twin of spec.model_frequencies
 @door
 def model_frequencies(counts: ArrayLike) -> I8:
     """Cumulative frequencies of each context of a model (15-14).
@@ -110,6 +113,7 @@ def model_frequencies(counts: ArrayLike) -> I8:
     return models.distributions(rows).cumulative.reshape(len(rows), -1)
 
 
+# twin of spec.adapt_model
 @door
 def adapt_model(counts: ArrayLike, seen: ArrayLike) -> I8:
     """The counts of a model behind a P-frame (15-11).
@@ -134,6 +138,7 @@ def adapt_model(counts: ArrayLike, seen: ArrayLike) -> I8:
     return models.adapted(rows, _integers("seen", seen, *rows.shape))
 
 
+# twin of spec.mode_contexts
 @door
 def mode_contexts(
     width: int, height: int, state: ArrayLike, past: ArrayLike, motion: ArrayLike, vectors: ArrayLike, motion_cell: int
@@ -171,6 +176,7 @@ def mode_contexts(
     return fields.mode_contexts(values, moved, before, field, side, width, height)
 
 
+# twin of spec.splat_classes
 @door
 def splat_classes(state: ArrayLike, quantizer: int) -> I8:
     """The class of each splat (15-4).
@@ -194,6 +200,7 @@ def splat_classes(state: ArrayLike, quantizer: int) -> I8:
     return states.classes(_integers("state", state, ANY, 8)[:, 5:], step_of(quantizer))
 
 
+# twin of spec.main_intra
 @door
 def main_intra(quantizer: int, cells: ArrayLike, colors: ArrayLike, shapes: ArrayLike, places: ArrayLike) -> I8:
     """The state that the codes of an I-frame, or of new splats, stand for (15-10), clipped (R-15.4-1).
@@ -230,6 +237,7 @@ def main_intra(quantizer: int, cells: ArrayLike, colors: ArrayLike, shapes: Arra
     return reconstruct.intra_state(codes, step_of(quantizer))
 
 
+# twin of spec.motion_of_splats
 @door
 def motion_of_splats(state: ArrayLike, vectors: ArrayLike, motion_cell: int) -> I8:
     """By how much each splat moves with the motion field (15-12).
@@ -256,6 +264,7 @@ def motion_of_splats(state: ArrayLike, vectors: ArrayLike, motion_cell: int) -> 
     return fields.field_motion(values, field, _side(motion_cell, 1))
 
 
+# twin of spec.main_inter
 @door
 def main_inter(quantizer: int, state: ArrayLike, motion: ArrayLike, differences: ArrayLike) -> I8:
     """The state of the splats that stay, after motion and differences (R-15.11-2), (15-13).
@@ -285,6 +294,7 @@ def main_inter(quantizer: int, state: ArrayLike, motion: ArrayLike, differences:
     return reconstruct.add_differences(values, moved, added, step_of(quantizer))
 
 
+# twin of spec.state_parameters
 @door
 def state_parameters(state: ArrayLike) -> F4:
     """The parameters of splats, bit for bit those of every decoder (R-15.4-2), (15-5).
@@ -303,7 +313,7 @@ def state_parameters(state: ArrayLike) -> F4:
     UsageError
         The state is of another type or shape.
     """
-    return states.to_splats(_integers("state", state, ANY, 8)).to_array()
+    return states.parameters_of(_integers("state", state, ANY, 8))
 
 
 def _side(motion_cell: int, least: int) -> int:

@@ -23,13 +23,13 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.portable import log2
 
 PRECISION: Final = 14
-ONE: Final = 1 << PRECISION
+TOTAL: Final = 1 << PRECISION
 """The sum of the frequencies of a symbol's distribution."""
 
 LENGTH_UNIT: Final = 1 << 16
 """The parts of a bit that code lengths are counted in: sums of integers are the same on every machine."""
 
-LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, ONE + 1)))).astype(np.int64)
+LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, TOTAL + 1)))).astype(np.int64)
 """The code length of a symbol by its frequency less 1."""
 
 
@@ -136,7 +136,7 @@ class RunWriter(Run):
         if ((values < 0) | (values >> sizes > 0)).any():
             raise UsageError(f"a value of the pass `{self._part}` does not fit into its raw bits")
         there = sizes > 0
-        frequencies = ONE >> sizes[there]
+        frequencies = TOTAL >> sizes[there]
         self._passes.append((values[there] * frequencies, frequencies))
         self.lengths[self._part] += int(sizes.sum())
         return values
@@ -158,6 +158,7 @@ class EncodedRun(NamedTuple):
     """(count,)"""
 
 
+# twin of spec.encode_run
 @door
 def encode_run(starts: ArrayLike, frequencies: ArrayLike, lanes: ArrayLike, lane_count: int) -> EncodedRun:
     """The states and words with which a decoder finds the symbols of a frame again (R-15.6-3).

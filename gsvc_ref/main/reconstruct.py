@@ -7,7 +7,7 @@ import numpy as np
 from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8
 from gsvc_ref.main.cells import CELL
-from gsvc_ref.main.codes import REMOVED, IntraCodes
+from gsvc_ref.main.codes import REMOVED, CodeArrays, IntraCodes
 from gsvc_ref.main.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, X_MOST, class_of
 from gsvc_ref.main.tables import EXP2, exp2
 
@@ -43,25 +43,24 @@ def intra_state(codes: IntraCodes, step: int) -> I8:
         D in 1/16.
     """
     state = np.empty((len(codes), 8), np.int64)
-    find_intra_state(codes.cells, codes.colors, codes.shapes, codes.places, step, state)
+    find_intra_state(codes.arrays, step, state)
     return state
 
 
 @kernel()
-def find_intra_state(cells: I8, colors: I8, shapes: I8, places: I8, step: int, state: I8) -> None:
+def find_intra_state(codes: CodeArrays, step: int, state: I8) -> None:
     """`intra_state`, put into `state` (N, 8)."""
     most = N_MOST // step
-    for splat in range(len(cells)):
+    for splat in range(len(state)):
         for axis in range(3):
-            state[splat, 5 + axis] = min(max(colors[splat, axis], -most), most) * step
-        j = class_of(state[splat, 5:], step)
+            state[splat, 5 + axis] = min(max(codes.colors[splat, axis], -most), most) * step
+        j = class_of(state[splat, 5:], step)  # the colour says how fine the other codes are
         for axis in range(2):
-            size = log_size(shapes[splat, 0], shapes[splat, 1], j, axis)
-            unit = 8 + place_unit(size, j)  # a step of the place is 2^unit of 1/256 pixel
-            middle = 256 * CELL * cells[splat, axis] + (places[splat, axis] << unit) + (1 << (unit - 1))
+            size = log_size(codes.shapes[splat, 0], codes.shapes[splat, 1], j, axis)
+            middle = middle_of_place(codes.cells[splat, axis], codes.places[splat, axis], place_unit(size, j))
             state[splat, axis] = min(max(middle, -X_MOST), X_MOST)
             state[splat, 2 + axis] = size
-        state[splat, 4] = min(max(shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST), S_MOST)
+        state[splat, 4] = min(max(codes.shapes[splat, 2] * SHEAR_STEPS[j], -S_MOST), S_MOST)
 
 
 @kernel(inline=True)
@@ -75,6 +74,12 @@ def log_size(size: int, aspect: int, j: int, axis: int) -> int:
 def place_unit(size: int, j: int) -> int:
     """The g of spec.md section 15.9: a step of a place in the cell is 2^g pixels."""
     return min(max((size >> 10) + 1 - j, -4), 2)
+
+
+@kernel(inline=True)
+def middle_of_place(cell: int, place: int, g: int) -> int:
+    """X or Y of the middle of a place in a cell (15-15), in 1/256 pixel: a place is 2^(g + 8) of them wide."""
+    return 256 * CELL * cell + (place << (g + 8)) + (1 << (g + 7))
 
 
 def position_steps(state: I8, j: I8) -> tuple[I8, I8, I8]:
@@ -122,9 +127,8 @@ def find_after(state: I8, motion: I8, modes: I8, differences: I8, step: int, aft
         if modes[splat]:
             j = class_of(state[splat, 5:], step)
             g_x, g_y = position_step(A, j), position_step(B, j)
-            g_s = min(abs(S) * g_y >> 10, STEP_MOST)
             X += q[0] * g_x
-            Y += q[0] * (-g_s if S < 0 else g_s) + q[1] * g_y
+            Y += q[0] * sheared_step(S, g_y) + q[1] * g_y
             A = min(max(A + (q[2] + q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
             B = min(max(B + (q[2] - q[3]) * SIZE_STEPS[j], A_LEAST), A_MOST)
             S = _sheared(S, A - state[splat, 2] - B + state[splat, 3]) + q[4] * SHEAR_STEPS[j]
@@ -144,6 +148,13 @@ def position_step(size: int, j: int) -> int:
     shift = (v >> 10) - 7
     power = EXP2[v & 1023] << shift if shift >= 0 else EXP2[v & 1023] >> -shift
     return int(min(max(power, 1), STEP_MOST))
+
+
+@kernel(inline=True)
+def sheared_step(S: int, g_y: int) -> int:
+    """The g_s of (15-13): by how much y goes along with a step of x, in 1/256 pixel."""
+    g_s = min(abs(S) * g_y >> 10, STEP_MOST)
+    return -g_s if S < 0 else g_s
 
 
 @kernel(inline=True)

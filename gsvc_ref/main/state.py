@@ -22,9 +22,9 @@ N_MOST: Final = 2**28
 CLASS_MOST: Final = 10
 CLASSES: Final = CLASS_MOST + 1
 
-K1: Final = np.float32(float.fromhex("0x1.4edc560000000p-14"))
-K2: Final = np.float32(float.fromhex("0x1.9a1e720000000p-14"))
-K3: Final = np.float32(float.fromhex("0x1.d990860000000p-15"))
+MAIN_K1: Final = np.float32(float.fromhex("0x1.4edc560000000p-14"))
+MAIN_K2: Final = np.float32(float.fromhex("0x1.9a1e720000000p-14"))
+MAIN_K3: Final = np.float32(float.fromhex("0x1.d990860000000p-15"))
 """1/√3, 1/√2 and 1/√6, divided by 16 · 255 · √π, as binary32."""
 
 SIZE_STEPS: Final[I8] = 1477 >> np.arange(CLASSES)
@@ -67,7 +67,7 @@ def _find_classes(colors: I8, step: int, found: I8) -> None:
 @kernel(inline=True)
 def class_of(color: I8, step: int) -> int:
     """The class of the splat of a colour (3,) (15-4)."""
-    energy = 0
+    energy = 0  # E^2 in D^2; a class is an octave of E, so that its bounds are odd powers of 2
     for i in range(3):
         k = min((abs(color[i]) + step // 2) // step, 1024)
         energy += k * k
@@ -79,27 +79,34 @@ def class_of(color: I8, step: int) -> int:
 
 def to_splats(state: I8) -> Splats:
     """The splats of a state, bit for bit those of every decoder (15-5)."""
+    return Splats.from_array(parameters_of(state))
+
+
+def parameters_of(state: I8) -> F4:
+    """The parameters (N, 8) f4 of a state (N, 8): (15-5)."""
     parameters = np.empty((len(state), 8), np.float32)
-    _to_parameters(np.ascontiguousarray(state), EXP2_FLOAT, parameters)
-    return Splats.from_array(parameters)
+    _find_parameters(np.ascontiguousarray(state), EXP2_FLOAT, parameters)
+    return parameters
 
 
 @kernel()
-def _to_parameters(state: I8, exp2: F4, parameters: F4) -> None:
+def _find_parameters(state: I8, exp2: F4, parameters: F4) -> None:
     for i in range(len(state)):
+        # Every operation is rounded to binary32 in the order of (15-5). An octave of EXP2 is 2^(v/1024) in 1/2^15, so
+        # that a shift of its exponent is exact.
         A, B = state[i, 2], state[i, 3]
-        v = -(A + B) >> 1
-        l11 = exp2[A & 1023] * np.float32(math.ldexp(1.0, int(A >> 10) - 15))  # exact
+        v = -(A + B) >> 1  # g is 1 / sqrt(l11 l22): n is a colour times the root of its splat's area
+        l11 = exp2[A & 1023] * np.float32(math.ldexp(1.0, int(A >> 10) - 15))
         l22 = exp2[B & 1023] * np.float32(math.ldexp(1.0, int(B >> 10) - 15))
         g = exp2[v & 1023] * np.float32(math.ldexp(1.0, int(v >> 10) - 15))
-        a = np.float32(state[i, 5]) * K1
-        b = np.float32(state[i, 6]) * K2
-        c = np.float32(state[i, 7]) * K3
-        parameters[i, 0] = np.float32(state[i, 0]) / np.float32(256)
+        a = np.float32(state[i, 5]) * MAIN_K1
+        b = np.float32(state[i, 6]) * MAIN_K2
+        c = np.float32(state[i, 7]) * MAIN_K3
+        parameters[i, 0] = np.float32(state[i, 0]) / np.float32(256)  # x, y in pixels
         parameters[i, 1] = np.float32(state[i, 1]) / np.float32(256)
         parameters[i, 2] = l11
-        parameters[i, 3] = (np.float32(state[i, 4]) / np.float32(1024)) * l22
+        parameters[i, 3] = (np.float32(state[i, 4]) / np.float32(1024)) * l22  # l21 = s l22
         parameters[i, 4] = l22
-        parameters[i, 5] = ((a + b) + c) * g
+        parameters[i, 5] = ((a + b) + c) * g  # R, G, B: the transpose of the orthonormal opponent axes
         parameters[i, 6] = (a - np.float32(2) * c) * g
         parameters[i, 7] = ((a - b) + c) * g

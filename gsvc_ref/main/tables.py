@@ -56,10 +56,12 @@ def _distribution(lower: NDArray[np.int64]) -> I8:
     return np.concatenate([[0], lower, 2**16 - lower[-2::-1], [2**16]]).astype(np.int64)
 
 
-_TAIL: Final = exp2(96 * (128 - np.arange(1, 129)), 15)
+TAIL: Final[I8] = exp2(96 * (128 - np.arange(1, 129)), 15)
+"""2^(x log2 e) for x = 8 to 1/16 in sixteenths, with 15 bits behind the binary point: e^x of (15-3)."""
 
-FAMILIES: Final[tuple[I8, I8]] = _distribution(2**31 // (2**15 + _TAIL)), _distribution(2**30 // _TAIL)
-"""The logistic and the Laplace distribution function in 2^-16, 257 places a sixteenth of a scale apart (15-3)."""
+LOGISTIC: Final[I8] = _distribution(2**31 // (2**15 + TAIL))
+LAPLACE: Final[I8] = _distribution(2**30 // TAIL)
+"""The logistic and the Laplace distribution function in 2^-16, (257,) each, a sixteenth of a scale apart (15-3)."""
 
 STEPS: Final = tuple(int(EXP2[128 * (q % 8)] << (q // 8)) >> 12 for q in range(QUANTIZERS))
 

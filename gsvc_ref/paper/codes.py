@@ -66,6 +66,10 @@ class Quantizer:
     __hash__ = None  # type: ignore[assignment]
 
 
+NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
+"""What stands where a block brings none."""
+
+
 @dataclass(frozen=True, eq=False)
 class SplatBlock:
     """The codes of `count` splats, values (intra) or differences (inter); None stands for "not present".

@@ -8,11 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.arrays import F8
 from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.errors import UsageError
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
-
-F8 = NDArray[np.float64]
 
 LN2_HIGH: Final = float.fromhex("0x1.62e42fefa3800p-1")
 LN2_LOW: Final = float.fromhex("0x1.ef35793c76730p-45")

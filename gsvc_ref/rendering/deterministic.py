@@ -6,21 +6,16 @@ bits.
 """
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_ref.arrays import F4
 from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
-from gsvc_ref.rendering.fast.sums import E_BLUE, E_GREEN, E_RED, MOMENTS, U1, U1U1, U1U2, U2, U2U2
+from gsvc_ref.rendering.fast.sums import M_BLUE, M_GREEN, M_RED, M_U1, M_U1U1, M_U1U2, M_U2, M_U2U2, MOMENTS
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
-
-F4 = NDArray[np.float32]
-
-TREE: Final = ((0, 4), (2, 6), (1, 5), (3, 7))
-"""The order in which eight sums are added: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))."""
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
@@ -68,11 +63,11 @@ def gradients_plain(splats: Splats, residual: F4) -> F4:
     """The gradient of sum(residual * C), (N, 8) f4, coverage held fixed; see `definition.Footprint.gradient`.
 
     With e = dL/dC and q = g ((e_red red + e_green green) + e_blue blue), a splat has the sums of q, q u2 and (q u2) u2
-    and of g e. Column i of the frame is lane i mod 16 of tile i div 16. In each tile
+    and of g e. Column i of the frame is lane i mod 16 of tile i div 16 (`TILE_WIDTH`). In each tile
 
     - a lane adds its rows one after the other, from the top, in binary32;
     - lanes k and k + 8 are added, with their u1: q u1 + q' u1', (q u1) u1 + (q' u1') u1', (q u2) u1 + (q' u2') u1';
-    - then the eight as `TREE` says.
+    - then the eight in the same way, half to half: ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)).
 
     The moments of the tiles are added from the left in binary64, and the gradient is made of them in binary64 and
     rounded once (`sums.grad_splat`).
@@ -110,17 +105,15 @@ def _tile_sums(u1: F4, u2: F4, g: F4, e: F4, color: F4) -> NDArray[np.float64]:
         totals = totals + lanes[:, row]
     q, qu2 = totals[0], totals[1]
     u1 = np.where((q != 0) | (qu2 != 0), u1, np.float32(0))
-    eights = [_halves(q * u1), _halves(qu2), _halves(q * u1 * u1), _halves(qu2 * u1), *map(_halves, totals[2:])]
-    return np.array([_tree(lane) for lane in eights], np.float64)
+    return np.array([_tree(lanes) for lanes in (q * u1, qu2, q * u1 * u1, qu2 * u1, *totals[2:])], np.float64)
 
 
-def _halves(lanes: F4) -> F4:
-    return lanes[:8] + lanes[8:]
-
-
-def _tree(eight: F4) -> np.float32:
-    a, b, c, d = (eight[i] + eight[j] for i, j in TREE)
-    return np.float32((a + b) + (c + d))
+def _tree(lanes: F4) -> np.float32:
+    """The sum of a power of two of numbers: the right half is added to the left until one is left."""
+    while len(lanes) > 1:
+        half = len(lanes) // 2
+        lanes = lanes[:half] + lanes[half:]
+    return np.float32(lanes[0])
 
 
 def _from_moments(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
@@ -128,6 +121,6 @@ def _from_moments(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
     l11, l21, l22 = splat[2:5]
     r1, r2 = 1 / l11, 1 / l22
     slope = l21 * r1 * r2
-    of_mu = [S[U1] * r1 - S[U2] * slope, S[U2] * r2]
-    of_l = [S[U1U1] * r1 - S[U1U2] * slope, S[U1U2] * r2, S[U2U2] * r2]
-    return np.array([*of_mu, *of_l, S[E_RED], S[E_GREEN], S[E_BLUE]], np.float32)
+    of_mu = [S[M_U1] * r1 - S[M_U2] * slope, S[M_U2] * r2]
+    of_l = [S[M_U1U1] * r1 - S[M_U1U2] * slope, S[M_U1U2] * r2, S[M_U2U2] * r2]
+    return np.array([*of_mu, *of_l, S[M_RED], S[M_GREEN], S[M_BLUE]], np.float32)

@@ -5,10 +5,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.arrays import I8
 from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.projection import ProjectedSplats
 from gsvc_ref.rendering.fast.regions import Regions, leave_out_clean, mark_changed
-from gsvc_ref.rendering.fast.tiles import I8, tile_count
+from gsvc_ref.rendering.fast.tiles import tile_count
 from gsvc_ref.rendering.precision import Precision
 from gsvc_ref.rendering.renderer import Renderer
 from gsvc_ref.splats import Splats

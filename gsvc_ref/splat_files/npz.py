@@ -35,10 +35,10 @@ from gsvc_ref.files import complete_file
 from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.video.format import array_format
 
-MAX_FRAMES: Final = 1 << 20
+MAX_NPZ_FRAMES: Final = 1 << 20
 """Maximum number of frames of a file: their counts are held in memory."""
 
-MAX_SPLATS: Final = 1 << 22
+MAX_NPZ_SPLATS: Final = 1 << 22
 """Maximum number of splats of a frame, that of the highest level (R-5-2)."""
 
 FAULTS: Final = (
@@ -95,16 +95,16 @@ class NpzSplats:
         shape = self._header_of("parameters").shape
         if not (len(shape) in (2, 3) and shape[-1] == PARAMETERS_PER_SPLAT):
             self._refuse(f"parameters have the shape {shape}; it must be (splats, {PARAMETERS_PER_SPLAT})")
-        counts = self._small("counts", MAX_FRAMES)
+        counts = self._small("counts", MAX_NPZ_FRAMES)
         if counts is None:
             frames, count = (1, shape[0]) if len(shape) == 2 else shape[:2]
-            self._check_limit(frames, MAX_FRAMES, "frames")
-            self.counts: I8 = np.full(frames, min(count, MAX_SPLATS + 1), np.int64)
+            self._check_limit(frames, MAX_NPZ_FRAMES, "frames")
+            self.counts: I8 = np.full(frames, min(count, MAX_NPZ_SPLATS + 1), np.int64)
         else:
             if counts.ndim != 1 or counts.dtype.kind not in "iu" or len(shape) != 2:
                 self._refuse("counts must be integers, one for each frame, and parameters (splats, 8)")
-            self.counts = np.minimum(counts, MAX_SPLATS + 1).astype(np.int64)
-        self._check_limit(int(self.counts.max(initial=0)), MAX_SPLATS, "splats in a frame")
+            self.counts = np.minimum(counts, MAX_NPZ_SPLATS + 1).astype(np.int64)
+        self._check_limit(int(self.counts.max(initial=0)), MAX_NPZ_SPLATS, "splats in a frame")
         if (self.counts < 0).any():
             frame = int(np.flatnonzero(self.counts < 0)[0])
             self._refuse(f"counts[{frame}] is {self.counts[frame]}; it must be the number of splats of frame {frame}")

@@ -24,7 +24,7 @@ MAX_PROPERTIES: Final = 1000
 MAX_VERTICES: Final = 1 << 22
 """Maximum number of splats of a frame, that of the highest level (R-5-2)."""
 
-TYPES: Final = {
+PROPERTY_TYPES: Final = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2", "ushort": "<u2",
     "uint16": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4", "float": "<f4", "float32": "<f4",
     "double": "<f8", "float64": "<f8",
@@ -105,13 +105,13 @@ def _header(file: BinaryIO, name: str) -> _Header:
             and re.fullmatch(r"\d{1,18}", words[2])
         ):
             count = int(words[2])
-        elif words[0] == "property" and count is not None and len(words) == 3 and words[1] in TYPES:
-            properties.append((words[2], TYPES[words[1]]))
+        elif words[0] == "property" and count is not None and len(words) == 3 and words[1] in PROPERTY_TYPES:
+            properties.append((words[2], PROPERTY_TYPES[words[1]]))
         else:
             raise GsvcError(
                 "unsupported",
                 f"{name}: its header says {line[:80]!r}; it must begin with 'element vertex COUNT', then lines "
-                f"'property TYPE NAME' with TYPE one of {', '.join(TYPES)}",
+                f"'property TYPE NAME' with TYPE one of {', '.join(PROPERTY_TYPES)}",
             )
     if count is None:
         raise GsvcError("malformed", f"{name} has no element 'vertex'; give a PLY file of Gaussian splats")

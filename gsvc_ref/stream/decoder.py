@@ -6,11 +6,9 @@ from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Final, Self
+from typing import BinaryIO, Final, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
@@ -25,7 +23,6 @@ from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.video import VideoFormat
 
-Frame = NDArray[np.unsignedinteger[Any]]
 HIGHEST: Final = LEVELS[max(LEVELS)]
 """The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
 

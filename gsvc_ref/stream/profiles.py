@@ -153,9 +153,9 @@ def _other_profile(header: SequenceHeader) -> UsageError:
     return UsageError(f"the codes are of another profile than `{name}`, that of the header; {made} belong to one each")
 
 
-_PROFILES: Final[tuple[Profile, ...]] = (_Paper(), _Main())
+_BY_NUMBER: Final[tuple[Profile, ...]] = (_Paper(), _Main())
 
 
 def profile_of(header: SequenceHeader) -> Profile:
     """The profile of a stream."""
-    return _PROFILES[header.profile]
+    return _BY_NUMBER[header.profile]

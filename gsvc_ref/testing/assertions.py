@@ -19,8 +19,8 @@ from gsvc_ref.testing.training_bounds import (
     weighted_gradients_with_bound,
 )
 
-CHANNELS: Final = ("R", "G", "B")
-PARAMETERS: Final = ("x", "y", "l11", "l21", "l22", *CHANNELS, "w")
+CHANNEL_NAMES: Final = ("R", "G", "B")
+PARAMETERS: Final = ("x", "y", "l11", "l21", "l22", *CHANNEL_NAMES, "w")
 """Columns of splats, and of splats with weights."""
 
 Namer = Callable[[tuple[int, ...]], str]
@@ -181,7 +181,7 @@ def _within(value: F8, bound: F8, name: Namer) -> Legal:
 
 def _pixel(place: tuple[int, ...]) -> str:
     row, column, channel = place
-    return f"{CHANNELS[channel]} of the pixel in column {column}, row {row}"
+    return f"{CHANNEL_NAMES[channel]} of the pixel in column {column}, row {row}"
 
 
 def _gradient(place: tuple[int, ...]) -> str:

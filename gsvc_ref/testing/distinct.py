@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-I8 = NDArray[np.int64]
+from gsvc_ref.arrays import I8
 
 
 def distinct(*columns: NDArray[Any]) -> tuple[I8, I8, I8]:

@@ -21,17 +21,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-F8 = NDArray[np.float64]
+from gsvc_ref.arrays import F8
 
-PRECISIONS: Final = (2, 4, 8)
+COMPONENT_COUNTS: Final = (2, 4, 8)
 """Numbers of components that are tried, one after the other, until a result is certain."""
 
 SPLITTER: Final = 2.0**27 + 1
 SAFELY: Final = 1 + 2.0**-40
 """Covers the roundings of a radius."""
-SMALL: Final = 2.0**-800
-UNDERFLOW: Final = 2.0**-900
-"""At least what error terms of products below SMALL may lose."""
+SMALLEST_PRODUCT: Final = 2.0**-800
+ERROR_OF_UNDERFLOW: Final = 2.0**-900
+"""At least what error terms of products below SMALLEST_PRODUCT may lose."""
 
 
 def two_sum(a: F8, b: F8) -> tuple[F8, F8]:
@@ -115,8 +115,8 @@ class Expansion:
         last_parts = a.parts[last[0]] * b.parts[last[1]]
         radius = (_size(a) * b.radius + _size(b) * a.radius) + a.radius * b.radius
         radius = radius + 2.0**-52 * _summed(abs(last_parts)) + _summed(abs(a.parts[left[0]] * b.parts[left[1]]))
-        tiny = (abs(high[0]) < SMALL) & (a.parts[0] != 0) & (b.parts[0] != 0)
-        radius = SAFELY * radius + np.where(tiny, UNDERFLOW, 0.0)
+        tiny = (abs(high[0]) < SMALLEST_PRODUCT) & (a.parts[0] != 0) & (b.parts[0] != 0)
+        radius = SAFELY * radius + np.where(tiny, ERROR_OF_UNDERFLOW, 0.0)
         return _collected(np.concatenate([high, low, last_parts]), radius, most)
 
     def __truediv__(self, other: "Expansion") -> "Expansion":
@@ -238,7 +238,7 @@ class Expansion:
         return np.asarray(abs(self.near) <= 2 * self.radius)
 
 
-def exact(values: ArrayLike, most: int = PRECISIONS[-1]) -> Expansion:
+def exact(values: ArrayLike, most: int = COMPONENT_COUNTS[-1]) -> Expansion:
     """Numbers of binary64 as they are; `most` limits what is computed of them."""
     wide = np.asarray(values, np.float64)
     return Expansion(wide[None], np.zeros(wide.shape), most)
@@ -288,11 +288,11 @@ def settled(evaluate: Callable[[int, NDArray[np.int64]], tuple[Expansion, ...]],
     """
     at = np.arange(rows)
     results: list[F8] = []
-    for most in PRECISIONS:
+    for most in COMPONENT_COUNTS:
         uncertain = np.zeros(len(at), np.bool_)
         for place, number in enumerate(evaluate(most, at)):
             value, certain = number.rounded()
-            if most == PRECISIONS[-1]:
+            if most == COMPONENT_COUNTS[-1]:
                 value, certain = np.where(number.is_noise(), 0.0, value), certain | number.is_noise()
             if len(results) == place:
                 results.append(np.zeros((rows, *number.shape[1:])))
@@ -301,7 +301,7 @@ def settled(evaluate: Callable[[int, NDArray[np.int64]], tuple[Expansion, ...]],
         at = at[uncertain]
         if not at.size:
             return tuple(results)
-    raise ArithmeticError(f"{len(at)} results are not certain with {PRECISIONS[-1]} components")
+    raise ArithmeticError(f"{len(at)} results are not certain with {COMPONENT_COUNTS[-1]} components")
 
 
 def certain(number: Expansion) -> F8:

@@ -17,14 +17,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_ref.arrays import F8, I8
 from gsvc_ref.rendering.bounds import EPS, ETA, additions, gamma
 from gsvc_ref.testing.expansions import Expansion, certain, exact, joined, where
 
-F8 = NDArray[np.float64]
-I8 = NDArray[np.int64]
-
-QUOTIENT = 3.5 * EPS
-ROOT = 2.5 * EPS
+QUOTIENT_ERROR = 3.5 * EPS
+ROOT_ERROR = 2.5 * EPS
 COMPONENTS: Final = 4
 """Number of components of a number: some 210 bits, of which cancellation may take all but 53."""
 
@@ -66,14 +64,14 @@ class Computed:
             error = (self.error + abs(quotient.near) * other.error) / np.maximum(least, 0)
         error = np.where(least > 0, error, np.inf)
         power_of_two = abs(np.frexp(other.value)[0]) == 0.5
-        return _rounded(quotient, error, QUOTIENT, _all_exact(self, other) & power_of_two)
+        return _rounded(quotient, error, QUOTIENT_ERROR, _all_exact(self, other) & power_of_two)
 
     def sqrt(self) -> "Computed":
         """The root of numbers that are at least 0: near 0 the distance of the roots themselves, not a derivative."""
         root = self.number.sqrt()
         highest, lowest = np.sqrt(self.value + self.error), np.sqrt(np.maximum(self.value - self.error, 0))
         error = np.maximum(highest - root.near, root.near - lowest)
-        return _rounded(root, np.maximum(error, 0), ROOT, np.zeros(error.shape, np.bool_))
+        return _rounded(root, np.maximum(error, 0), ROOT_ERROR, np.zeros(error.shape, np.bool_))
 
     def total(self, axis: int | None = None, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":
         """The sum along an axis, or of all.

@@ -6,11 +6,11 @@ from typing import Final
 
 from gsvc_ref.errors import UsageError
 
-PACKAGE: Final = Path(__file__).parents[1]
-ROOTS: Final = (PACKAGE / "web", PACKAGE.parent)
+PAGES_PACKAGE: Final = Path(__file__).parents[1]
+ROOTS: Final = (PAGES_PACKAGE / "web", PAGES_PACKAGE.parent)
 """Folders that may hold ``viewer`` and, where its page looks for them, the scripts of the decoder."""
 PAGE: Final = "viewer/index.html"
-TYPES: Final = {
+MEDIA_TYPES: Final = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",

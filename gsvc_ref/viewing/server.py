@@ -26,9 +26,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.viewing.pages import PAGE, TYPES, viewer_files
+from gsvc_ref.viewing.pages import MEDIA_TYPES, PAGE, viewer_files
 from gsvc_ref.viewing.source_frames import SourceFrames
-from gsvc_ref.viewing.streams import PIECE, StreamBytes
+from gsvc_ref.viewing.streams import SENT_AT_ONCE, StreamBytes
 
 LOOPBACK: Final = "127.0.0.1"
 TOKEN_BYTES: Final = 18
@@ -166,7 +166,7 @@ class Handler(BaseHTTPRequestHandler):
         viewing = self.server.viewing
         if path in self.server.files:
             file = self.server.files[path]
-            self._send(200, TYPES[file.suffix], file.read_bytes())
+            self._send(200, MEDIA_TYPES[file.suffix], file.read_bytes())
         elif path == "view.json":
             self._send(200, "application/json", json.dumps(viewing.described()).encode())
         elif path == "stream":
@@ -207,7 +207,7 @@ class Handler(BaseHTTPRequestHandler):
         self._head(200 if asked is None else 206, SAMPLES, len(part), more)
         at = part.start
         while self.command == "GET" and at < part.stop:
-            piece = stream.read(at, min(PIECE, part.stop - at))
+            piece = stream.read(at, min(SENT_AT_ONCE, part.stop - at))
             if not piece:  # the file has become shorter
                 self.close_connection = True
                 return
@@ -219,7 +219,7 @@ class Handler(BaseHTTPRequestHandler):
         self._head(200, SAMPLES, None, {"Transfer-Encoding": "chunked"})
         at, ended = 0, False
         while self.command == "GET":
-            piece = stream.read(at, PIECE)
+            piece = stream.read(at, SENT_AT_ONCE)
             if piece:
                 self.wfile.write(b"%x\r\n%b\r\n" % (len(piece), piece))
                 at += len(piece)

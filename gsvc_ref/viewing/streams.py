@@ -11,7 +11,7 @@ from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE, END_TYPE
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.files import try_lock
 
-PIECE: Final = 1 << 16
+SENT_AT_ONCE: Final = 1 << 16
 """Bytes that are handed on at a time."""
 QUIET_S: Final = 3.0
 """Seconds without growth after which a file that nobody holds the lock of is taken for ended."""
@@ -139,7 +139,7 @@ class Pipe:
 
     def _take(self) -> None:
         try:
-            while piece := self._pipe.read1(PIECE):  # type: ignore[attr-defined]
+            while piece := self._pipe.read1(SENT_AT_ONCE):  # type: ignore[attr-defined]
                 with self._lock:
                     self._kept.seek(self._size)
                     self._kept.write(piece)

@@ -199,14 +199,15 @@ def test_operations_are_defined_where_their_table_says() -> None:
     assert [name for name in free if f"`{name}`" not in section(f"{dict(places)[name]} ")] == []
 
 
-def test_the_door_is_twelve_lines_of_decoding_and_six_of_training() -> None:
-    _, decoding, training = re.findall(r"^```\n(.*?)^```$", section("4.1"), re.MULTILINE | re.DOTALL)
+def test_the_door_is_twelve_lines_of_decoding() -> None:
+    _, decoding = re.findall(r"^```\n(.*?)^```$", section("4.1"), re.MULTILINE | re.DOTALL)
     assert len(decoding.splitlines()) == 12
-    cited = re.findall(r"  (\d[\d., ]*)$", f"{decoding}\n{training}", re.MULTILINE)
-    assert len(cited) == 14
+    cited = re.findall(r"  (\d[\d., ]*)$", decoding, re.MULTILINE)
+    assert len(cited) == 8
     assert {number for cell in cited for number in cell.split(", ")} <= {heading.split()[0] for heading, _ in clauses()}
     steps = re.findall(r"^\d\. \*(.*?)\.?\*", section("10.1"), re.MULTILINE)
-    assert [line.split("  ")[0] for line in training.splitlines()] == [step.lower() for step in steps]
+    assert "section 10.1 has its six steps" in section("4.1")
+    assert len(steps) == 6
 
 
 def test_overview_stream() -> None:

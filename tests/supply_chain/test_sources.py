@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("gsvc_ref", "gsvc_lab", "conformance/gsvc_conformance")
+FOLDERS = ("gsvc_ref", "gsvc_tools", "gsvc_lab", "conformance/gsvc_conformance")
 SOURCES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 
 UNPICKLING = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}

@@ -86,7 +86,7 @@ COUNTS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
         *((944, 224, 44, 18, 14, 6, 6, 3, 2, 2, 2),) * 3,
     ),
 }
-"""The counts of each model at the start: the table of section 15.11, without the ones behind."""
+"""The counts of each model at the start: `MODELS` of section 15.11, without the ones after them."""
 GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))
 """The groups of differences: first component, and the one behind the last; group i has bit i of a mode."""
 

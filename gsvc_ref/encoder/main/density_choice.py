@@ -22,10 +22,10 @@ from gsvc_ref.main.densities import (
     STEPS_OF,
     Densities,
 )
-from gsvc_ref.main.passes import ONE, PRECISION, magnitude_classes
+from gsvc_ref.main.passes import PRECISION, TOTAL, magnitude_classes
 from gsvc_ref.main.reconstruct import colors_of
 from gsvc_ref.main.state import classes
-from gsvc_ref.main.tables import EXP2, FAMILIES, exp2
+from gsvc_ref.main.tables import EXP2, LAPLACE, LOGISTIC, exp2
 from gsvc_ref.portable import log2
 
 Density = tuple[int, int, int, int]
@@ -37,9 +37,9 @@ MOST_SLOPE: Final = 127
 NO_CODE: Final = 1 << 40
 """The length of what a density cannot code."""
 
-_LENGTHS: Final = np.array([NO_CODE, *np.rint(65536 * (PRECISION - log2(np.arange(1, ONE + 1))))], np.int64)
+_LENGTHS: Final = np.array([NO_CODE, *np.rint(65536 * (PRECISION - log2(np.arange(1, TOTAL + 1))))], np.int64)
 """Of each frequency, in 2^-16 bit."""
-_FAMILIES: Final = np.stack(FAMILIES)  # (families, 257) i8
+_FAMILIES: Final = np.stack((LOGISTIC, LAPLACE))  # (families, 257) i8
 _SCALES: Final = exp2(256 * np.arange(32), 4)
 _SMALL: Final = 15
 _ALPHAS: Final = np.array(ALPHAS, np.int64)
@@ -148,13 +148,13 @@ def _cumulative(i: int, bins: int, edge: int, centre: int, sigma: int, unit: int
     if i == 0:
         return 0
     if i == bins:
-        return ONE
+        return TOTAL
     mantissa = EXP2[(-256 * sigma) & 1023]
     x = ((((edge - 2 * centre) * mantissa * 2048) // unit) >> (15 + (sigma + 3) // 4)) + 32768
     x = min(max(x, 0), 65535)
     at, part = x >> 8, x & 255
     t = _FAMILIES[family, at] + (((_FAMILIES[family, at + 1] - _FAMILIES[family, at]) * part) >> 8)
-    return int(i + (((ONE - bins) * t) >> 16))
+    return int(i + (((TOTAL - bins) * t) >> 16))
 
 
 @kernel()

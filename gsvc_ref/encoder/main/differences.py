@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
+from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, SIXTH, THIRD, exp_kernel
-
-I8 = NDArray[np.int64]
 
 LN2: Final = 0.6931471805599453
 ANCHOR: Final = 13

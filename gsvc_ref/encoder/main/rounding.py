@@ -10,7 +10,7 @@ from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.main.cells import cell_counts
 from gsvc_ref.main.codes import IntraCodes
 from gsvc_ref.main.densities import LARGEST_MAGNITUDE
-from gsvc_ref.main.state import A_LEAST, A_MOST, K1, K2, K3, S_MOST
+from gsvc_ref.main.state import A_LEAST, A_MOST, MAIN_K1, MAIN_K2, MAIN_K3, S_MOST
 from gsvc_ref.main.tables import EXP2
 from gsvc_ref.training.coordinates import HALF, ROOT, exp_kernel
 
@@ -133,9 +133,9 @@ def round_kernel(
         cell[i, 0], cell[i, 1], place[i, 0], place[i, 1] = cx, cy, px, py
         state[i, 0], state[i, 1], state[i, 2], state[i, 3], state[i, 4] = x, y, a, b, s
         scale = np.float32(_power_of_2(-(a + b) >> 1))
-        grey = np.float32(state[i, 5]) * K1
-        across = np.float32(state[i, 6]) * K2
-        green = np.float32(state[i, 7]) * K3
+        grey = np.float32(state[i, 5]) * MAIN_K1
+        across = np.float32(state[i, 6]) * MAIN_K2
+        green = np.float32(state[i, 7]) * MAIN_K3
         parameters[i, 0], parameters[i, 1] = np.float32(x) / np.float32(256), np.float32(y) / np.float32(256)
         parameters[i, 2], parameters[i, 4] = np.float32(l11), np.float32(l22)
         parameters[i, 3] = np.float32(s) / np.float32(1024) * np.float32(l22)

@@ -1,6 +1,7 @@
 """Kernels that read the passes of a frame, lane by lane (spec.md section 15.6).
 
-Each returns whether the words sufficed; where they did not (R-7-1), nothing that was read is of use.
+Each returns whether the words sufficed; where they did not (R-7-1), nothing that was read is of use. A kernel `read_X`
+of this folder is the twin of `code_X` in gsvc_ref.main, which writes and makes what it reads.
 """
 
 from typing import Final, NamedTuple
@@ -11,7 +12,7 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.arrays import I8, U2, U4
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.main.passes import LENGTH_UNIT, LENGTHS, ONE, PRECISION, Distributions
+from gsvc_ref.main.passes import LENGTH_UNIT, LENGTHS, PRECISION, TOTAL, Distributions
 
 CELLS: Final = RUN_PARTS.index("cells")
 LUMA: Final = RUN_PARTS.index("luma")
@@ -24,6 +25,10 @@ POSITION: Final = RUN_PARTS.index("position")
 """Parts of a frame by their place in `RUN_PARTS`; aspect and shear follow size, and shape and color position."""
 
 MISSING_WORD: Final = -1
+
+
+class MissingWordError(Exception):
+    """A word is missing (R-7-1); whoever knows where the words stand says where."""
 
 
 class Lanes(NamedTuple):
@@ -61,7 +66,7 @@ class Lanes(NamedTuple):
 
 @kernel(inline=True)
 def _renewed(x: int, words: U2, taken: int) -> tuple[int, int]:
-    """A state behind a symbol, with a word if it needs one, and how many words are taken, or `MISSING_WORD`."""
+    """A state after a symbol, with a word if it needs one, and how many words are taken, or `MISSING_WORD`."""
     if x >= LOWEST_STATE:
         return x, taken
     if taken == len(words):
@@ -71,8 +76,8 @@ def _renewed(x: int, words: U2, taken: int) -> tuple[int, int]:
 
 @kernel(inline=True)
 def take_symbol(x: int, start: int, frequency: int, words: U2, taken: int) -> tuple[int, int]:
-    """The state behind a symbol (7-1), and how many words are taken, or `MISSING_WORD`."""
-    return _renewed(frequency * (x >> PRECISION) + (x & (ONE - 1)) - start, words, taken)
+    """The state after a symbol (7-1), and how many words are taken, or `MISSING_WORD`."""
+    return _renewed(frequency * (x >> PRECISION) + (x & (TOTAL - 1)) - start, words, taken)
 
 
 @kernel()
@@ -80,9 +85,9 @@ def read_symbols(lanes: Lanes, tables: Distributions, which: I8, symbols: I8) ->
     """A pass: symbol i has the distribution `which[i]`."""
     states, words, taken, mask = lanes.states, lanes.words, lanes.taken[0], len(lanes.states) - 1
     cumulative, length = tables.cumulative, 0
-    for i in range(len(which)):
+    for i in range(len(which)):  # symbol i belongs to lane i modulo their number
         x = states[i & mask]
-        slot = x & (ONE - 1)
+        slot = x & (TOTAL - 1)
         begin = tables.first[which[i]]
         low, bins = begin, tables.first[which[i] + 1] - 1 - begin
         while bins > 1:  # cumulative[low] <= slot < cumulative[low + bins]
@@ -120,7 +125,7 @@ def read_raw(lanes: Lanes, sizes: I8, values: I8) -> bool:
                 continue
             x = states[place & mask]
             rest = PRECISION - bits
-            value = (x & (ONE - 1)) >> rest
+            value = (x & (TOTAL - 1)) >> rest
             x, taken = take_symbol(x, value << rest, 1 << rest, words, taken)
             if taken == MISSING_WORD:
                 return False

@@ -1,0 +1,1 @@
+"""The commands of ``gsvc`` that gsvc_tools adds."""
