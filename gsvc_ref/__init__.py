@@ -28,8 +28,6 @@ their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref import plugins
-
 if TYPE_CHECKING:
     from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
     from gsvc_ref.bitstream.planes import decode_plane as decode_plane
@@ -77,8 +75,6 @@ if TYPE_CHECKING:
     from gsvc_ref.splats import scale_parameters as scale_parameters
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
-    from gsvc_ref.stream import concat as concat
-    from gsvc_ref.stream import cut as cut
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -98,6 +94,8 @@ if TYPE_CHECKING:
     from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
     from gsvc_ref.video.color import frame_to_planes as frame_to_planes
     from gsvc_ref.video.color import planes_to_frame as planes_to_frame
+    from gsvc_tools.editing import concat as concat
+    from gsvc_tools.editing import cut as cut
 
 __version__ = "0.1.0"
 
@@ -113,9 +111,7 @@ _HOMES: Final = {
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.paper",
     "compact": "gsvc_ref.training.pruning",
-    "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
-    "cut": "gsvc_ref.stream",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
@@ -172,7 +168,7 @@ _HOMES: Final = {
 }
 """The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
-_OFFERED: Final[tuple[str, ...]] = ()
+_OFFERED: Final = ("concat", "cut")
 """The names that the plug-in gsvc_tools offers (`gsvc_ref.plugins.add_names`)."""
 
 __all__ = [
@@ -248,6 +244,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _OFFERED:
+        from gsvc_ref import plugins
+
         value = plugins.offered(name)
     elif name in _HOMES:
         value = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)

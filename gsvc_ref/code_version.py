@@ -9,7 +9,7 @@ from gsvc_ref import __version__
 
 SOURCES: Final = Path(__file__).resolve().parent
 
-BESIDE_ENCODING: Final = ("cli", "testing", "web")
+BESIDE_ENCODING: Final = ("cli", "testing")
 """Folders of the package that no encode depends on."""
 
 

@@ -95,9 +95,9 @@ def test_a_wheel_carries_the_document(tmp_path):
     home = tmp_path / "installed"
     with zipfile.ZipFile(wheel) as archive:
         assert archive.read("gsvc_ref/spec.md") == DOCUMENT.read_bytes()
-        page = archive.read("gsvc_ref/web/viewer/index.html").decode()
+        page = archive.read("gsvc_tools/web/viewer/index.html").decode()
         loaded = re.findall(r'(?:src|href)="([^":#]+)"', page)
-        places = [posixpath.normpath(f"gsvc_ref/web/viewer/{name}") for name in loaded]
+        places = [posixpath.normpath(f"gsvc_tools/web/viewer/{name}") for name in loaded]
         assert len(places) > 20
         assert set(places) <= set(archive.namelist()), "the viewer lacks a script"
         archive.extractall(home)

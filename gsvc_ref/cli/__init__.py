@@ -20,14 +20,9 @@ from gsvc_ref.interrupts import termination_as_ctrl_c
 MODULES: Final = {
     "encode": "gsvc_ref.cli.encode",
     "decode": "gsvc_ref.cli.decode",
-    "view": "gsvc_ref.cli.view",
     "info": "gsvc_ref.cli.info",
     "dump": "gsvc_ref.cli.dump",
     "compare": "gsvc_ref.cli.compare",
-    "concat": "gsvc_ref.cli.concat",
-    "cut": "gsvc_ref.cli.cut",
-    "import": "gsvc_ref.cli.splats_in",
-    "export": "gsvc_ref.cli.splats_out",
 }
 """The module of each command of this package."""
 

@@ -24,7 +24,7 @@ MAY_UNPICKLE = {
 }
 """They read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
-MAY_SERVE = {ROOT / "gsvc_ref" / "viewing" / "server.py"}
+MAY_SERVE = {ROOT / "gsvc_tools" / "viewing" / "server.py"}
 """It gives the viewer to a browser of this machine, on the loopback interface alone."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}

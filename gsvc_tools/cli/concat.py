@@ -12,7 +12,7 @@ from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream import ConcatReport
+    from gsvc_tools.editing import ConcatReport
 
 GSVC_CONCAT: Final = "gsvc concat"
 
@@ -62,7 +62,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _concat(arguments: Namespace) -> "ConcatReport":
-    import gsvc_ref
+    from gsvc_tools.editing import concat
 
     names = arguments.inputs
     with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -72,7 +72,7 @@ def _concat(arguments: Namespace) -> "ConcatReport":
             display.update(text, done, total)
 
         sources = [sys.stdin.buffer if name == STDIO else name for name in names]
-        return gsvc_ref.concat(sources, arguments.output, progress=progress if display.active else None)
+        return concat(sources, arguments.output, progress=progress if display.active else None)
 
 
 def summary(arguments: Namespace, report: "ConcatReport") -> list[str]:

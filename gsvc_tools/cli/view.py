@@ -15,9 +15,9 @@ from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
-    from gsvc_ref.viewing.server import Server
-    from gsvc_ref.viewing.source_frames import SourceFrames
-    from gsvc_ref.viewing.streams import StreamBytes
+    from gsvc_tools.viewing.server import Server
+    from gsvc_tools.viewing.source_frames import SourceFrames
+    from gsvc_tools.viewing.streams import StreamBytes
 
 GSVC_VIEW: Final = "gsvc view"
 LOOK_S: Final = 0.5
@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
     """Serve until Ctrl-C; 130, as of every command that it ends."""
     _check(arguments)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
-    from gsvc_ref.viewing.server import Viewing, serving
+    from gsvc_tools.viewing.server import Viewing, serving
 
     with compilation_notice(GSVC_VIEW, silent=arguments.no_browser):
         stream, source = _opened(arguments)
@@ -114,8 +114,8 @@ def _check(arguments: Namespace) -> None:
 def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
     """The stream, which must be one unless it is live, and the source, which must fit it."""
     from gsvc_ref.video import open_video
-    from gsvc_ref.viewing.source_frames import SourceFrames
-    from gsvc_ref.viewing.streams import GrowingFile, Pipe, WholeFile
+    from gsvc_tools.viewing.source_frames import SourceFrames
+    from gsvc_tools.viewing.streams import GrowingFile, Pipe, WholeFile
 
     live = arguments.live or arguments.input == STDIO
     if not live:

@@ -4,8 +4,8 @@
 allocated for it. `gaussians` makes 2D splats of 3D Gaussians and back, and says what gets lost on the way.
 """
 
-from gsvc_ref.splat_files.gaussians import from_gaussians, to_gaussians
-from gsvc_ref.splat_files.npz import NpzSplats, write_npz
-from gsvc_ref.splat_files.ply import read_ply, write_ply
+from gsvc_tools.splat_files.gaussians import from_gaussians, to_gaussians
+from gsvc_tools.splat_files.npz import NpzSplats, write_npz
+from gsvc_tools.splat_files.ply import read_ply, write_ply
 
 __all__ = ["NpzSplats", "from_gaussians", "read_ply", "to_gaussians", "write_npz", "write_ply"]

@@ -11,7 +11,7 @@ from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream import ConcatReport
+    from gsvc_tools.editing import ConcatReport
 
 GSVC_CUT: Final = "gsvc cut"
 
@@ -51,11 +51,11 @@ def run(arguments: Namespace) -> int:
 
     try:
         with compilation_notice(GSVC_CUT, silent=arguments.quiet or arguments.json):
-            import gsvc_ref
+            from gsvc_tools.editing import cut
 
             source = sys.stdin.buffer if arguments.input == STDIO else arguments.input
             start, stop = arguments.frames or (0, None)
-            report = gsvc_ref.cut(source, arguments.output, arguments.layer, start=start, stop=stop)
+            report = cut(source, arguments.output, arguments.layer, start=start, stop=stop)
     except KeyboardInterrupt:
         say(GSVC_CUT, "interrupted; nothing was written")
         return EXIT_INTERRUPTED

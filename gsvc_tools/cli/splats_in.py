@@ -169,7 +169,7 @@ def _import(arguments: Namespace) -> int:
 
 def _opened(arguments: Namespace, lost: list[str]) -> _Given:
     """The frames of the files; `lost` gets a sentence for each thing that they lose, when they are read."""
-    from gsvc_ref.splat_files import NpzSplats
+    from gsvc_tools.splat_files import NpzSplats
 
     inputs = [Path(name) for name in arguments.inputs]
     if len(inputs) == 1 and inputs[0].suffix.lower() == ".npz":
@@ -192,7 +192,7 @@ def _ply_files(folder: Path) -> list[Path]:
 
 
 def _flattened(files: list[Path], arguments: Namespace, lost: list[str]) -> Iterator[Any]:
-    from gsvc_ref.splat_files import from_gaussians, read_ply
+    from gsvc_tools.splat_files import from_gaussians, read_ply
 
     for file in files:
         vertices = read_ply(file)

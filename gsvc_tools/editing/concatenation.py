@@ -9,8 +9,8 @@ from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.header import SequenceHeader, header_elements
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import opened_output
-from gsvc_ref.stream.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part, sound_chunks
 from gsvc_ref.stream.seeking import read_end
+from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part, sound_chunks
 
 MAY_DIFFER: Final = ("level", "frame_count", "paced_flag")
 """Elements of the sequence header that need not be the same in all parts (R-6.10-1)."""

@@ -18,11 +18,11 @@ from gsvc_ref.errors import UsageError
 from gsvc_ref.files import try_lock
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
-from gsvc_ref.viewing import pages
-from gsvc_ref.viewing.pages import viewer_files
-from gsvc_ref.viewing.server import Server, Viewing, parse_range, serving
-from gsvc_ref.viewing.source_frames import SourceFrames
-from gsvc_ref.viewing.streams import GrowingFile, Pipe, WholeFile, is_end
+from gsvc_tools.viewing import pages
+from gsvc_tools.viewing.pages import viewer_files
+from gsvc_tools.viewing.server import Server, Viewing, parse_range, serving
+from gsvc_tools.viewing.source_frames import SourceFrames
+from gsvc_tools.viewing.streams import GrowingFile, Pipe, WholeFile, is_end
 
 TIMEOUT_S = 60
 STREAM = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)

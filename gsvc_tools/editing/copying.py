@@ -20,9 +20,9 @@ from gsvc_ref.bitstream.header import MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.retiming import Retiming
 from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all
+from gsvc_tools.editing.retiming import Retiming
 
 Part = str | Path | bytes | bytearray | memoryview | BinaryIO
 OnPart = Callable[[int, int, int | None], None]

@@ -13,7 +13,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.errors import UsageError
 from gsvc_ref.files import opened_output
-from gsvc_ref.stream.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Part, sound_chunks
+from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Part, sound_chunks
 
 
 def cut(

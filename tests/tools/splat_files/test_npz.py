@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gsvc_ref.errors import GsvcError
-from gsvc_ref.splat_files import NpzSplats, write_npz
+from gsvc_tools.splat_files import NpzSplats, write_npz
 
 SPLATS = np.random.default_rng(0).random((7, 8), np.float32)
 

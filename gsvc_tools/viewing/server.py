@@ -26,9 +26,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.viewing.pages import MEDIA_TYPES, PAGE, viewer_files
-from gsvc_ref.viewing.source_frames import SourceFrames
-from gsvc_ref.viewing.streams import SENT_AT_ONCE, StreamBytes
+from gsvc_tools.viewing.pages import MEDIA_TYPES, PAGE, viewer_files
+from gsvc_tools.viewing.source_frames import SourceFrames
+from gsvc_tools.viewing.streams import SENT_AT_ONCE, StreamBytes
 
 LOOPBACK: Final = "127.0.0.1"
 TOKEN_BYTES: Final = 18

@@ -9,9 +9,9 @@ from gsvc_ref.cli.arguments import add_max_level, frame_range
 from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import check_input, check_output, open_stream
 from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.splats_in import add_units
 from gsvc_ref.cli.text import plural, print_json, show
 from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_tools.cli.splats_in import add_units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -72,7 +72,7 @@ def _export(arguments: Namespace, stream: "Stream") -> int:
     with ProgressDisplay(quiet=arguments.quiet) as display:
         shown = _shown(frames, display, stream.frame_count)
         if output.suffix.lower() == ".npz" and not output.is_dir():
-            from gsvc_ref.splat_files import write_npz
+            from gsvc_tools.splat_files import write_npz
 
             counts = write_npz(output, shown, stream.header.width, stream.header.height, stream.header.frame_rate)
             lost = []
@@ -105,7 +105,7 @@ def _shown(frames: "ExportedFrames", display: ProgressDisplay, count: int | None
 
 def _write_plys(output: Path, frames: Iterator[tuple["F4", "I8"]], arguments: Namespace) -> list[int]:
     """Write a PLY file for each frame; the number of splats of each."""
-    from gsvc_ref.splat_files import to_gaussians, write_ply
+    from gsvc_tools.splat_files import to_gaussians, write_ply
 
     single = output.suffix.lower() == ".ply" and not output.is_dir()
     if single:
