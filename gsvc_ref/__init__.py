@@ -29,6 +29,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gsvc_base import spec as spec
+    from gsvc_base.errors import GsvcError as GsvcError
+    from gsvc_base.errors import UsageError as UsageError
+    from gsvc_base.splats import Splats as Splats
+    from gsvc_base.splats import scale_parameters as scale_parameters
     from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
     from gsvc_ref.bitstream.planes import decode_plane as decode_plane
     from gsvc_ref.bitstream.rans import encode_plane as encode_plane
@@ -37,8 +42,6 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder import encode as encode
     from gsvc_ref.encoder import write as write
     from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
-    from gsvc_ref.errors import GsvcError as GsvcError
-    from gsvc_ref.errors import UsageError as UsageError
     from gsvc_ref.main.operations import adapt_model as adapt_model
     from gsvc_ref.main.operations import density_frequencies as density_frequencies
     from gsvc_ref.main.operations import half_frequencies as half_frequencies
@@ -71,8 +74,6 @@ if TYPE_CHECKING:
     from gsvc_ref.rendering import rendering_work as rendering_work
     from gsvc_ref.rendering import to_frame as to_frame
     from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
-    from gsvc_ref.splats import Splats as Splats
-    from gsvc_ref.splats import scale_parameters as scale_parameters
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
     from gsvc_ref.stream import decode as decode
@@ -101,11 +102,11 @@ __version__ = "0.1.0"
 
 _HOMES: Final = {
     "Gap": "gsvc_ref.stream",
-    "GsvcError": "gsvc_ref.errors",
+    "GsvcError": "gsvc_base.errors",
     "IncompleteEncodeError": "gsvc_ref.encoder",
     "Settings": "gsvc_ref.encoder",
-    "Splats": "gsvc_ref.splats",
-    "UsageError": "gsvc_ref.errors",
+    "Splats": "gsvc_base.splats",
+    "UsageError": "gsvc_base.errors",
     "adan_step": "gsvc_ref.training.operations",
     "adapt_model": "gsvc_ref.main.operations",
     "augment": "gsvc_ref.training.augmentation",
@@ -154,7 +155,7 @@ _HOMES: Final = {
     "rendering_work": "gsvc_ref.rendering",
     "rvq_assign": "gsvc_ref.paper",
     "rvq_update": "gsvc_ref.paper",
-    "scale_parameters": "gsvc_ref.splats",
+    "scale_parameters": "gsvc_base.splats",
     "seek": "gsvc_ref.stream",
     "select_key_frames": "gsvc_ref.encoder.key_frames",
     "splat_classes": "gsvc_ref.main.operations",
@@ -243,6 +244,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "spec":
+        return import_module("gsvc_base.spec")
     if name in _OFFERED:
         from gsvc_ref import plugins
 

@@ -22,9 +22,13 @@ from numba import config, version_info
 from numba.core import runtime as numba_runtime
 from numba.core.caching import FunctionCache
 
+import gsvc_base
+
 PACKAGE: Final = Path(__file__).resolve().parent
-WITHOUT_KERNELS: Final = ("cli", "testing")
-"""Folders of the package that no kernel comes from, so that a change there costs no compilation."""
+BASE: Final = Path(gsvc_base.__file__).resolve().parent
+"""The package whose constants kernels hold."""
+WITHOUT_KERNELS: Final = ("cli", "exact", "pages", "testing")
+"""Folders of both that no kernel comes from, so that a change there costs no compilation."""
 
 TESTED: Final = (0, 61) <= version_info.short <= (0, 68)
 """Whether Numba is one of those whose inside the tests have seen. Another reads its cache in its own way."""
@@ -87,7 +91,7 @@ class KernelCache(FunctionCache):
 
 @cache
 def kernel_folder(package: str = "gsvc_ref") -> Path | None:
-    """The folder for the kernels of a package, compiled from its present sources and those of gsvc_ref.
+    """The folder for the kernels of a package, compiled from its present sources and those of gsvc_ref and gsvc_base.
 
     Folders for other sources of the same installation are removed. None if there is no place for a folder.
     """
@@ -148,10 +152,10 @@ def _is_private(folder: Path) -> bool:
 def _sources(package: str) -> Iterator[str]:
     """Path and digest of each source that kernels, or constants in them, may come from."""
     main = getattr(sys.modules.get(package), "__file__", None)
-    for root in sorted({PACKAGE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
+    for root in sorted({PACKAGE / "__init__.py", BASE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
         folder, whole = str(root.parent), root.name == "__init__.py"
         for name in sorted(glob("**/*.py", root_dir=folder, recursive=True)) if whole else [root.name]:
-            if root.parent != PACKAGE or name.split(os.sep)[0] not in WITHOUT_KERNELS:
+            if root.parent not in (PACKAGE, BASE) or name.split(os.sep)[0] not in WITHOUT_KERNELS:
                 with open(os.path.join(folder, name), "rb") as file:
                     yield f"{name} {sha256(file.read()).hexdigest()}"
 

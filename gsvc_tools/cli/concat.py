@@ -4,12 +4,12 @@ import sys
 from argparse import Namespace
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_force
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.arguments import add_force
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json, show
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_tools.editing import ConcatReport

@@ -8,13 +8,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gsvc_ref.cli.arguments import add_force, finite, frame_rate, key_frames, positive, whole
+from gsvc_base.cli.arguments import add_force, finite, frame_rate, key_frames, positive, whole
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, plural, print_json, show, to_json
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.encode_text import progress_callback
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, plural, print_json, show, to_json
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport

@@ -5,19 +5,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_max_level, frame_range
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.arguments import add_max_level, frame_range
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import check_input, check_output, open_stream
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json, show
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_tools.cli.splats_in import add_units
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gsvc_ref.arrays import F4, I8
+    from gsvc_base.arrays import F4, I8
     from gsvc_ref.stream import DecodedFrame, Stream
 
 GSVC_EXPORT: Final = "gsvc export"
@@ -144,7 +144,7 @@ class ExportedFrames:
     def __iter__(self) -> Iterator[tuple["F4", "I8"]]:
         import numpy as np
 
-        from gsvc_ref.constants import SMALLEST_NORMAL
+        from gsvc_base.constants import SMALLEST_NORMAL
 
         ids, next_id = np.empty(0, np.int64), 0
         frame: DecodedFrame | None = None

@@ -7,11 +7,11 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from gsvc_ref.cli.arguments import whole
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.text import show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import MAGIC_RULE, STDIO, check_input, display_name, open_stream
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat

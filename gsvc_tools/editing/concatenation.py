@@ -5,10 +5,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.files import opened_output
 from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.header import SequenceHeader, header_elements
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import opened_output
 from gsvc_ref.stream.seeking import read_end
 from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part, sound_chunks
 

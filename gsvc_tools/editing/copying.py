@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
@@ -18,7 +19,6 @@ from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
 from gsvc_ref.bitstream.header import MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.times import TIMES
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source
 from gsvc_ref.stream.writer import MAX_INDEX_BYTES_PER_ENTRY, write_all

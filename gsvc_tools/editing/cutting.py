@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
+from gsvc_base.errors import UsageError
+from gsvc_base.files import opened_output
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.header import SequenceHeader
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import opened_output
 from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Part, sound_chunks
 
 

@@ -11,9 +11,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.constants import SMALLEST_NORMAL
-from gsvc_ref.errors import GsvcError
+from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import SMALLEST_NORMAL
+from gsvc_base.errors import GsvcError
 
 SH_C0: Final = 0.28209479177387814
 """The spherical harmonic of degree 0, 1 / (2 sqrt(pi))."""

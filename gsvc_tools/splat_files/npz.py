@@ -28,11 +28,11 @@ from typing import IO, Any, BinaryIO, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, I8
+from gsvc_base.arrays import F4, I8
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import complete_file
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.bitstream import level_for
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import complete_file
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.video.format import array_format
 
 MAX_NPZ_FRAMES: Final = 1 << 20

@@ -12,8 +12,8 @@ from typing import Any, BinaryIO, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.files import complete_file
+from gsvc_base.errors import GsvcError
+from gsvc_base.files import complete_file
 
 Columns = dict[str, NDArray[Any]]
 """A column of numbers for each property, all of the same length."""

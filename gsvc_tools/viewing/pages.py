@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 PAGES_PACKAGE: Final = Path(__file__).parents[1]
 ROOTS: Final = (PAGES_PACKAGE / "web", PAGES_PACKAGE.parent)

@@ -25,7 +25,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_tools.viewing.pages import MEDIA_TYPES, PAGE, viewer_files
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import SENT_AT_ONCE, StreamBytes

@@ -6,8 +6,8 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
 
 MOST_VIEWED_BYTES: Final = 1 << 30

@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
+from gsvc_base.files import try_lock
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE, END_TYPE
 from gsvc_ref.bitstream.crc import crc32c
-from gsvc_ref.files import try_lock
 
 SENT_AT_ONCE: Final = 1 << 16
 """Bytes that are handed on at a time."""

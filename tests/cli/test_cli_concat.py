@@ -14,6 +14,7 @@ from conftest import QUICK
 
 import gsvc_ref
 import gsvc_tools.editing
+from gsvc_base.files import opened_output
 from gsvc_ref.cli import main
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
@@ -156,7 +157,7 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
     out.write_bytes(b"an older file")
 
     def interrupted(*arguments, **options):
-        with gsvc_ref.files.opened_output(out) as file:
+        with opened_output(out) as file:
             file.write(b"half")
             raise KeyboardInterrupt
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE, VERSION_MAJOR
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import State, reconstruct
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder

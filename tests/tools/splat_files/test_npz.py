@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_tools.splat_files import NpzSplats, write_npz
 
 SPLATS = np.random.default_rng(0).random((7, 8), np.float32)

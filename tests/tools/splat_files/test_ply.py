@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_tools.splat_files import from_gaussians, read_ply, to_gaussians, write_ply
 
 NAMES = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", *(f"scale_{i}" for i in range(3)))

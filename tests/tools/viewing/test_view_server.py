@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import try_lock
+from gsvc_base.errors import UsageError
+from gsvc_base.files import try_lock
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 from gsvc_tools.viewing import pages

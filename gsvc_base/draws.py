@@ -13,7 +13,7 @@ from typing import Any, Final, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from gsvc_ref.portable import exp
+from gsvc_base.portable import exp
 
 Size = int | tuple[int, ...]
 """The shape of what is drawn."""

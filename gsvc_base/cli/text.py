@@ -8,15 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import Any, Final, TextIO
 
-from gsvc_ref.errors import naming
-
-if TYPE_CHECKING:
-    from gsvc_ref.video import VideoFormat
-
-CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
-
+from gsvc_base.errors import naming
 
 COMMANDING: Final = re.compile(
     r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
@@ -63,22 +57,6 @@ def decibel(value: float | None, infinite: str = "identical") -> str:
 def per_second(rate: Fraction) -> str:
     """A frame rate: ``25 frames/s``, ``29.97 frames/s``."""
     return f"{float(rate):.5g} frames/s"
-
-
-def describe_format(video: "VideoFormat") -> str:
-    """A video's format in one line: size, number of frames, rate, bit depth, chroma format and colour."""
-    from gsvc_ref.video.format import MATRIX_NAMES
-
-    frames = f"{plural(video.frame_count, 'frame')}, " if video.frame_count is not None else ""
-    if video.chroma_format == "rgb":
-        color = ""
-    else:
-        name = MATRIX_NAMES.get(video.color.matrix, f"matrix {video.color.matrix}")
-        color = f", {name}, {'full' if video.color.full_range else 'limited'} range"
-    return (
-        f"{video.width}x{video.height}, {frames}{per_second(video.frame_rate)}, {video.bit_depth} bits, "
-        f"{CHROMA_NAMES[video.chroma_format]}{color}"
-    )
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -1,6 +1,6 @@
 """The code of spec.md, to be called: the plain form of everything that gsvc_ref does.
 
-    from gsvc_ref import spec
+    from gsvc_base import spec
 
     spec.lsq_quantize(x, scale, offset, bits=6)["codes"]            # x (N, 3) f4, scale and offset (3,) f4
     spec.decode_stream(Path("clip.gsvc").read_bytes())["frames"]    # (T, H, W, 3) u1
@@ -17,7 +17,7 @@ import types as _types
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from gsvc_ref import document as _document
+from gsvc_base import document as _document
 
 if _TYPE_CHECKING:
 

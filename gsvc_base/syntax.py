@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, Final
 
-from gsvc_ref.document import PATH
+from gsvc_base.document import PATH
 
 Json = dict[str, Any]
 

@@ -8,10 +8,10 @@ that the error model allows it (13-17).
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import Expansion, exact
-from gsvc_ref.testing.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
+from gsvc_base.arrays import F4, I8
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import Expansion, exact
+from gsvc_base.exact.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
 
 WithBound = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Numbers and their bounds, f8 of one shape."""

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, ParamSpec, TypeVar, Union, get_args, get
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -9,8 +9,8 @@ from contextlib import suppress
 from io import TextIOWrapper
 from typing import Final
 
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import GsvcError, UsageError, naming
+from gsvc_base.cli.text import show
+from gsvc_base.errors import GsvcError, UsageError, naming
 
 EXIT_DATA: Final = 1
 EXIT_USAGE: Final = 2
@@ -120,7 +120,7 @@ def missing_package(error: BaseException) -> str | None:
     if not isinstance(error, ModuleNotFoundError):
         return None
     package = (error.name or "").partition(".")[0]
-    return None if package in ("", "gsvc_ref", *sys.stdlib_module_names) else package
+    return None if package in ("", "gsvc_base", "gsvc_ref", *sys.stdlib_module_names) else package
 
 
 def describe_os_error(error: OSError) -> str:

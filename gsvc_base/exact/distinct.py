@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
 
 
 def distinct(*columns: NDArray[Any]) -> tuple[I8, I8, I8]:

@@ -2,10 +2,32 @@
 
 import html
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from gsvc_lab.pages.data import Figure
-from gsvc_lab.pages.tables import html_table
+from gsvc_base.pages.tables import html_table
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One more key number for the top of the page.
+
+    Attributes
+    ----------
+    label
+        Name of the number.
+    value
+        The number as text.
+    unit
+        Its unit, or nothing.
+    note
+        One short line below it, or nothing.
+    """
+
+    label: str
+    value: str
+    unit: str = ""
+    note: str = ""
 
 
 def document(title: str, sections: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NoReturn
 
-from gsvc_ref.cli.errors import EXIT_USAGE, say
+from gsvc_base.cli.errors import EXIT_USAGE, say
 
 
 class Parser(ArgumentParser):

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 F2 = NDArray[np.float16]
 F4 = NDArray[np.float32]

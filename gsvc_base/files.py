@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, TextIO, cast
 
-from gsvc_ref.errors import UsageError, naming
+from gsvc_base.errors import UsageError, naming
 
 STREAM_SUFFIX: Final = ".gsvc"
 """The end of the name of a file that holds a stream (R-1.1-1)."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TextIO
 
-from gsvc_ref.cli.text import duration
+from gsvc_base.cli.text import duration
 
 DELAY_S: Final = 0.7
 """Commands that end sooner show nothing."""

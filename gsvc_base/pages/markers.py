@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import write_text
+from gsvc_base.errors import UsageError
+from gsvc_base.files import write_text
 
 
 def replaced(document: str, begin: str, end: str, text: str, name: str = "the document") -> str:

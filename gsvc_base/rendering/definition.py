@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F8
-from gsvc_ref.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+from gsvc_base.arrays import F8
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL, SUPPORT_RADIUS
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 
 LN2_HIGH: Final = float.fromhex("0x1.62e42fefa3800p-1")
 LN2_LOW: Final = float.fromhex("0x1.ef35793c76730p-45")

@@ -6,9 +6,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from gsvc_ref.arrays import F4 as F4
-from gsvc_ref.checks import door, numbers
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4 as F4
+from gsvc_base.checks import door, numbers
+from gsvc_base.errors import UsageError
 
 PARAMETERS_PER_SPLAT = 8
 """Position (2), Cholesky factor (3), weighted colour (3); paper section 3.2."""

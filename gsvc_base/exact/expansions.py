@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F8
+from gsvc_base.arrays import F8
 
 COMPONENT_COUNTS: Final = (2, 4, 8)
 """Numbers of components that are tried, one after the other, until a result is certain."""
