@@ -5,9 +5,6 @@ preset `quick` by L-BFGS (`quick`); all else is the same for both.
 """
 
 import math
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final
 
@@ -22,6 +19,7 @@ from gsvc_ref.encoder.log import OFF, FrameLog
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State
 from gsvc_ref.rendering import Objective, Renderer
@@ -128,7 +126,7 @@ class _PaperFrame:
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
         self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
-        self.seconds: dict[str, float] = {}
+        self.seconds = StageSeconds()
         self.iterations = 0
         self.log = FrameLog()
 
@@ -195,7 +193,7 @@ class _PaperFrame:
         self.rng = np.random.default_rng([self.settings.seed, self.number])
         settings = self.settings.intra.fit
         if isinstance(settings, QuickFit):
-            with self._timed("fit"):
+            with self.seconds.timed("fit"):
                 return _new_population(grown(self._target(settings), total, settings.iterations, self.rng))
         settings = self._with_gsp(settings)
         start = random_splats(uniform_numbers(total, self.rng), self.width, self.height)
@@ -212,7 +210,7 @@ class _PaperFrame:
         """The splats of a P-frame of N splats: those of the frame before, moved, without some, with new ones."""
         self.rng = np.random.default_rng([self.settings.seed, self.number])
         settings, effects = self.settings.inter.fit, self.settings.effects
-        with self._timed("start"):
+        with self.seconds.timed("start"):
             parameters, predicted = self._moved(self.before.splats.to_array())
             old = len(parameters)
             new = self._new_splats(total, predicted)
@@ -226,7 +224,7 @@ class _PaperFrame:
                 removed = min(max(0, old + new - total), old)  # those that have no room
             self._log_exchange(new, removed)
         if isinstance(settings, QuickFit):
-            with self._timed("fit"):
+            with self.seconds.timed("fit"):
                 target = self._target(settings)
                 parameters, origins = exchanged(target, parameters, old - removed, new, self.rng)
                 parameters = refitted(target, parameters, origins, settings.iterations)
@@ -305,7 +303,7 @@ class _PaperFrame:
 
     def _fitted(self, population: Population, settings: FitSettings) -> Population:
         """The population after its fit by Adan, with GSP where the settings have it."""
-        with self._timed("fit"):
+        with self.seconds.timed("fit"):
             _, done = fit(population, self.objective, settings, on_iteration=self._report("fit"))
             self.iterations += done
         return population
@@ -326,7 +324,7 @@ class _PaperFrame:
         self, population: Population, settings: FrameSettings, inter: BlockSettings, before: State
     ) -> EncodedFrame:
         """The frame of fitted splats after quantisation-aware fine-tuning, with `inter` for differences."""
-        with self._timed("quantize"):
+        with self.seconds.timed("quantize"):
             quantizer = FrameQuantizer(
                 population, self.objective, self.settings.intra.quantizer, inter, before, self.rng
             )
@@ -338,7 +336,7 @@ class _PaperFrame:
 
     def _reconstructed(self, codes: FrameCodes, state: State) -> EncodedFrame:
         """The frame, with the PSNR of what a decoder will show."""
-        with self._timed("check"):
+        with self.seconds.timed("check"):
             decoded = self.encoder.renderer.frame(state.splats, self.encoder.bit_depth)
             quality = psnr(self.frame, decoded, self.peak)
         return EncodedFrame(codes, state, quality, self.iterations, self.seconds, self.log.decisions)
@@ -358,12 +356,6 @@ class _PaperFrame:
 
         settings = self.settings
         return Target(self.picture, threads=settings.threads, precision=settings.precision, on_evaluation=evaluated)
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
 
 
 def _new_population(parameters: F4) -> Population:
