@@ -200,7 +200,7 @@ def test_the_kit_elsewhere(elsewhere, built):
     assert elsewhere.kit("mutants", "--operation", "to_frame")[0] == 0
     assert str(program / "protocol.md") in "".join(elsewhere.kit("run", "--help")[1].split())
 
-    needs_gsvc_ref = "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"
+    needs_gsvc_ref = "needs gsvc_ref: in a checkout of the repository, pip install . './conformance[reference]'"
     for words, extra in (
         (["run", "--reference"], needs_gsvc_ref),
         (["streams", "nowhere"], needs_gsvc_ref),
