@@ -214,3 +214,38 @@ def test_the_kit_elsewhere(elsewhere, built):
     status, said = elsewhere.kit("verify")
     assert status == 0, said
     assert said.endswith("nothing is wrong\n")
+
+
+ONE_CLASS = """
+import {first}, {second}
+import gsvc_base.errors, gsvc_conformance.results, gsvc_ref
+assert gsvc_ref.UsageError is gsvc_base.errors.UsageError
+print(gsvc_base.__file__)
+"""
+
+
+@pytest.mark.exhaustive
+def test_beside_gsvc_ref_no_file_and_no_class_stands_twice(built, tmp_path):
+    build = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT]
+    subprocess.run(build, check=True, capture_output=True)
+    (reference,) = tmp_path.glob("gsvc_ref-*.whl")
+    names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (built["wheel"], reference)]
+    assert names[0].isdisjoint(names[1])
+    bundled = {name.removeprefix("gsvc_conformance/bundled/") for name in names[0] if "/bundled/" in name}
+    assert bundled == {name for name in names[1] if name.startswith("gsvc_base/")}
+
+    both = Elsewhere(tmp_path)
+    install = ("-m", "pip", "install", "-q", "--disable-pip-version-check")
+    both.python(*install, built["wheel"])
+    both.python(*install, "--no-deps", reference)
+    for first, second in (("gsvc_conformance", "gsvc_ref"), ("gsvc_ref", "gsvc_conformance")):
+        code = ONE_CLASS.format(first=first, second=second)
+        assert Path("gsvc_conformance", "bundled", "gsvc_base") == Path(
+            *Path(both.python("-P", "-c", code).strip()).parts[-4:-1]
+        )
+    remove = ("-m", "pip", "uninstall", "-q", "-y", "--disable-pip-version-check")
+    both.python(*remove, "gsvc_ref")
+    assert both.kit("run", "--spec", "--operation", "from_half")[0] == 0
+    both.python(*install, "--no-deps", reference)
+    both.python(*remove, "gsvc-conformance")
+    assert "gsvc_base" in both.python("-P", "-c", "import gsvc_ref; print(gsvc_ref.UsageError.__module__)")
