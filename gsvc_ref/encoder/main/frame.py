@@ -28,10 +28,9 @@ from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_agai
 from gsvc_ref.encoder.held_level import HeldLevel
 from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
-from gsvc_ref.encoder.main.density_choice import choose_densities
+from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
-from gsvc_ref.encoder.main.intra import encode_intra
-from gsvc_ref.encoder.main.splat_number import splats_for
+from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
