@@ -28,9 +28,12 @@ their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref import plugins
-
 if TYPE_CHECKING:
+    from gsvc_base import spec as spec
+    from gsvc_base.errors import GsvcError as GsvcError
+    from gsvc_base.errors import UsageError as UsageError
+    from gsvc_base.splats import Splats as Splats
+    from gsvc_base.splats import scale_parameters as scale_parameters
     from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
     from gsvc_ref.bitstream.planes import decode_plane as decode_plane
     from gsvc_ref.bitstream.rans import encode_plane as encode_plane
@@ -39,8 +42,6 @@ if TYPE_CHECKING:
     from gsvc_ref.encoder import encode as encode
     from gsvc_ref.encoder import write as write
     from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
-    from gsvc_ref.errors import GsvcError as GsvcError
-    from gsvc_ref.errors import UsageError as UsageError
     from gsvc_ref.main.operations import adapt_model as adapt_model
     from gsvc_ref.main.operations import density_frequencies as density_frequencies
     from gsvc_ref.main.operations import half_frequencies as half_frequencies
@@ -73,12 +74,8 @@ if TYPE_CHECKING:
     from gsvc_ref.rendering import rendering_work as rendering_work
     from gsvc_ref.rendering import to_frame as to_frame
     from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
-    from gsvc_ref.splats import Splats as Splats
-    from gsvc_ref.splats import scale_parameters as scale_parameters
     from gsvc_ref.stream import Gap as Gap
     from gsvc_ref.stream import Stream as open  # noqa: N813
-    from gsvc_ref.stream import concat as concat
-    from gsvc_ref.stream import cut as cut
     from gsvc_ref.stream import decode as decode
     from gsvc_ref.stream import decode_stream as decode_stream
     from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -98,24 +95,24 @@ if TYPE_CHECKING:
     from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
     from gsvc_ref.video.color import frame_to_planes as frame_to_planes
     from gsvc_ref.video.color import planes_to_frame as planes_to_frame
+    from gsvc_tools.editing import concat as concat
+    from gsvc_tools.editing import cut as cut
 
 __version__ = "0.1.0"
 
 _HOMES: Final = {
     "Gap": "gsvc_ref.stream",
-    "GsvcError": "gsvc_ref.errors",
+    "GsvcError": "gsvc_base.errors",
     "IncompleteEncodeError": "gsvc_ref.encoder",
     "Settings": "gsvc_ref.encoder",
-    "Splats": "gsvc_ref.splats",
-    "UsageError": "gsvc_ref.errors",
+    "Splats": "gsvc_base.splats",
+    "UsageError": "gsvc_base.errors",
     "adan_step": "gsvc_ref.training.operations",
     "adapt_model": "gsvc_ref.main.operations",
     "augment": "gsvc_ref.training.augmentation",
     "commitment": "gsvc_ref.paper",
     "compact": "gsvc_ref.training.pruning",
-    "concat": "gsvc_ref.stream",
     "converged": "gsvc_ref.training.operations",
-    "cut": "gsvc_ref.stream",
     "decode": "gsvc_ref.stream",
     "decode_plane": "gsvc_ref.bitstream.planes",
     "decode_stream": "gsvc_ref.stream",
@@ -158,7 +155,7 @@ _HOMES: Final = {
     "rendering_work": "gsvc_ref.rendering",
     "rvq_assign": "gsvc_ref.paper",
     "rvq_update": "gsvc_ref.paper",
-    "scale_parameters": "gsvc_ref.splats",
+    "scale_parameters": "gsvc_base.splats",
     "seek": "gsvc_ref.stream",
     "select_key_frames": "gsvc_ref.encoder.key_frames",
     "splat_classes": "gsvc_ref.main.operations",
@@ -172,7 +169,7 @@ _HOMES: Final = {
 }
 """The module of each public name. It is loaded on first use, so that `gsvc --help` does not wait for the compiler."""
 
-_OFFERED: Final[tuple[str, ...]] = ()
+_OFFERED: Final = ("concat", "cut")
 """The names that the plug-in gsvc_tools offers (`gsvc_ref.plugins.add_names`)."""
 
 __all__ = [
@@ -247,7 +244,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "spec":
+        return import_module("gsvc_base.spec")
     if name in _OFFERED:
+        from gsvc_ref import plugins
+
         value = plugins.offered(name)
     elif name in _HOMES:
         value = getattr(import_module(_HOMES[name]), "Stream" if name == "open" else name)

@@ -287,7 +287,7 @@ def test_folders_without_kernels_have_none():
     package = _kernel_cache.PACKAGE
     sources = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
     users = {path.relative_to(package).parts[0] for path, text in sources.items() if "gsvc_ref._jit" in text}
-    assert {"rendering", "quantization"} <= users
+    assert {"rendering", "paper"} <= users
     assert not users & set(_kernel_cache.WITHOUT_KERNELS)
 
 

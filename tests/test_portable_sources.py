@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gsvc_base
 import gsvc_conformance
 import gsvc_lab
 import gsvc_ref
 
+BASE = Path(gsvc_base.__file__).parent
 HOME = Path(gsvc_ref.__file__).parent
 LAB = Path(gsvc_lab.__file__).parent
 KIT = Path(gsvc_conformance.__file__).parent
 MAKING = sorted(
     [*(KIT / "cases").glob("*.py"), *(KIT / "operations").rglob("*.py"), KIT / "elementary.py", KIT / "streams.py",
-     HOME / "testing" / "running_error.py", HOME / "testing" / "training_bounds.py"]
+     BASE / "exact" / "running_error.py", BASE / "exact" / "training_bounds.py"]
 )  # fmt: skip
 """What makes the inputs, the expected numbers and the bounds of golden vectors."""
 
@@ -73,7 +75,8 @@ DRAWING = ("encoder/", "training/", "paper/")
 
 SOURCES = sorted(
     str(path.relative_to(HOME.parent))
-    for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("[dps]*.py"),
+    for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("p*.py"),
+                 *BASE.glob("[dps]*.py"), *(BASE / "rendering").glob("*.py"), *(BASE / "exact").glob("[der]*.py"),
                  *(HOME / "testing").glob("[c-r]*.py"), *(LAB / "scenes").rglob("*.py"),
                  HOME / "metrics" / "squared_error.py"]
     if not str(path).endswith(FOR_PEOPLE)

@@ -18,11 +18,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.cli.text import duration
+from gsvc_base.pages.tables import Table
 from gsvc_lab.machine import environment
-from gsvc_lab.pages.tables import Table
 from gsvc_ref import Settings, encode
-from gsvc_ref.cli.text import duration
-from gsvc_ref.encoder.cluster import RUN_S
+from gsvc_ref.encoder.cluster import TASK_S
 from gsvc_ref.encoder.side_by_side import GROUPS_AHEAD
 
 WORKERS: Final = (1, 10, 100, 1000)
@@ -50,7 +50,7 @@ class Simulated:
 class Measuring(Executor):
     """Makes each call here at once, of what is pickled, and notes what it took by the group of its first frame."""
 
-    run_s = RUN_S
+    run_s = TASK_S
 
     def __init__(self) -> None:
         self._tasks: dict[int, list[Task]] = {}  # by the number of the group's first frame

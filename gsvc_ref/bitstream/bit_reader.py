@@ -6,12 +6,12 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, Coder, Element
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST, TOO_LONG, UNDERFLOW, decode_golombs
 from gsvc_ref.bitstream.rules import broken
 
-_BLOCK: Final = 1 << 16
+_UNPACKED_AT_ONCE: Final = 1 << 16
 """Elements of a run that are unpacked at once, so that temporaries stay small."""
 
 
@@ -175,8 +175,8 @@ class Reader(Coder):
         start = self.position
         self._need(count * size, name)
         read = np.empty(count, np.uint16)
-        for first in range(0, count, _BLOCK):
-            block = read[first : first + _BLOCK]
+        for first in range(0, count, _UNPACKED_AT_ONCE):
+            block = read[first : first + _UNPACKED_AT_ONCE]
             block[:] = self._unpack(len(block), size)
         self._record(name, start, read)
         return read
@@ -215,7 +215,7 @@ class Reader(Coder):
         """`count` pairs of `uv`, as blocks (n, 2) u4; what precedes a fault is yielded before the fault is raised."""
         while count > 0:
             start = self.position
-            block, used = self._whole_pairs(min(count, _BLOCK))
+            block, used = self._whole_pairs(min(count, _UNPACKED_AT_ONCE))
             if len(block) == 0:  # the next pair is faulty: the plain form says how
                 self.uv(names[0])
                 self.uv(names[1])

@@ -5,22 +5,22 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import U2
+from gsvc_base.arrays import U2
+from gsvc_base.constants import SMALLEST_NORMAL
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.constants import SMALLEST_NORMAL
 from gsvc_ref.paper import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
+from gsvc_ref.paper.codes import NO_QUANTIZER
 from gsvc_ref.paper.half import EXPONENT_MASK
 
 NO_BLOCK: Final = SplatBlock()
-NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
-NO_FRAME: Final = FrameCodes.repeated_frame()
+NO_FRAME_CODES: Final = FrameCodes.repeated_frame()
 """The codes that a Reader, which ignores values, is given."""
 
 
 @dataclass(frozen=True)
-class Frame:
+class FrameElements:
     """The elements of a frame: `frame_number`, `parameter_checksum` (None if the stream has none) and the codes."""
 
     frame_number: int
@@ -29,8 +29,13 @@ class Frame:
 
 
 def frame(
-    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, frame_number: int, given: Frame | None = None
-) -> Frame:
+    s: Coder,
+    header: SequenceHeader,
+    state: State,
+    frame_type: FrameType,
+    frame_number: int,
+    given: FrameElements | None = None,
+) -> FrameElements:
     """frame() of spec.md section 6.4.
 
     Parameters
@@ -46,9 +51,9 @@ def frame(
     given
         The frame that a Writer writes; its blocks must fit `state`.
     """
-    told = given or Frame(frame_number, None, NO_FRAME)
+    told = given or FrameElements(frame_number, None, NO_FRAME_CODES)
     head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)
-    return Frame(*head, frame_codes(s, header, state, frame_type, told.codes))
+    return FrameElements(*head, frame_codes(s, header, state, frame_type, told.codes))
 
 
 def frame_head(
@@ -63,7 +68,7 @@ def frame_head(
 
 
 def frame_codes(
-    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME
+    s: Coder, header: SequenceHeader, state: State, frame_type: FrameType, codes: FrameCodes = NO_FRAME_CODES
 ) -> FrameCodes:
     """What follows `parameter_checksum` in a frame of profile `paper`; a Writer writes `codes`."""
     before = state.forget() if frame_type == "I" else state

@@ -9,21 +9,21 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Final
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, Coder
-from gsvc_ref.errors import GsvcError, UsageError
 
 TIMES: Final = "t"
 """The ancillary chunk of time stamps."""
 
-MOST_FRAMES: Final = 1 << 32
+FRAME_NUMBERS: Final = 1 << 32
 """Frames of a stream are numbered below this."""
 
 MOST_RUNS: Final = 1 << 12
 """Maximum number of runs of a chunk (R-6.11-1)."""
 
-MOST_KEPT: Final = 1 << 22
+MOST_RUNS_KEPT: Final = 1 << 22
 """Runs of a stream that are kept, 160 MiB at most, so that a hostile stream cannot fill the memory: those of 38 hours
 of 30 frames a second that are all different. Chunks beyond are ignored."""
 
@@ -51,7 +51,7 @@ def times(
         frames, ticks = runs[number] if runs else (0, 0)
         frames, ticks = s.uv("frame_run", frames), s.uv("frame_ticks", ticks)
         end += frames
-        if not frames or not ticks or end > MOST_FRAMES:
+        if not frames or not ticks or end > FRAME_NUMBERS:
             s.fail(
                 "R-6.11-1", "`frame_run` and `frame_ticks` must be at least 1, and no frame be numbered 2^32 or more"
             )
@@ -81,7 +81,7 @@ def write_times(ticks_per_second: int, first_frame: int, runs: Sequence[Run]) ->
     most = max((max(run) for run in runs), default=1)
     end = first_frame + sum(frames for frames, _ in runs)
     fits = 0 < ticks_per_second < UV_LIMIT and 0 <= first_frame < UV_LIMIT and least > 0 and most < UV_LIMIT
-    if not fits or len(runs) > MOST_RUNS or end > MOST_FRAMES:
+    if not fits or len(runs) > MOST_RUNS or end > FRAME_NUMBERS:
         raise UsageError(f"runs of frames {first_frame} to {end - 1} at {ticks_per_second} ticks break R-6.11-1")
     p = Writer(0)
     times(p, ticks_per_second, first_frame, runs)
@@ -127,7 +127,7 @@ class FrameTimes:
 
     def add(self, payload: Bytes, next_frame: int) -> bool:
         """Take a chunk `t` that stands before the frame `next_frame`; False if it is ignored (R-6.11-2, R-6.11-3)."""
-        if len(self._firsts) >= MOST_KEPT or (found := read_times(payload)) is None:
+        if len(self._firsts) >= MOST_RUNS_KEPT or (found := read_times(payload)) is None:
             return False
         ticks_per_second, first, runs = found
         if first < max(next_frame, self._ends[-1] if self._ends else 0):

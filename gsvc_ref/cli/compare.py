@@ -7,20 +7,21 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_layer, frame_range
+from gsvc_base.cli.arguments import add_layer, frame_range
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, plural, print_json, show, table
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.damage import describe_damage
-from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
     check_input,
+    describe_format,
     display_name,
     holds_stream,
     open_stream,
 )
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, show, table
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.metrics import Comparison, FrameComparison
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import VideoFormat
 
-COMMAND: Final = "gsvc compare"
+GSVC_COMPARE: Final = "gsvc compare"
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def run(arguments: Namespace) -> int:
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
     with (
-        compilation_notice(COMMAND, silent=arguments.quiet or arguments.json),
+        compilation_notice(GSVC_COMPARE, silent=arguments.quiet or arguments.json),
         open_side(arguments.original, arguments.frames, arguments.precision, arguments.layer) as a,
         open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer) as b,
     ):
@@ -95,7 +96,7 @@ def run(arguments: Namespace) -> int:
             else:
                 show(*describe(comparison, a, b, first, brief=arguments.quiet))
     for message in damage:
-        say(COMMAND, message)
+        say(GSVC_COMPARE, message)
     return EXIT_DATA if damage else 0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gsvc_ref.cli.text import plural, table
+from gsvc_base.cli.text import plural, table
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder.log import Decision
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MAX_RUNS: Final = 12
 """Maximum number of runs of frames that are listed for an effect, so that a long video stays readable."""
 
-NUMBER: Final = re.compile(r"[0-9][0-9,]*(?:[.][0-9]+)?")
+NUMBER_IN_REASON: Final = re.compile(r"[0-9][0-9,]*(?:[.][0-9]+)?")
 """A number in a reason: reasons that differ in their numbers alone are of one kind."""
 
 
@@ -56,8 +56,8 @@ def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
 
 def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]":
     """The decisions in the log of a stream, and a note if there is none that can be read."""
+    from gsvc_base.errors import UsageError
     from gsvc_ref.encoder.log import read_log
-    from gsvc_ref.errors import UsageError
 
     again = "encode it again with gsvc encode, without --no-decisions"
     if summary.ancillary is None:
@@ -106,13 +106,13 @@ def _runs(column: "Sequence[Decision]") -> Iterator[Run]:
 
 def _kind(one: "Decision") -> str:
     """The reason without its numbers."""
-    return NUMBER.sub("#", one.reason)
+    return NUMBER_IN_REASON.sub("#", one.reason)
 
 
 def _reason(same: "Sequence[Decision]") -> str:
     """The reason of decisions of one kind, each number of it as the span of their numbers."""
-    spans = map(_span, zip(*(NUMBER.findall(one.reason) for one in same), strict=True))
-    return NUMBER.sub(lambda _: next(spans), same[0].reason)
+    spans = map(_span, zip(*(NUMBER_IN_REASON.findall(one.reason) for one in same), strict=True))
+    return NUMBER_IN_REASON.sub(lambda _: next(spans), same[0].reason)
 
 
 def _span(numbers: Sequence[str]) -> str:

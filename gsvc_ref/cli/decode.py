@@ -8,9 +8,12 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
+from gsvc_base.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import per_second, plural, show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.damage import Gaps, describe_damage
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
@@ -19,16 +22,13 @@ from gsvc_ref.cli.files import (
     display_name,
     open_stream,
 )
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import per_second, plural, show
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import Frame, VideoFormat, VideoWriter
     from gsvc_ref.video.stream import Extras
 
-COMMAND: Final = "gsvc decode"
+GSVC_DECODE: Final = "gsvc decode"
 
 
 def add_command(commands: Any) -> None:
@@ -82,13 +82,13 @@ def run(arguments: Namespace) -> int:
     check_output(arguments.output, arguments.input, folder_allowed=True)
     _check_sound(arguments)
     try:
-        from gsvc_ref.interrupts import Interrupts
+        from gsvc_base.interrupts import Interrupts
 
         with Interrupts(patient=False, once=True):  # a terminal that is closed may send SIGHUP twice
             return _decode(arguments)
     except KeyboardInterrupt:
         done = "the output ends early" if arguments.output == STDIO else "nothing was saved"
-        say(COMMAND, f"interrupted; {done}")
+        say(GSVC_DECODE, f"interrupted; {done}")
         return EXIT_INTERRUPTED
 
 
@@ -111,7 +111,7 @@ def _decode(arguments: Namespace) -> int:
     start, stop = arguments.frames
     gaps = Gaps() if arguments.salvage else None
     with (
-        compilation_notice(COMMAND, silent=arguments.quiet),
+        compilation_notice(GSVC_DECODE, silent=arguments.quiet),
         open_stream(
             arguments.input, salvage=arguments.salvage, max_level=arguments.max_level, layer=arguments.layer
         ) as stream,
@@ -236,21 +236,21 @@ def _report_damage(arguments: Namespace, damage: GsvcError, count: int, stream: 
     else:
         missing, advice = "no frame is missing", ""
     kept = f"{output} holds the {plural(count, 'complete frame')} before the fault" if count else "nothing was written"
-    say(COMMAND, fault)
-    say(COMMAND, f"{kept}; {missing}" + (f". {advice}" if advice else ""))
+    say(GSVC_DECODE, fault)
+    say(GSVC_DECODE, f"{kept}; {missing}" + (f". {advice}" if advice else ""))
 
 
 def _report_gaps(arguments: Namespace, gaps: Gaps, count: int, *, moved: bool) -> None:
     """Say what is damaged and what is missing: a line for each gap, which frame moved up first, and the sum."""
     output = display_name(arguments.output, "standard output")
     for line in gaps.lines():
-        say(COMMAND, line)
+        say(GSVC_DECODE, line)
     if moved and not Path(arguments.output).is_dir():
         first, missing = next((gap.first_missing, gap.missing_count) for gap in gaps.found if gap.missing_count)
         say(
-            COMMAND,
+            GSVC_DECODE,
             f"frames after a gap move up: frame {first - arguments.frames[0]} of {output} is frame {first + missing} "
             f"of the video; a folder of PNG files keeps the numbers",
         )
     kept = f"{output} holds {plural(count, 'frame')}" if count else "nothing was written"
-    say(COMMAND, f"{display_name(arguments.input)} is damaged: {gaps.total(count)}; {kept}")
+    say(GSVC_DECODE, f"{display_name(arguments.input)} is damaged: {gaps.total(count)}; {kept}")

@@ -4,18 +4,18 @@ from argparse import Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import duration, plural, print_json, show, to_json
 from gsvc_ref.cli.compilation import compilation_notice
 from gsvc_ref.cli.encode_text import describe_settings
-from gsvc_ref.cli.files import display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, duration, plural, print_json, show, to_json
+from gsvc_ref.cli.files import describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder.trial import Estimate, Range
     from gsvc_ref.video import Resampled
 
-COMMAND: Final = "gsvc encode"
+GSVC_DRY_RUN: Final = "gsvc encode"
 
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
@@ -26,7 +26,7 @@ def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> 
     jobs = 1 if arguments.jobs is None else arguments.jobs
     check_jobs(jobs)
     silent = arguments.quiet or arguments.json
-    with compilation_notice(COMMAND, silent=silent), ProgressDisplay(quiet=silent) as display:
+    with compilation_notice(GSVC_DRY_RUN, silent=silent), ProgressDisplay(quiet=silent) as display:
         display.status("encoding some frames to see")
         found = estimate(source.open_video, settings, jobs)
     if arguments.json:

@@ -5,16 +5,16 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from gsvc_ref.cli.arguments import add_force
+from gsvc_base.cli.arguments import add_force
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli.encode_options import add_options, make_settings
 from gsvc_ref.cli.encode_page import check_page, without_page, write_page
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
-from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, plural, print_json, show
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, describe_format, display_name
 from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder, started_processes
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gsvc_ref.processes import Processes
     from gsvc_ref.video import VideoReader
 
-COMMAND: Final = "gsvc encode"
+GSVC_ENCODE: Final = "gsvc encode"
 GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
 """What is said of an interrupted encode with ``--resume``."""
 
@@ -61,7 +61,7 @@ def run(arguments: Namespace) -> int:
         with started_processes(arguments) as processes:
             return _encode(arguments, processes)
     except KeyboardInterrupt:
-        say(COMMAND, "interrupted before the first frame was complete; nothing was saved")
+        say(GSVC_ENCODE, "interrupted before the first frame was complete; nothing was saved")
         return EXIT_INTERRUPTED
 
 
@@ -81,7 +81,7 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
     with (
-        compilation_notice(COMMAND, silent=not talkative) as notice,
+        compilation_notice(GSVC_ENCODE, silent=not talkative) as notice,
         source.open_video() as reader,
         opened_executor(arguments, processes) as (jobs, executor),
     ):
@@ -103,7 +103,7 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
             fault, report = error, error.report
         except OSError as error:
             if arguments.live and not what_was_saved(error) and Path(arguments.output).is_file():
-                say(COMMAND, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
+                say(GSVC_ENCODE, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
             for note in report.notes:
@@ -116,11 +116,11 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
-        say(COMMAND, str(fault) + without_page(arguments))
+        say(GSVC_ENCODE, str(fault) + without_page(arguments))
         return EXIT_DATA
     if report.interrupted:
         go_on = GO_ON if resume and resume.exists() else ""
-        say(COMMAND, _interrupted(arguments.output, report) + go_on + without_page(arguments))
+        say(GSVC_ENCODE, _interrupted(arguments.output, report) + go_on + without_page(arguments))
         return EXIT_INTERRUPTED
     return write_page(arguments, report)
 

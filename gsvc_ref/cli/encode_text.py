@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, duration, plural, to_json
 from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.files import display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, duration, plural, to_json
 from gsvc_ref.cli.time_left import GroupsTimeLeft, TimeLeft
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ STAGES: Final = {
 }
 """The stages of an encode in words."""
 
-GOALS: Final = {
+GOAL_TEXT: Final = {
     "bitrate": "{:,.0f} bit/s",
     "size": "{:,} bytes",
     "mean_psnr": "a mean PSNR of {:g} dB",
@@ -47,7 +47,8 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
         ]
         rate = f"{settings.layer_count} layers of {', '.join(goals)}"
     elif settings.goal is not None:
-        rate = f"{GOALS[settings.goal].format(getattr(settings, settings.goal))} with at most {about}{splats} a frame"
+        goal = GOAL_TEXT[settings.goal].format(getattr(settings, settings.goal))
+        rate = f"{goal} with at most {about}{splats} a frame"
     elif settings.psnr is not None:
         rate = f"at least {settings.psnr:g} dB with at most {about}{splats} a frame"
     elif settings.quality is not None:

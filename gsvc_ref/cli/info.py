@@ -5,20 +5,20 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_max_level
+from gsvc_base.cli.arguments import add_max_level
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.text import frame_runs, plural, print_json, show, table
+from gsvc_base.errors import GsvcError
 from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
-from gsvc_ref.cli.errors import EXIT_DATA, say
-from gsvc_ref.cli.files import check_input, display_name, open_stream
-from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, show, table
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.cli.files import check_input, describe_format, display_name, open_stream
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream import SequenceHeader
     from gsvc_ref.stream import FrameSummary, Gap, Stream, StreamSummary
     from gsvc_ref.video import VideoFormat
 
-COMMAND: Final = "gsvc info"
+GSVC_INFO: Final = "gsvc info"
 
 
 def add_command(commands: Any) -> None:
@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> int:
     name = display_name(arguments.input)
     try:
         with (
-            compilation_notice(COMMAND, silent=arguments.json),
+            compilation_notice(GSVC_INFO, silent=arguments.json),
             open_stream(arguments.input, salvage=arguments.salvage, max_level=arguments.max_level) as stream,
         ):
             video, notes, summary = stream.format, stream.notes, stream.info(salvage=arguments.salvage)
@@ -72,7 +72,7 @@ def run(arguments: Namespace) -> int:
             lines += ["", *(decision_lines(decisions) if note is None else [f"note: {note}"])]
         show(*lines)
     for line in damage:
-        say(COMMAND, line)
+        say(GSVC_INFO, line)
     return EXIT_DATA if damage else 0
 
 

@@ -11,10 +11,10 @@ INTER_SHARE: Final = 0.4
 """Time of a P-frame over that of its I-frame, by which it is guessed: 0.3 to 1.0, mostly 0.4, for six scenes of
 176x144 with 200 and 600 splats, preset ``quick``."""
 
-LEAST_SHARE: Final = 0.15
+LEAST_DONE: Final = 0.15
 """A frame of which less is done says nothing about its time."""
 
-MEMORY: Final = 0.9
+FRAME_DECAY: Final = 0.9
 """What a frame's time counts, against that of the frame behind it."""
 
 
@@ -61,7 +61,7 @@ class TimeLeft:
             return None
         spent = elapsed_s - self._frame_begin
         if frame == self._first:
-            if share < LEAST_SHARE:
+            if share < LEAST_DONE:
                 return None
             intra = spent / share
             return intra - spent + INTER_SHARE * intra * (frame_count - frame - 1)
@@ -73,8 +73,8 @@ class TimeLeft:
         if first:
             self._intra = seconds
         else:
-            self._weight = MEMORY * self._weight + 1
-            self._inter = MEMORY * self._inter + seconds
+            self._weight = FRAME_DECAY * self._weight + 1
+            self._inter = FRAME_DECAY * self._inter + seconds
 
 
 class GroupsTimeLeft:

@@ -5,10 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.splats import F4
-
-F8 = NDArray[np.float64]
 
 BLOCK: Final = 16
 """Side of a block in pixels."""

@@ -10,7 +10,9 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any, Final
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError
+from gsvc_base.portable import log2, power, total
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.curves import USUAL
@@ -19,21 +21,19 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
-from gsvc_ref.portable import log2, power, total
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import AnyState, profile_of
 from gsvc_ref.video import VideoFormat
 
-CLOSE: Final = 0.005
+CLOSE_SIZE: Final = 0.005
 """A group may take this part more or less than is planned."""
 
 SLACK: Final = 0.1
 """An I-frame may be off by this part of what P-frames are planned to take, since they can make up for it."""
 
-TRIES: Final = 5
+GROUP_TRIES: Final = 5
 """The most values that are tried for an I-frame, or for the last P-frame."""
 
 STEP_SLOPE: Final = 0.145
@@ -46,7 +46,7 @@ MOST_STEPS: Final = 16
 MOST_OCTAVES: Final = 0.15
 """Profile `paper`: the same of the number of splats."""
 
-MEMORY: Final = 0.9
+BITS_DECAY: Final = 0.9
 """What counts of a frame's bits, against those expected, when the next frame is done."""
 
 CHUNK_BITS: Final = 60
@@ -160,14 +160,14 @@ class BudgetCoder:
     def _intra(self, plan: GroupPlan, *frame: Any) -> tuple[EncodedFrame, float]:
         """An I-frame."""
         wanted = plan.bits * plan.frame_bits[0] / total(plan.frame_bits)
-        room = max(CLOSE * plan.bits, SLACK * (plan.bits - wanted))
+        room = max(CLOSE_SIZE * plan.bits, SLACK * (plan.bits - wanted))
 
         def with_splats(octave: float) -> float:
             self._coder.total = min(max(1, round(_power_of_two(octave))), self._most)
             return float(log2(self._coder.total))
 
         first = float(log2(plan.splats))
-        encoded, bits, _ = self._tried(frame, wanted, room, with_splats, first, USUAL.intra, TRIES)
+        encoded, bits, _ = self._tried(frame, wanted, room, with_splats, first, USUAL.intra, GROUP_TRIES)
         self._base = self._coder.quantizer if isinstance(self._coder, MainFrameEncoder) else self._coder.total
         return encoded, bits
 
@@ -180,11 +180,11 @@ class BudgetCoder:
         pressure = float(log2(left / max(ahead, 1.0)))
         is_last = len(rest) == 1 or max(rest[1:]) <= 2 * CHUNK_BITS
         wanted = left if is_last else left * rest[0] / total(rest)
-        tries, room = (TRIES, CLOSE * plan.bits) if is_last else (1, 0.0)
+        tries, room = (GROUP_TRIES, CLOSE_SIZE * plan.bits) if is_last else (1, 0.0)
         slope = STEP_SLOPE if isinstance(self._coder, MainFrameEncoder) else 1.0
         encoded, bits, finer = self._tried(frame, wanted, room, self._refined, pressure / slope, slope, tries)
-        self._seen = MEMORY * self._seen + bits / _power_of_two(slope * finer)
-        self._expected = MEMORY * self._expected + rest[0]
+        self._seen = BITS_DECAY * self._seen + bits / _power_of_two(slope * finer)
+        self._expected = BITS_DECAY * self._expected + rest[0]
         return encoded, bits
 
     def _refined(self, steps: float) -> float:

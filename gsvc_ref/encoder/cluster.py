@@ -20,9 +20,9 @@ from importlib import import_module
 from queue import SimpleQueue
 from typing import Any, Final, ParamSpec, TypeVar
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.cluster_task import OtherCodeError, call, worker_code
-from gsvc_ref.errors import UsageError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -48,7 +48,7 @@ RETRY_S: Final = 0.5
 RETRIES: Final = 2
 """How often a task is given to a worker again after a fault: another one may have room on its disk."""
 
-RUN_S: Final = 4.0
+TASK_S: Final = 4.0
 """Seconds that a task is meant to take: the coder travels with each, and so much is lost with a worker that dies."""
 
 
@@ -72,7 +72,7 @@ class Cluster(Executor):
         Seconds that a task is best meant to take.
     """
 
-    run_s = RUN_S
+    run_s = TASK_S
 
     def __init__(self, address: str, client: Any) -> None:
         self.address, self._client = address, client

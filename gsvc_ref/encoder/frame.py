@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, Frame
 from gsvc_ref.encoder.blocks import block_errors, errors_left
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.frame_settings import FrameSettings
@@ -36,7 +37,6 @@ from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.splats import F4
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
@@ -55,8 +55,6 @@ from gsvc_ref.training import (
 )
 from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.settings import MOST_THRESHOLD
-
-Frame = NDArray[np.unsignedinteger[Any]]
 
 BEHIND: Final = 1.25
 """A P-frame with so many times the error of its I-frame, 1 dB, is worked on again where the source stays the same..."""

@@ -11,21 +11,19 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, Frame
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import F4
 from gsvc_ref.training.reduction import reduced
 
-Frame = NDArray[np.unsignedinteger[Any]]
 FrameT = TypeVar("FrameT")
 OnPretraining = Callable[[int], None]
 """Called with the number of each frame before it is looked at."""

@@ -6,19 +6,19 @@ from typing import Any, Final, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.constants import SMALLEST_NORMAL
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, I8
+from gsvc_base.constants import SMALLEST_NORMAL
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.paper.half import LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 Degenerate = Literal["refuse", "turn", "remove"]
 FrameOfSplats = Splats | ArrayLike | tuple[Splats | ArrayLike, ArrayLike]
 """The splats of a frame, or these and their ids."""
 
-COLUMNS: Final = ("x", "y", "l11", "l21", "l22", "R", "G", "B")
-L11, L21, L22 = 2, 3, 4
+COLUMN_NAMES: Final = ("x", "y", "l11", "l21", "l22", "R", "G", "B")
+COLUMN_L11, COLUMN_L21, COLUMN_L22 = 2, 3, 4
 
 LARGEST_FACTOR: Final = 2.0**40
 """Largest magnitude of l11, l21 and l22 in pixels: far beyond every frame, and its square is far from overflow."""
@@ -104,7 +104,8 @@ class GivenFrames:
             low, high = self._low[column], self._high[column]
             raise SplatsError(
                 number,
-                f"{COLUMNS[column]} is {parameters[splat, column]}; it must be a number from {low:.9g} to {high:.9g}",
+                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be a number from {low:.9g} to "
+                f"{high:.9g}",
                 splat,
             )
 
@@ -124,24 +125,24 @@ class GivenFrames:
         """The splats after degenerate ones were turned or removed."""
         bad = _degenerate(parameters)
         if bad.any() and self._degenerate == "turn":
-            columns = parameters[:, [L11, L22]] < 0
+            columns = parameters[:, [COLUMN_L11, COLUMN_L22]] < 0
             parameters = turned(parameters)
             self.turned += int(columns.any(axis=1).sum())
             bad = _degenerate(parameters)
         if bad.any() and self._degenerate != "remove":
             splat = int(np.flatnonzero(bad)[0])
-            column = L11 if parameters[splat, L11] < SMALLEST_NORMAL else L22
+            column = COLUMN_L11 if parameters[splat, COLUMN_L11] < SMALLEST_NORMAL else COLUMN_L22
             raise SplatsError(
                 number,
-                f"{COLUMNS[column]} is {parameters[splat, column]}; it must be at least 2^-126, or the splat covers "
-                f"nothing: {REMEDIES[self._degenerate]}",
+                f"{COLUMN_NAMES[column]} is {parameters[splat, column]}; it must be at least 2^-126, or the splat "
+                f"covers nothing: {REMEDIES[self._degenerate]}",
                 splat,
             )
         if bad.any():
             self.removed += int(bad.sum())
             parameters, ids = parameters[~bad], ids[~bad]
         parameters = parameters.copy()  # the caller may fill the same array again
-        for column in (L11, L22):
+        for column in (COLUMN_L11, COLUMN_L22):
             np.maximum(parameters[:, column], SCALE_FLOOR, out=parameters[:, column])
         return GivenSplats(parameters, ids)
 
@@ -149,16 +150,16 @@ class GivenFrames:
 def turned(parameters: F4) -> F4:
     """The parameters (N, 8) f4 with the columns of L turned so that l11 and l22 are not negative; L L^T stays."""
     result = parameters.copy()
-    first, second = parameters[:, L11] < 0, parameters[:, L22] < 0
-    result[first, L11] *= -1
-    result[first, L21] *= -1
-    result[second, L22] *= -1
+    first, second = parameters[:, COLUMN_L11] < 0, parameters[:, COLUMN_L22] < 0
+    result[first, COLUMN_L11] *= -1
+    result[first, COLUMN_L21] *= -1
+    result[second, COLUMN_L22] *= -1
     return result
 
 
 def _degenerate(parameters: F4) -> Any:
     """Whether each splat covers nothing, (N,) bool (R-9.1-2)."""
-    return (parameters[:, [L11, L22]] < SMALLEST_NORMAL).any(axis=1)
+    return (parameters[:, [COLUMN_L11, COLUMN_L22]] < SMALLEST_NORMAL).any(axis=1)
 
 
 def _iterator(frames: Iterable[FrameOfSplats]) -> Iterator[FrameOfSplats]:

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import FrameCoder
 from gsvc_ref.encoder.frame_types import TypedFrame
@@ -117,7 +117,7 @@ class Done(NamedTuple):
     size: int
 
 
-NO_FRAME: Final[Frame] = np.empty((0, 0, 3), np.uint8)
+NO_PICTURE: Final[Frame] = np.empty((0, 0, 3), np.uint8)
 
 
 class Group:
@@ -181,7 +181,7 @@ class Group:
         if found is None:
             self.waiting.append(item)
             return None
-        self.done.append(Done(replace(item, frame=NO_FRAME), *found, item.frame.nbytes))
+        self.done.append(Done(replace(item, frame=NO_PICTURE), *found, item.frame.nbytes))
         return found[0].psnr
 
     def end(self, *, is_last: bool) -> None:
@@ -202,7 +202,7 @@ class Group:
         """Keep what became of the frames given."""
         self.tries = 0
         for item, (encoded, seconds) in zip(self.given, run.frames, strict=False):
-            self.done.append(Done(replace(item, frame=NO_FRAME), encoded, seconds, item.frame.nbytes))
+            self.done.append(Done(replace(item, frame=NO_PICTURE), encoded, seconds, item.frame.nbytes))
             self.pace = max(seconds, 1e-6)
             if self.resumed is not None:
                 self.resumed.add(encoded, seconds, run.coder.decided())

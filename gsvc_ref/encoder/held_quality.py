@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Final, Protocol, TypeVar
 
-from gsvc_ref.portable import log2, power
+from gsvc_base.portable import log2, power
 
 ENOUGH: Final = 0.1
 """A frame with at most so many dB more than asked for is not made coarser."""
@@ -12,7 +12,7 @@ ENOUGH: Final = 0.1
 I_TRIES, MOST_TRIES = 5, 10
 """The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
 
-DB_PER_DOUBLING, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+FIRST_SLOPE, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
 
 MOST_DOUBLINGS: Final = 3.0
@@ -30,10 +30,10 @@ ROUNDS: Final = 8
 SCALE_TRIES: Final = 5
 """The most thresholds of what a change must be worth that are tried for a P-frame."""
 
-MOST_OCTAVES: Final = 16.0
+MOST_WORTH_OCTAVES: Final = 16.0
 """No change is worth 2 to this power times as much as the settings ask of it."""
 
-NEAR: Final = 0.5
+NEAR_GOAL: Final = 0.5
 """Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
 
 MOST_DROP: Final = 1.0
@@ -77,7 +77,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         What `make` made of it.
     """
     tried: dict[int, JudgedT] = {}
-    number, last, slope = first, first, DB_PER_DOUBLING
+    number, last, slope = first, first, FIRST_SLOPE
     for attempt in range(MOST_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
@@ -156,7 +156,7 @@ def held(
         margin = min(margin, MOST_MARGIN)
         if best is None or _is_better(frame.psnr, best.psnr, goal):
             best = frame
-        if 0 <= frame.psnr - goal <= NEAR:
+        if 0 <= frame.psnr - goal <= NEAR_GOAL:
             break
     assert best is not None  # there is at least one round
     return best, margin
@@ -178,9 +178,9 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
         return frame
     best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
     for _ in range(SCALE_TRIES):
-        if best.psnr - goal <= ENOUGH or low == MOST_OCTAVES:
+        if best.psnr - goal <= ENOUGH or low == MOST_WORTH_OCTAVES:
             break
-        at = min(low + step, MOST_OCTAVES) if math.isinf(high) else (low + high) / 2
+        at = min(low + step, MOST_WORTH_OCTAVES) if math.isinf(high) else (low + high) / 2
         made = make(float(power(2.0, at)))
         if made.psnr >= goal:
             low, step = at, 2 * step

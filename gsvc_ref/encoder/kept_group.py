@@ -12,12 +12,12 @@ from io import BytesIO
 from typing import Any, Final
 from uuid import UUID
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import END_TYPE, UUID_SIZE
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer
 from gsvc_ref.encoder.log import MAX_STEPS, Decision
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter
@@ -33,7 +33,7 @@ FRAME_RECORD, GROUP_RECORD = "p", "q"
 MAX_RECORD: Final = 1 << 16
 """Maximum number of bytes of a record; those of gsvc_ref have about 600."""
 
-NOT_KEPT: Final = "the bytes are no group of pictures that an encode has kept"
+NOT_A_GROUP: Final = "the bytes are no group of pictures that an encode has kept"
 
 
 class GroupWriter:
@@ -124,12 +124,12 @@ class KeptGroup:
             else:
                 decided = record.get("decided")
         if not isinstance(decided, list) or not all(_is_count(number) for number in decided):
-            raise GsvcError("malformed", NOT_KEPT)
+            raise GsvcError("malformed", NOT_A_GROUP)
         self.decided: tuple[int, ...] = tuple(decided)
         self.digests = [record.digest for record in self._records]
         reader = StreamReader(data, layer=None)
         if reader.frame_count != len(self._records):
-            raise GsvcError("malformed", NOT_KEPT)
+            raise GsvcError("malformed", NOT_A_GROUP)
         self.header = reader.header
         self._frames = reader.frames()
         self._taken = 0
@@ -158,10 +158,10 @@ def _layers(frame: DecodedFrame, psnr: tuple[float, ...]) -> tuple[EncodedLayer,
     """The base and the layers of a frame; one without a chunk repeats what it was."""
     chunks = {chunk.layer: chunk.codes for chunk in frame.chunks}
     if frame.layers is None or not isinstance(frame.codes, MainCodes) or not isinstance(frame.state, MainState):
-        raise GsvcError("malformed", NOT_KEPT)
+        raise GsvcError("malformed", NOT_A_GROUP)
     states = {0: frame.state, **frame.layers.there}
     if len(states) != len(psnr):
-        raise GsvcError("malformed", NOT_KEPT)
+        raise GsvcError("malformed", NOT_A_GROUP)
     codes = {0: frame.codes, **chunks}
     return tuple(
         EncodedLayer(layer, codes.get(layer, MainCodes.repeated_frame()), state, psnr[layer])
@@ -190,7 +190,7 @@ def _parsed(payload: bytes) -> dict[str, Any]:
             raise ValueError
         return record
     except (ValueError, RecursionError):
-        raise GsvcError("malformed", NOT_KEPT) from None
+        raise GsvcError("malformed", NOT_A_GROUP) from None
 
 
 def _record(fields: dict[str, Any]) -> _Record:
@@ -208,7 +208,7 @@ def _record(fields: dict[str, Any]) -> _Record:
             reason, tuple(_psnr(one) for one in fields["layers"]),
         )  # fmt: skip
     except (ValueError, TypeError, KeyError, AttributeError):
-        raise GsvcError("malformed", NOT_KEPT) from None
+        raise GsvcError("malformed", NOT_A_GROUP) from None
 
 
 def _decision(effect: Any, done: Any, reason: Any, iterations: Any, saved: Any, seconds: Any) -> Decision:

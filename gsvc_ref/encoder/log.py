@@ -12,14 +12,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder.effects import EFFECT_NAMES, EffectName, Effects
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import FrameType
 
-SIGNATURE: Final = b"LOG\x01"
+LOG_SIGNATURE: Final = b"LOG\x01"
 """The first bytes of a log, since applications may give the chunk type another meaning; the last one is the version."""
 
-MAX_LINE: Final = 2048
+MAX_LOG_LINE: Final = 2048
 """Maximum number of bytes of a line; those of gsvc_ref have about 600."""
 
 MAX_STEPS: Final = 2**53 - 1
@@ -28,7 +28,7 @@ MAX_STEPS: Final = 2**53 - 1
 OFF: Final = "switched off"
 """The reason of a decision about an effect whose mode is ``off``."""
 
-PIECE: Final = 1 << 16
+LOG_PIECE: Final = 1 << 16
 """Maximum number of bytes that are inflated at a time."""
 
 
@@ -116,7 +116,7 @@ def write_log(frames: Sequence[Sequence[Decision]]) -> bytes:
     """The payload of a chunk ``d`` for the decisions about all frames, one about each effect."""
     deflater = zlib.compressobj(9, wbits=-15)
     lines = (_line(number, decisions) for number, decisions in enumerate(frames))
-    return b"".join([SIGNATURE, *map(deflater.compress, lines), deflater.flush()])
+    return b"".join([LOG_SIGNATURE, *map(deflater.compress, lines), deflater.flush()])
 
 
 def _line(number: int, decisions: Iterable[Decision]) -> bytes:
@@ -131,8 +131,8 @@ def _line(number: int, decisions: Iterable[Decision]) -> bytes:
 def read_log(payload: bytes, frame_count: int) -> list[tuple[Decision, ...]]:
     """The decisions about all frames, each with one about each effect in the order of `EFFECT_NAMES`.
 
-    Whatever the payload is, it takes at most MAX_LINE bytes for each frame: it is inflated piece by piece, and reading
-    ends at the first line that is too long or one too many. Names that this version does not know are skipped.
+    Any payload takes at most MAX_LOG_LINE bytes for each frame: it is inflated piece by piece, and reading ends at the
+    first line that is too long or one too many. Names that this version does not know are skipped.
 
     Parameters
     ----------
@@ -146,10 +146,10 @@ def read_log(payload: bytes, frame_count: int) -> list[tuple[Decision, ...]]:
     UsageError
         The payload is no log, or not one of a stream with this number of frames.
     """
-    if payload[: len(SIGNATURE)] != SIGNATURE:
+    if payload[: len(LOG_SIGNATURE)] != LOG_SIGNATURE:
         raise UsageError("the chunk of type d holds no log of decisions, or one of a later version")
     frames: list[tuple[Decision, ...]] = []
-    for line in _inflated_lines(payload[len(SIGNATURE) :]):
+    for line in _inflated_lines(payload[len(LOG_SIGNATURE) :]):
         if len(frames) == frame_count:
             raise UsageError(f"the log of decisions has more lines than the stream has frames, {frame_count}")
         frames.append(_decisions(line, len(frames)))
@@ -163,14 +163,14 @@ def _inflated_lines(deflated: bytes) -> Iterator[bytes]:
     inflater, rest = zlib.decompressobj(-15), b""
     while not inflater.eof:
         try:
-            piece = inflater.decompress(deflated, PIECE)
+            piece = inflater.decompress(deflated, LOG_PIECE)
         except zlib.error as error:
             raise UsageError(f"the log of decisions cannot be inflated: {error}") from None
         deflated = inflater.unconsumed_tail
         if not (piece or deflated or inflater.eof):
             break
         *lines, rest = (rest + piece).split(b"\n")
-        if len(rest) > MAX_LINE:
+        if len(rest) > MAX_LOG_LINE:
             break
         yield from lines
     if rest or not inflater.eof or inflater.unused_data:
@@ -180,7 +180,7 @@ def _inflated_lines(deflated: bytes) -> Iterator[bytes]:
 def _decisions(line: bytes, number: int) -> tuple[Decision, ...]:
     """The decisions in a line, which is believed only if all of it has the types that it must have."""
     try:
-        entry: Any = json.loads(line) if len(line) <= MAX_LINE else None
+        entry: Any = json.loads(line) if len(line) <= MAX_LOG_LINE else None
         if entry["frame"] != number:
             raise ValueError
         return tuple(_decision(name, **_known(entry[name])) for name in EFFECT_NAMES)

@@ -3,27 +3,27 @@
 from dataclasses import replace
 from typing import IO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
 from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen
 from gsvc_ref.encoder.report import EncodeReport
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics.libvmaf import vmaf
-from gsvc_ref.portable import log2
 from gsvc_ref.stream import decode
 
-NAMES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
+MEASURES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
 """Measures of quality as people call them."""
 
 MOST_SEARCHES: Final = 5
 """How often a clip is encoded at most to reach a mean quality."""
 
-NEAR: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
+NEAR_MEAN: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
 """A mean quality that is reached by at most so much more is not looked for any further."""
 
 QUALITY_SLOPE: Final = {"mean_psnr": 3.4, "vmaf": 10.0}
 """First guess of what twice the splats gain."""
 
-START: Final = {"mean_psnr": 33.0, "vmaf": 80.0}
+FIRST_QUALITY: Final = {"mean_psnr": 33.0, "vmaf": 80.0}
 """First guess of what the default number of splats reaches."""
 
 EQUAL_PSNR: Final = 100.0
@@ -36,7 +36,7 @@ def to_quality(passes: Passes) -> EncodeReport:
     goal = float(getattr(passes.asked, name))
     default = passes.base.with_(splats=None).splat_count(passes.format.width, passes.format.height)
     slope = QUALITY_SLOPE[name]
-    octave = float(log2(default)) + (goal - START[name]) / slope
+    octave = float(log2(default)) + (goal - FIRST_QUALITY[name]) / slope
     tried: dict[int, tuple[float, EncodeReport, IO[bytes]]] = {}
     with temporary_files() as new_file:
         for attempt in range(MOST_SEARCHES):
@@ -45,19 +45,21 @@ def to_quality(passes: Passes) -> EncodeReport:
             if splats in tried:
                 break
             file = new_file()
-            step = f"{NAMES[name]} {goal:g}, pass {attempt + 1}"
+            step = f"{MEASURES[name]} {goal:g}, pass {attempt + 1}"
             report = passes.tried(passes.frames(), file, passes.base.with_(splats=splats), step)
             reached = _reached(passes, name, report, file)
             tried[splats] = reached, report, file
-            if 0 <= reached - goal <= NEAR[name]:
+            if 0 <= reached - goal <= NEAR_MEAN[name]:
                 break
-            octave = _next_octave(tried, goal + NEAR[name] / 2, slope)
+            octave = _next_octave(tried, goal + NEAR_MEAN[name] / 2, slope)
         enough = [number for number, (reached, _, _) in tried.items() if reached >= goal]
         best = min(enough) if enough else max(tried, key=lambda number: tried[number][0])
         reached, report, file = tried[best]
         passes.put(file)
     unit = " dB" if name == "mean_psnr" else ""
-    notes = [f"asked for a mean {NAMES[name]} of {goal:g}{unit}, got {reached:.2f}{unit} with {best:,} splats a frame"]
+    notes = [
+        f"asked for a mean {MEASURES[name]} of {goal:g}{unit}, got {reached:.2f}{unit} with {best:,} splats a frame"
+    ]
     if not enough:
         notes.append(f"more is not reached with at most {passes.most:,} splats a frame; splats (--splats) allows more")
     return replace(report, notes=[*report.notes, *notes])

@@ -9,9 +9,9 @@ from typing import Final, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.portable import log2, whole_power
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.portable import log2, whole_power
 
 STEP: Final = 64 / 255
 """A sharp edge is a difference of two neighbouring pixels by this part of the peak, in luma..."""
@@ -25,7 +25,7 @@ LEAST_FLAT: Final = 0.4
 LEAST_SHARP: Final = 0.005
 """...so many sharp edges among all pairs of neighbours..."""
 
-LEAST_SHARE: Final = 0.4
+LEAST_SHARP_SHARE: Final = 0.4
 """...and so many sharp ones among its edges. Of 24 pages, terminals, slides and windows drawn with Pillow's font,
 176x144 to 640x360, all are found; the scanned and the photographed page of scikit-image are not. Of 20 scenes and 20
 other pictures of scikit-image two are found, which are drawings in black and white."""
@@ -36,7 +36,7 @@ GOOD: Final = 35.0
 SPLATS_OF_EDGE: Final = 0.56
 """Splats for each pixel of a sharp edge that GOOD takes; 0.38 to 0.69 for 13 such pictures of 176x144 and 352x288."""
 
-DB_PER_DOUBLING: Final = 7.0
+SCREEN_DB_PER_DOUBLING: Final = 7.0
 """What twice the splats gain there, in dB; photographs gain 3 to 5."""
 
 
@@ -81,7 +81,7 @@ class Sharpness:
     @property
     def is_screen(self) -> bool:
         """Whether the frame looks like text or a screen."""
-        return self.flat >= LEAST_FLAT and self.sharp >= LEAST_SHARP and self.share >= LEAST_SHARE
+        return self.flat >= LEAST_FLAT and self.sharp >= LEAST_SHARP and self.share >= LEAST_SHARP_SHARE
 
     @property
     def good_splats(self) -> int:
@@ -90,7 +90,7 @@ class Sharpness:
 
     def expected_psnr(self, splats: int) -> float:
         """The PSNR in dB of such a frame with so many splats, about."""
-        return GOOD + DB_PER_DOUBLING * float(log2(splats / self.good_splats))
+        return GOOD + SCREEN_DB_PER_DOUBLING * float(log2(splats / self.good_splats))
 
 
 def screen_note(frame: Frame, peak: int, settings: Settings) -> str | None:

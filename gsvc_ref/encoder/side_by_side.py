@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
@@ -29,7 +29,7 @@ BYTES_AHEAD: Final = 1 << 28
 """For each job so many bytes of frames may have been read and not yet written, 43 frames of 1920x1080. Long groups of
 large frames are therefore read, and begun, only as those before them are done."""
 
-TRIES: Final = 2
+RUN_TRIES: Final = 2
 """A run is given out so many times where the process that has it ends before it does."""
 
 
@@ -290,7 +290,7 @@ class _Leader:
         try:
             run = task.result()
         except BrokenExecutor:
-            if group.tries == TRIES:
+            if group.tries == RUN_TRIES:
                 group.fault = _dead_worker()
             return
         except Exception as error:

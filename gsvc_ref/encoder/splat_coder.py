@@ -12,22 +12,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, I8
+from gsvc_base.arrays import F4, I8
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.bitstream.frames import Frame
+from gsvc_ref.bitstream.frames import FrameElements
 from gsvc_ref.bitstream.frames import frame as write_frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
 from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
-from gsvc_ref.portable import log2
 from gsvc_ref.rendering import Objective, Renderer, rendering_work
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss
 
 
@@ -187,7 +187,7 @@ class SplatCoder:
             level=self.level, width=self.width, height=self.height, **quantizer_fields(self.settings)
         )
         s = Writer()
-        write_frame(s, header, self.state, coded.codes.type, number, Frame(number, None, coded.codes))
+        write_frame(s, header, self.state, coded.codes.type, number, FrameElements(number, None, coded.codes))
         return len(s.getvalue())
 
 

@@ -3,7 +3,7 @@
 For a bit rate or a size the clip is encoded at least twice. The first pass tells what each frame of each group of
 pictures takes with one number of splats, and the first frames of each group, encoded again with another number, how
 that changes. `curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps to it in the second pass. Should the
-stream miss the goal by more than TOLERANCE, as where a group cannot be as small or as large as planned, what it took
+stream miss the goal by more than NEAR_TARGET, as where a group cannot be as small or as large as planned, what it took
 corrects the curves, and another pass follows.
 
 For a mean PSNR or VMAF see `mean_quality`.
@@ -17,6 +17,8 @@ from functools import partial
 from tempfile import TemporaryFile
 from typing import IO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2, power, total
 from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
 from gsvc_ref.encoder.encoder import frame_count_of
@@ -26,15 +28,13 @@ from gsvc_ref.encoder.reading_again import Chosen, readable_again
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
-from gsvc_ref.portable import log2, power, total
 from gsvc_ref.video.format import FrameRate
 
-TOLERANCE: Final = 0.03
+NEAR_TARGET: Final = 0.03
 """A stream that is as near to its goal, in parts of it, is left as it is."""
 
-STEPS: Final = ("second pass", "correcting the size", "correcting the size again")
+PASS_REASONS: Final = ("second pass", "correcting the size", "correcting the size again")
 """What the passes after the first one are for; no more follow, near enough or not."""
 
 SPLAT_BITS: Final = 33.0
@@ -116,7 +116,7 @@ def _to_size(passes: Passes) -> EncodeReport:
     file: IO[bytes]
     bound = False
     with temporary_files() as new_file:
-        for attempt, step in enumerate(STEPS):
+        for attempt, step in enumerate(PASS_REASONS):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
             plans = _plans(curves, octaves)
             most = max(plan.splats for plan in plans.values())
@@ -138,7 +138,7 @@ def _to_size(passes: Passes) -> EncodeReport:
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), file)
             best = stream if best is None or stream.distance < best.distance else best
             bound = all(at in (passes.low, passes.high) for at in octaves)
-            if made.interrupted or best.distance <= TOLERANCE or bound:
+            if made.interrupted or best.distance <= NEAR_TARGET or bound:
                 break
             fixed = 8.0 * made.file_bytes - sum(_bits(frame) for frame in made.frames)
             curves = _corrected(curves, octaves, made.frames)
@@ -244,10 +244,10 @@ def _size_notes(passes: Passes, report: EncodeReport, goal: float, fixed: float,
         seconds = float(len(report.frames) / report.header.frame_rate)
         sizes = f"asked for {goal / seconds / 1000:,.1f} kbit/s, got {bits / seconds / 1000:,.1f}"
     notes = [f"{sizes} ({100 * (bits / goal - 1):+.1f} %)"]
-    if report.interrupted or abs(bits / goal - 1) <= TOLERANCE:
+    if report.interrupted or abs(bits / goal - 1) <= NEAR_TARGET:
         return notes
     if not bound:
-        notes.append(f"{len(STEPS)} passes after the first came no nearer; another --seed or --key-frames may")
+        notes.append(f"{len(PASS_REASONS)} passes after the first came no nearer; another --seed or --key-frames may")
     elif bits > goal:
         notes.append(
             f"it does not get smaller: {fixed / 8:,.0f} bytes are header, index and log (decisions=False, "

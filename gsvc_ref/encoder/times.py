@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import groupby, islice, pairwise, takewhile
 from typing import Final
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.video import VideoReader
@@ -19,7 +19,7 @@ from gsvc_ref.video import VideoReader
 MOST_AHEAD: Final = 64
 """Maximum number of frames that a chunk is about: beside so many runs its other 13 bytes or so are few."""
 
-BYTES_AHEAD: Final = 1 << 26
+TIMES_BYTES_AHEAD: Final = 1 << 26
 """Bytes of frames that are read ahead, at most, if they are several."""
 
 USUAL_TICKS: Final = 90_000
@@ -43,7 +43,7 @@ class SourceTimes:
         self._reader, self._range = reader, (start, stop)
         video = reader.format
         size = video.width * video.height * 3 * video.dtype.itemsize
-        self._ahead = 1 if least_delay else max(1, min(MOST_AHEAD, BYTES_AHEAD // size))
+        self._ahead = 1 if least_delay else max(1, min(MOST_AHEAD, TIMES_BYTES_AHEAD // size))
         self._usual = 1 / video.frame_rate
         self._chunks: dict[int, bytes] = {}
         self._begin: Fraction | None = None

@@ -16,7 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.portable import log2, power
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import level_for
 from gsvc_ref.encoder.budget import header_so_far
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
@@ -26,10 +28,8 @@ from gsvc_ref.encoder.groups import GroupCoder, say_nothing
 from gsvc_ref.encoder.passes import splats_of
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.encoder.targets import TOLERANCE
-from gsvc_ref.portable import log2, power
+from gsvc_ref.encoder.targets import NEAR_TARGET
 from gsvc_ref.rendering import rendering_work
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 
@@ -287,7 +287,7 @@ def _with_goal(
         octave = same_for_all([curve], max(goal - 8 * fixed, 1.0), 0.0, high)
         change = DB_PER_DOUBLING * (octave - curve.octave)
         reached = (float(curve.bits(np.array([octave]))[0]) + 8 * fixed) / 8
-        factor = SIZE_RANGE if octave in (0.0, high) else 1 + TOLERANCE
+        factor = SIZE_RANGE if octave in (0.0, high) else 1 + NEAR_TARGET
         size = Range(reached / factor, reached, reached * factor)
         wide = abs(change) / 4
         return size, Range(psnr.low + change - wide, psnr.likely + change, psnr.high + change + wide), splats_of(octave)

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import I8
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
-from gsvc_ref.errors import UsageError
 
 OCTAVE: Final = 1024
 """Steps of an exponent in one octave."""
@@ -35,6 +35,7 @@ def _nearest_exp2() -> Iterator[int]:
 
 EXP2: Final[I8] = np.array([*_nearest_exp2()], np.int64)
 """2^(i/1024) with 15 bits behind the binary point, (1024,)."""
+
 
 def exp2(v: ArrayLike, bits: int) -> Any:
     """2^(v/1024) with so many bits behind the binary point, rounded down (15-2); integers of any shape, |v| < 2^15."""

@@ -6,14 +6,14 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import F4, I8, U2
+from gsvc_base.checks import door
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I8, U2
-from gsvc_ref.checks import door
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import lsq, rvq
-from gsvc_ref.paper.codes import BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
+from gsvc_ref.paper.codes import NO_QUANTIZER, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.paper.half import from_half
-from gsvc_ref.splats import Splats
 
 Columns = tuple[F4, F4, F4]
 """Positions (N, 2), Cholesky factors (N, 3) and colours (N, 3) of splats."""
@@ -33,7 +33,6 @@ class Codes(NamedTuple):
 
 _NO_PAIRS: Final[U2] = np.empty((0, 2), np.uint16)
 _NO_TRIPLES: Final[U2] = np.empty((0, 3), np.uint16)
-_NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32))
 
 VALUES_OF_HALVES: Final[F4] = from_half(np.arange(1 << 16, dtype=np.uint16))
 """The exact value of each binary16 pattern, (65536,) f4."""
@@ -241,7 +240,7 @@ def _arrays(
 def _codes(block: SplatBlock | None, kept: Kept) -> Codes:
     """The codes of a block of a frame, or of none."""
     block = block or SplatBlock()
-    quantizer, codebooks = kept.quantizer or _NO_QUANTIZER, kept.codebooks or ()
+    quantizer, codebooks = kept.quantizer or NO_QUANTIZER, kept.codebooks or ()
     if block.cholesky is not None and kept.quantizer is None:
         raise UsageError("a block has no quantizer, and none is kept since the last I-frame (R-6.5-4)")
     if block.colors is not None and kept.codebooks is None:

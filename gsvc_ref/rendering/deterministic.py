@@ -10,13 +10,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.arrays import F4
+from gsvc_base.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
-from gsvc_ref.rendering.fast.sums import E_BLUE, E_GREEN, E_RED, MOMENTS, U1, U1U1, U1U2, U2, U2U2
+from gsvc_ref.rendering.fast.sums import M_BLUE, M_GREEN, M_RED, M_U1, M_U1U1, M_U1U2, M_U2, M_U2U2, MOMENTS
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
-
-F4 = NDArray[np.float32]
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:
@@ -122,6 +121,6 @@ def _from_moments(S: NDArray[np.float64], splat: NDArray[np.float64]) -> F4:
     l11, l21, l22 = splat[2:5]
     r1, r2 = 1 / l11, 1 / l22
     slope = l21 * r1 * r2
-    of_mu = [S[U1] * r1 - S[U2] * slope, S[U2] * r2]
-    of_l = [S[U1U1] * r1 - S[U1U2] * slope, S[U1U2] * r2, S[U2U2] * r2]
-    return np.array([*of_mu, *of_l, S[E_RED], S[E_GREEN], S[E_BLUE]], np.float32)
+    of_mu = [S[M_U1] * r1 - S[M_U2] * slope, S[M_U2] * r2]
+    of_l = [S[M_U1U1] * r1 - S[M_U1U2] * slope, S[M_U1U2] * r2, S[M_U2U2] * r2]
+    return np.array([*of_mu, *of_l, S[M_RED], S[M_GREEN], S[M_BLUE]], np.float32)

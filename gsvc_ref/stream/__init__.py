@@ -3,8 +3,7 @@
 In reading order: `source` has the bytes of a file or a pipe, `chunk_decoder` decodes one chunk after the other, and
 `reader` leads it through a stream, with `seeking` from any frame on, with `salvage` through what damage has left, whose
 `whole_chunks` it finds. The results are in `decoded`. `decoder` renders pictures of them, with the video's format from
-`formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back, and
-`concatenation` makes one stream of several, `cutting` one of a part of another, and `copying` is what both do.
+`formats`, and `whole_streams` gives all codes, splats or frames of a stream at once. `writer` is the way back.
 """
 
 from typing import TYPE_CHECKING, Final
@@ -12,9 +11,6 @@ from typing import TYPE_CHECKING, Final
 from gsvc_ref._lazy import lazily
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream.concatenation import concat
-    from gsvc_ref.stream.copying import ConcatReport
-    from gsvc_ref.stream.cutting import cut
     from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, StreamSummary
     from gsvc_ref.stream.decoder import Stream, decode, scaled_size
     from gsvc_ref.stream.formats import video_format
@@ -31,7 +27,6 @@ if TYPE_CHECKING:
     from gsvc_ref.stream.writer import StreamWriter
 
 __all__ = [
-    "ConcatReport",
     "DecodedFrame",
     "FrameSummary",
     "Gap",
@@ -39,8 +34,6 @@ __all__ = [
     "StreamReader",
     "StreamSummary",
     "StreamWriter",
-    "concat",
-    "cut",
     "decode",
     "decode_stream",
     "decode_stream_deterministic",
@@ -54,7 +47,6 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "ConcatReport": "copying",
     "DecodedFrame": "decoded",
     "FrameSummary": "decoded",
     "Gap": "decoded",
@@ -62,8 +54,6 @@ _HOMES: Final = {
     "StreamReader": "reader",
     "StreamSummary": "decoded",
     "StreamWriter": "writer",
-    "concat": "concatenation",
-    "cut": "cutting",
     "decode": "decoder",
     "decode_stream": "whole_streams",
     "decode_stream_deterministic": "whole_streams",

@@ -6,26 +6,23 @@ from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Final, Self
+from typing import BinaryIO, Final, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats, scale_parameters
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.bitstream.times import FrameTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
 from gsvc_ref.rendering.fast.threads import thread_count
-from gsvc_ref.splats import Splats, scale_parameters
 from gsvc_ref.stream.ahead import read_ahead
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.video import VideoFormat
 
-Frame = NDArray[np.unsignedinteger[Any]]
 HIGHEST: Final = LEVELS[max(LEVELS)]
 """The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
 

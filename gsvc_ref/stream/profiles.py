@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import frame_codes
 from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
@@ -153,9 +153,9 @@ def _other_profile(header: SequenceHeader) -> UsageError:
     return UsageError(f"the codes are of another profile than `{name}`, that of the header; {made} belong to one each")
 
 
-_PROFILES: Final[tuple[Profile, ...]] = (_Paper(), _Main())
+_BY_NUMBER: Final[tuple[Profile, ...]] = (_Paper(), _Main())
 
 
 def profile_of(header: SequenceHeader) -> Profile:
     """The profile of a stream."""
-    return _PROFILES[header.profile]
+    return _BY_NUMBER[header.profile]

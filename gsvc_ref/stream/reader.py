@@ -7,15 +7,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.coder import Element, categories_of
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MOST_LAYERS, SequenceHeader
 from gsvc_ref.bitstream.times import TIMES, FrameTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, LayerSummary, StreamSummary
 from gsvc_ref.stream.salvage import Salvage
 from gsvc_ref.stream.seeking import find_frame, find_whole_frame, read_end
-from gsvc_ref.stream.source import PIECE, Source
+from gsvc_ref.stream.source import READ_AT_ONCE, Source
 from gsvc_ref.stream.times import find_times, no_times
 
 
@@ -218,7 +218,7 @@ class StreamReader:
             error = fault
         file_bytes = self._source.size
         if file_bytes is None:
-            while self._source.read(PIECE):
+            while self._source.read(READ_AT_ONCE):
                 pass
             file_bytes = self._source.offset
         file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened

@@ -11,13 +11,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream import chunks
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, Place
 from gsvc_ref.stream.whole_chunks import payload_end
 
-WINDOW: Final = 1 << 16
+SEARCH_SIZE: Final = 1 << 16
 """Bytes that are read at once in search of the heads of chunks."""
 
 
@@ -81,7 +81,7 @@ def hop_over_window(decoder: ChunkDecoder, here: Place, number: int, *, stop_at:
     with source.lock:
         source.seek(here.offset)
         left = source.current_size() - here.offset
-        data = np.frombuffer(source.read(WINDOW), np.uint8)
+        data = np.frombuffer(source.read(SEARCH_SIZE), np.uint8)
     at, next_number, index_length, i_at, i_number = _hop(
         data, left, decoder.header.limits.payload, here.next_number, number, stop_at
     )

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, Self
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Element
-from gsvc_ref.errors import UsageError
 
-PIECE: Final = 1 << 20
+READ_AT_ONCE: Final = 1 << 20
 """Maximum number of bytes asked for at once: a length that a stream claims is never allocated before its bytes came."""
 
 
@@ -79,7 +79,7 @@ class Source:
         if size > 0 and self._ahead:
             ahead, self._ahead = self._ahead, b""
             return ahead
-        piece = self._file.read(min(size, PIECE)) if size > 0 else b""
+        piece = self._file.read(min(size, READ_AT_ONCE)) if size > 0 else b""
         if not isinstance(piece, bytes):
             raise UsageError("the source yields text; open the file in mode 'rb'")
         return piece
@@ -107,7 +107,7 @@ class Source:
             self.offset, self._ahead = offset, b""
         elif offset < self.offset:
             raise UsageError("a pipe can be read only once, from its start; give a file to read it again")
-        while self.offset < offset and self.read(min(PIECE, offset - self.offset)):
+        while self.offset < offset and self.read(min(READ_AT_ONCE, offset - self.offset)):
             pass
 
     def current_size(self) -> int:

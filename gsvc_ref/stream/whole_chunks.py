@@ -10,7 +10,7 @@ from gsvc_ref.bitstream.chunks import HEADER_TYPE
 from gsvc_ref.bitstream.crc import ZERO_TABLES, crc32c_of_part, registers
 from gsvc_ref.bitstream.header import LONGEST_HEADER
 from gsvc_ref.stream.chunk_decoder import CRC_SIZE
-from gsvc_ref.stream.source import PIECE, Source
+from gsvc_ref.stream.source import READ_AT_ONCE, Source
 
 LONGEST_FRAME: Final = 1 + 5 + CRC_SIZE
 """Maximum number of bytes of a chunk around its payload."""
@@ -86,7 +86,7 @@ class WholeChunks:
         self.end = source.size or 0
         self._longest = longest
         self._reach = max(longest, LONGEST_HEADER) + LONGEST_FRAME
-        self._step = max(PIECE, longest // 2)
+        self._step = max(READ_AT_ONCE, longest // 2)
         self._first = 0  # offset of the window in the file
         self._data = np.empty(0, np.uint8)
         self._kept = np.empty(1, np.uint32)
@@ -136,7 +136,7 @@ class WholeChunks:
         expected, filled = len(data), 0
         with self._source.lock:
             self._source.seek(offset)
-            while filled < expected and (piece := self._source.read(min(PIECE, expected - filled))):
+            while filled < expected and (piece := self._source.read(min(READ_AT_ONCE, expected - filled))):
                 data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
                 filled += len(piece)
         data = data[:filled]

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import BinaryIO, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head
@@ -23,7 +23,7 @@ from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10
 
-REMEDIES: Final = {
+PACE_REMEDIES: Final = {
     "R-5-7": "write fewer splats, or a higher level, or a stream that is not paced",
     "R-5-8": "write an I-frame here, or a stream that is not paced",
 }
@@ -181,7 +181,7 @@ class StreamWriter:
         pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
         if self.header.paced_flag and (fault := pace.fault(self.header)) is not None:
             rule, said = fault
-            raise UsageError(f"{said} ({rule}); {REMEDIES[rule]}")
+            raise UsageError(f"{said} ({rule}); {PACE_REMEDIES[rule]}")
         bits = self._append(s, payload_bits)
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offset))

@@ -7,17 +7,17 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import DTypeLike, NDArray
 
+from gsvc_base.draws import Draws, Size
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.draws import Draws, Size
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing.choices import Choices
 from gsvc_ref.testing.examples import RICH_HEADER, rich_frames
 from gsvc_ref.testing.faults import write_stream
 from gsvc_ref.testing.random_main_streams import make_main_stream, random_main_stream
-from gsvc_ref.testing.random_streams import MAX_PIXELS, Stream, make_frame, make_header, make_stream
+from gsvc_ref.testing.random_streams import LEVEL1_PIXELS, Stream, make_frame, make_header, make_stream
 
-FEW: Final = 24
+FEW_NUMBERS: Final = 24
 """Number of numbers that are drawn one by one: those of 8 splats."""
 
 
@@ -39,7 +39,7 @@ class DrawnChoices(Choices):
 class DrawnNumbers(Draws):
     """Random numbers that Hypothesis draws, the simple ones first: middles, lowest integers, zeros.
 
-    More than `FEW` at once come from a drawn seed.
+    More than `FEW_NUMBERS` at once come from a drawn seed.
     """
 
     def __init__(self, draw: st.DrawFn) -> None:
@@ -48,14 +48,14 @@ class DrawnNumbers(Draws):
 
     def random(self, size: Size, dtype: DTypeLike = np.float64) -> NDArray[Any]:
         """Numbers from 0 to below 1; 1/2 is the simplest."""
-        if np.prod(size) > FEW:
+        if np.prod(size) > FEW_NUMBERS:
             return super().random(size, dtype)
         return np.asarray(self._numbers(st.floats(-0.5, 0.5, exclude_max=True, width=32), size) + 0.5).astype(dtype)
 
     def integers(self, low: Any, high: Any = None, size: Any = None, dtype: DTypeLike = np.int64) -> Any:
         """Integers from low to below high, or from 0 to below low; the lowest is the simplest."""
         shape = () if size is None else size
-        if np.ndim(low) or np.ndim(high) or np.prod(shape) > FEW:
+        if np.ndim(low) or np.ndim(high) or np.prod(shape) > FEW_NUMBERS:
             return super().integers(low, high, size, dtype)
         first, end = (0, low) if high is None else (low, high)
         drawn = self._numbers(st.integers(int(first), int(end) - 1), shape)
@@ -63,7 +63,7 @@ class DrawnNumbers(Draws):
 
     def standard_normal(self, size: Size, dtype: DTypeLike = np.float64) -> NDArray[Any]:
         """Numbers of some units around 0; 0 is the simplest."""
-        if np.prod(size) > FEW:
+        if np.prod(size) > FEW_NUMBERS:
             return super().standard_normal(size, dtype)
         return self._numbers(st.floats(-4, 4, width=32), size).astype(dtype)
 
@@ -72,7 +72,7 @@ class DrawnNumbers(Draws):
 
 
 @st.composite
-def headers(draw: st.DrawFn, *, max_pixels: int = MAX_PIXELS) -> SequenceHeader:
+def headers(draw: st.DrawFn, *, max_pixels: int = LEVEL1_PIXELS) -> SequenceHeader:
     """Legal sequence headers; all elements but the size take their whole range.
 
     Parameters
@@ -91,7 +91,7 @@ def frames(
     return make_frame(DrawnChoices(draw), header, state, types=types, max_count=max_count)
 
 
-def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> st.SearchStrategy[Stream]:
+def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS) -> st.SearchStrategy[Stream]:
     """Legal streams with all that the syntax allows: those of `random_stream`, drawn by Hypothesis.
 
     What a stream needs of the compiler is compiled before the first is drawn, and so is `gsvc_ref.reconstruct_stream`.
@@ -118,7 +118,7 @@ def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_
 
 
 def main_streams(
-    *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS
+    *, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS
 ) -> st.SearchStrategy[Stream]:
     """Legal streams of profile `main` with all that the syntax allows: those of `random_main_stream`.
 

@@ -8,10 +8,11 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.draws import Draws
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import MAIN, header_elements
-from gsvc_ref.draws import Draws
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
@@ -20,13 +21,12 @@ from gsvc_ref.main.layers import Layers
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import write_stream
-from gsvc_ref.testing.random_streams import FEW_SPLATS, MAX_PIXELS, MAX_SPLATS, Stream, make_header
+from gsvc_ref.testing.random_streams import ANY_SIZE_SPLATS, FEW_SPLATS, LEVEL1_PIXELS, Stream, make_header
 
 Kind = Literal["likely", "any", "first", "last"]
-SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
+MAIN_SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
 """Symbols as their frequencies make them likely, each as likely as another, the first, or the last of each pass."""
 
 
@@ -61,7 +61,9 @@ class RandomRun(Run):
         return self._rng.integers(np.zeros(len(ends), np.int64), ends)
 
 
-def random_main_stream(seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = MAX_PIXELS) -> Stream:
+def random_main_stream(
+    seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS
+) -> Stream:
     """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
 
     Parameters
@@ -92,7 +94,7 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
         behind = behind.behind(frame.type, state)
         layers[number] = []
         for layer in range(1, header.layer_count):
-            room = MAX_SPLATS - behind.others(layer) - len(behind.start_of(layer, header).values)
+            room = ANY_SIZE_SPLATS - behind.others(layer) - len(behind.start_of(layer, header).values)
             if room >= 0 and choices.integer(0, 3) > 0:
                 found, behind = make_layer(choices, header, behind, layer, max_count=max_count)
                 layers[number].append((layer, found))
@@ -141,7 +143,7 @@ def make_main_frame(
     if frame_type == "R":
         return MainCodes.repeated_frame(), state
     before = MainState.initial(header.width, header.height) if frame_type == "I" else state
-    room = max(0, min(max_count, MAX_SPLATS - taken - len(before.values)))
+    room = max(0, min(max_count, ANY_SIZE_SPLATS - taken - len(before.values)))
     drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     count = drawn if count is None else count
     own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
@@ -155,7 +157,7 @@ def make_main_frame(
     before = replace(before, densities=codes.densities or before.densities)
     if count + len(before.values) == 0:
         return codes, before
-    symbols: Kind = choices.pick(SYMBOL_KINDS) if kind is None else kind
+    symbols: Kind = choices.pick(MAIN_SYMBOL_KINDS) if kind is None else kind
     run = RandomRun(choices.generator(), symbols)
     after, codes = code_run(run, before, codes, count)
     return codes, after

@@ -6,10 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import U2
+from gsvc_base.arrays import U2
+from gsvc_base.draws import Draws
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
-from gsvc_ref.draws import Draws
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import (
     BlockKind,
     Codebooks,
@@ -22,18 +23,17 @@ from gsvc_ref.paper import (
     reconstruct,
 )
 from gsvc_ref.paper.half import EXPONENT_MASK
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import LayersOfFrames, Lie, write_stream
 
-MAX_SPLATS = 256
+ANY_SIZE_SPLATS = 256
 """Number of splats of any size that every level allows on frames of any size: its work is 256 times its pixels."""
 
 FEW_SPLATS = 8
 """Number of splats at which no plane is worth entropy coding, and a stream can be read by eye."""
 
-MAX_PIXELS = 1 << 17
+LEVEL1_PIXELS = 1 << 17
 """Pixels of a frame of level 1."""
 
 SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
@@ -116,7 +116,7 @@ def random_stream(
     *,
     max_frames: int = 5,
     max_count: int = 120,
-    max_pixels: int = MAX_PIXELS,
+    max_pixels: int = LEVEL1_PIXELS,
     wishes: Wishes = ANYTHING,
 ) -> Stream:
     """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis.
@@ -275,7 +275,7 @@ def make_frame(
     max_count: int = 120,
     count: int | None = None,
 ) -> FrameCodes:
-    """A frame that may follow `state`: one of `types`, with at most `max_count` new splats and `MAX_SPLATS` in all.
+    """A frame that may follow `state`: one of `types`, with up to `max_count` new splats and `ANY_SIZE_SPLATS` in all.
 
     With `count` it has so many splats, unless it is an R-frame; `state` must have no more.
     """
@@ -292,7 +292,7 @@ def make_frame(
         if survivors.any():
             inter = _block(choices, header, int(np.count_nonzero(survivors)), "inter", state.inter)
     staying = int(np.count_nonzero(survivors))
-    room = min(max_count, MAX_SPLATS - staying) if count is None else 0
+    room = min(max_count, ANY_SIZE_SPLATS - staying) if count is None else 0
     drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     new = drawn if count is None else count - staying
     kept = Kept() if frame_type == "I" else state.intra

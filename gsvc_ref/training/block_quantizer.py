@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F8
+from gsvc_base.arrays import F4, F8
 from gsvc_ref.paper import (
     Kept,
     LsqParameters,
@@ -27,7 +27,6 @@ from gsvc_ref.paper import (
 from gsvc_ref.paper.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.paper.rvq_training import RvqState, initialize, moved
-from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.effects import Active, shape_error, shape_weights
 from gsvc_ref.training.loop import MIN_FACTOR

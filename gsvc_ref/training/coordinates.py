@@ -41,8 +41,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
 
 PER_ROOT3: Final = 1 / math.sqrt(3.0)
 PER_ROOT2: Final = 1 / math.sqrt(2.0)

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8, I8
 from gsvc_ref.training.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
 
 MEMORY: Final = 8

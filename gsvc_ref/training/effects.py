@@ -6,13 +6,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
 from gsvc_ref.training.settings import BlockSettings
 
 Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
 
-STEPS: Final = (1 / 64, 1.0)
+FIXED_STEPS: Final = (1 / 64, 1.0)
 """The finest and the coarsest fixed step, in pixels."""
 
 
@@ -73,8 +73,8 @@ def steps_for(values: F4, active: Active | None, error: float, settings: BlockSe
 
 
 def _step(error: float, cost: float) -> float:
-    """The largest power of two h within STEPS with cost h^2 / 12 <= error."""
-    least, most = STEPS
+    """The largest power of two h within FIXED_STEPS with cost h^2 / 12 <= error."""
+    least, most = FIXED_STEPS
     if not cost > 0:
         return most
     if not error > 0:

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4
 from gsvc_ref.paper import FrameCodes, Kept, Quantizer, State, reconstruct
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import F4
 from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned, fixed_steps
 from gsvc_ref.training.effects import Active, effects, steps_for
 from gsvc_ref.training.population import NEW, Population

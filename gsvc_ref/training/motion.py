@@ -18,11 +18,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.splats import F4
 from gsvc_ref.training.reduction import reduced
-
-F8 = NDArray[np.float64]
 
 LONGEST_SIDE: Final = 128
 """Flow is estimated on frames reduced to at most this number of pixels on the longer side."""

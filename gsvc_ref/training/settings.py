@@ -6,10 +6,10 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper import RvqSettings
-from gsvc_ref.splats import F4
 from gsvc_ref.training.adan import AdanSettings
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.pruning import PruningSchedule

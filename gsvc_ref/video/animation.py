@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image, features
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError, naming
-from gsvc_ref.files import PartialFile
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError, naming
+from gsvc_base.files import PartialFile
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
 
-MOST_BYTES: Final = 1 << 30
+MOST_HELD: Final = 1 << 30
 """Maximum number of bytes of all pictures: Pillow writes the file at the end, and holds them until then."""
 
 GIF_COLOURS: Final = 256
@@ -25,7 +25,7 @@ MIN_DELAY: Final = {".gif": 20, ".webp": 1}
 UNIT: Final = {".gif": 10, ".webp": 1}
 """Milliseconds that delays are counted in."""
 
-LONGEST_SIDE: Final = {".gif": 65535, ".webp": 16383}
+LONGEST_SIDES: Final = {".gif": 65535, ".webp": 16383}
 """Maximum number of pixels of a side."""
 
 
@@ -47,7 +47,7 @@ class AnimationWriter(VideoWriter):
     Raises
     ------
     UsageError
-        Pillow was built without WebP, a side is too long, or the pictures have more than MOST_BYTES; on `close`, no
+        Pillow was built without WebP, a side is too long, or the pictures have more than MOST_HELD; on `close`, no
         frame was written.
     FileNotFoundError
         The folder of the target does not exist.
@@ -60,7 +60,7 @@ class AnimationWriter(VideoWriter):
         self._target, self._kind = target, target.suffix.lower()
         if self._kind == ".webp" and not features.check("webp"):
             raise UsageError("this Pillow cannot write WebP; write .gif or .mp4")
-        most = LONGEST_SIDE[self._kind]
+        most = LONGEST_SIDES[self._kind]
         if max(video.width, video.height) > most:
             raise UsageError(f"{self._kind} takes at most {most} pixels on a side; write .mp4 or PNG files")
         self._partial = PartialFile(target)
@@ -75,9 +75,9 @@ class AnimationWriter(VideoWriter):
 
     def _write(self, frame: Frame) -> None:
         size = frame.shape[0] * frame.shape[1] * (1 if self._kind == ".gif" else 3)
-        if (len(self._pictures) + 1) * size > MOST_BYTES:
+        if (len(self._pictures) + 1) * size > MOST_HELD:
             raise UsageError(
-                f"{self._target.name} would take more than {MOST_BYTES >> 20} MiB of memory: decode fewer frames "
+                f"{self._target.name} would take more than {MOST_HELD >> 20} MiB of memory: decode fewer frames "
                 f"(--frames), or write .mp4"
             )
         picture = Image.fromarray(np.rint(frame * (255 / self.format.peak)).astype(np.uint8))

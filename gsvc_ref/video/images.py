@@ -13,18 +13,16 @@ import numpy as np
 from PIL.Image import Transpose
 from PIL.JpegImagePlugin import JpegImageFile
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, check_parent, remove_leftover
-from gsvc_ref.video import png
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError, naming
+from gsvc_base.files import PartialFile, check_parent, remove_leftover
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
-from gsvc_ref.video.png import PngImage, decode_png, encode_png
+from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
 
-PNG_SIGNATURE: Final = png.SIGNATURE
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
-MAX_RUNS: Final = 4
+GAPS_NAMED: Final = 4
 """Gaps in the numbers of pictures that a note names."""
 ASSUMED_RATE: Final = Fraction(25)
 """Frames per second of pictures, which state none."""
@@ -145,7 +143,7 @@ def open_folder(folder: Path) -> ImageReader:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
     reader = ImageReader(paths, str(folder))
     if left_out := missing_numbers([path.stem for path in paths]):
-        runs = ", ".join([*left_out[:MAX_RUNS], *(["..."] if len(left_out) > MAX_RUNS else [])])
+        runs = ", ".join([*left_out[:GAPS_NAMED], *(["..."] if len(left_out) > GAPS_NAMED else [])])
         reader.note(f"the numbers in {folder} have gaps ({runs}); frames are counted without them")
     return reader
 

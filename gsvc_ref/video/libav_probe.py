@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 
 if TYPE_CHECKING:
     import av
 
-OPTIONS: Final = {"protocol_whitelist": "file"}
+OPEN_OPTIONS: Final = {"protocol_whitelist": "file"}
 """Options of opening: a playlist must not reach into the network."""
 
 LOST_SIDE_DATA: Final = {
@@ -47,7 +47,7 @@ and QuickTime often to 1/600 s."""
 def open_container(av_module: Any, source: Path | BinaryIO) -> Any:
     """Open a file with PyAV; what that raises passes through."""
     name = "file:" + os.fspath(source) if isinstance(source, Path) else source
-    return av_module.open(name, options=dict(OPTIONS), metadata_errors="ignore")
+    return av_module.open(name, options=dict(OPEN_OPTIONS), metadata_errors="ignore")
 
 
 def packet_times(av_module: Any, source: Path | BinaryIO) -> tuple[np.ndarray[Any, Any], Fraction] | None:

@@ -2,16 +2,15 @@
 
 import sys
 from pathlib import Path
-from typing import BinaryIO, Final, Protocol
+from typing import BinaryIO, Protocol
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import y4m
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoReader, VideoWriter
-from gsvc_ref.video.y4m_header import SIGNATURE
-
-STREAM_SUFFIX: Final = ".gsvc"
+from gsvc_ref.video.y4m_header import Y4M_SIGNATURE
 
 
 class VideoSource(Protocol):
@@ -64,17 +63,17 @@ def _open_path(path: Path) -> VideoReader:
     if not path.is_file():  # a pipe or device: reading its first bytes would take them away
         return y4m.Y4mReader(path, name)
     with path.open("rb") as file:
-        magic = file.read(len(SIGNATURE))
+        magic = file.read(len(Y4M_SIGNATURE))
     if not magic:
         raise GsvcError("malformed", f"{path} is empty; give a video file")
     suffix = path.suffix.lower()
     if (named := source_by_suffix(name)) is not None:
         return named.open(name)
-    if magic == SIGNATURE or suffix == ".y4m":
+    if magic == Y4M_SIGNATURE or suffix == ".y4m":
         return y4m.Y4mReader(path, name)
-    from gsvc_ref.video import images, libav
+    from gsvc_ref.video import images, libav, png
 
-    if magic.startswith(images.PNG_SIGNATURE) or suffix in images.SUFFIXES:
+    if magic.startswith(png.PNG_SIGNATURE) or suffix in images.SUFFIXES:
         return images.ImageReader([path], name)
     return libav.LibavReader(path, name)
 
@@ -84,15 +83,15 @@ def _open_file(file: BinaryIO) -> VideoReader:
     if not file.seekable():
         return y4m.Y4mReader(file, name)
     start = file.tell()
-    magic = file.read(len(SIGNATURE))
+    magic = file.read(len(Y4M_SIGNATURE))
     file.seek(start)
     if not magic:
         raise GsvcError("malformed", f"{name} is empty; give a video file")
-    if magic == SIGNATURE:
+    if magic == Y4M_SIGNATURE:
         return y4m.Y4mReader(file, name)
-    from gsvc_ref.video import images, libav
+    from gsvc_ref.video import images, libav, png
 
-    if magic.startswith((images.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
+    if magic.startswith((png.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
         return images.ImageReader([file.read()], name)
     return libav.LibavReader(file, name)
 

@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 from PIL.PngImagePlugin import PngImageFile
 
+from gsvc_base.arrays import I2, U1, Frame
+from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I2, U1, Frame
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
-SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
-CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+SAMPLE_COUNTS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Samples per pixel by colour type: grey, R'G'B', palette, grey with alpha, R'G'B' with alpha."""
 DEPTHS: Final = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 RAW_MODES: Final = {(2, 16): ("RGB;16B", "RGB;16L"), (6, 16): ("RGBA;16B", "RGBA;16L"), (4, 16): ("RGBA",)}
@@ -106,11 +106,11 @@ def _filter(rows: I2, step: int, filtered: U1) -> None:
 
 def _chunks(data: bytes, name: str) -> dict[bytes, bytes]:
     """All chunks by type up to IEND, IDAT joined; critical ones that are unknown are refused."""
-    if not data.startswith(SIGNATURE):
+    if not data.startswith(PNG_SIGNATURE):
         raise _malformed(name, "it does not begin with the PNG signature")
     chunks: dict[bytes, bytes] = {}
     image_data = []
-    position = len(SIGNATURE)
+    position = len(PNG_SIGNATURE)
     while b"IEND" not in chunks:
         if len(data) - position < 12:
             raise _malformed(name, f"it is cut off after {len(data)} bytes")
@@ -148,9 +148,9 @@ def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
         raise _malformed(name, "its IHDR is not 13 bytes long")
     width, height, depth, color_type, *methods = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
     check_size(width, height, name)
-    if color_type not in CHANNELS or depth not in DEPTHS[color_type] or methods[:2] != [0, 0] or methods[2] > 1:
+    if color_type not in SAMPLE_COUNTS or depth not in DEPTHS[color_type] or methods[:2] != [0, 0] or methods[2] > 1:
         raise _malformed(name, f"colour type {color_type}, depth {depth} and methods {methods} do not exist")
-    channels = CHANNELS[color_type]
+    channels = SAMPLE_COUNTS[color_type]
     size = _inflated_size(width, height, channels * depth, methods[2] == 1)
     inflate = zlib.decompressobj()
     try:
@@ -174,7 +174,8 @@ def _samples(chunks: dict[bytes, bytes], name: str) -> tuple[Frame, int, int]:
 def _pillow_samples(chunks: dict[bytes, bytes], raw_mode: str | None) -> Frame:
     """Samples as Pillow reads them from the chunks that make the picture, all others left out; (H, W) or more."""
     kept = b"".join(_chunk(kind, chunks[kind]) for kind in (b"IHDR", b"IDAT", b"IEND"))
-    picture: Any = PngImageFile(io.BytesIO(SIGNATURE + kept))  # Image.open warns, and warnings belong to the process
+    # Image.open warns, and warnings belong to the process.
+    picture: Any = PngImageFile(io.BytesIO(PNG_SIGNATURE + kept))
     if raw_mode is not None:
         picture.tile = [(*picture.tile[0][:3], raw_mode)]
     samples = np.asarray(picture)
@@ -239,7 +240,7 @@ def decode_png(data: bytes, name: str) -> PngImage:
     chunks = _chunks(data, name)
     samples, color_type, depth = _samples(chunks, name)
     transparency = chunks.get(b"tRNS")
-    if transparency is not None and color_type in (0, 2) and len(transparency) != 2 * CHANNELS[color_type]:
+    if transparency is not None and color_type in (0, 2) and len(transparency) != 2 * SAMPLE_COUNTS[color_type]:
         raise _malformed(name, "its tRNS has the wrong length")
     if not _is_opaque(samples, color_type, depth, transparency):
         raise GsvcError(
@@ -297,7 +298,7 @@ def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None 
     _filter(rows, step, filtered)
     size = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, 2, 0, 0, 0))
     picture = _chunk(b"IDAT", zlib.compress(filtered.tobytes(), DEFLATE_LEVEL))
-    return SIGNATURE + size + header + picture + _chunk(b"IEND", b"")
+    return PNG_SIGNATURE + size + header + picture + _chunk(b"IEND", b"")
 
 
 def _chunk(kind: bytes, body: bytes) -> bytes:

@@ -11,8 +11,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.format import MAX_DIMENSION, MAX_PIXELS, FrameRate, exact_frame_rate
 from gsvc_ref.video.stream import PassingReader, VideoReader
 
@@ -22,10 +22,10 @@ Scale = float | tuple[int, int]
 MOST_FACTOR: Final = 16.0
 """Maximum factor of a size, and of a frame rate."""
 
-LEAST_FACTOR: Final = 1 / 256
+LEAST_SCALING: Final = 1 / 256
 """Minimum factor of a size, and of a frame rate."""
 
-LONGEST: Final = 3600
+LONGEST_REPEAT_S: Final = 3600
 """A frame is repeated for at most so many seconds: times that are damaged may be years apart."""
 
 
@@ -105,10 +105,10 @@ class FrameRateReader(_Changed):
         rate = exact_frame_rate(frame_rate)
         video = reader.format
         factor = rate / video.frame_rate
-        if not LEAST_FACTOR <= factor <= MOST_FACTOR:
+        if not LEAST_SCALING <= factor <= MOST_FACTOR:
             raise UsageError(
                 f"{rate} frames per second are {float(factor):.3g} times the {video.frame_rate} of the source; it must "
-                f"be 1/{round(1 / LEAST_FACTOR)} to {MOST_FACTOR:g} times"
+                f"be 1/{round(1 / LEAST_SCALING)} to {MOST_FACTOR:g} times"
             )
         count = video.frame_count
         if count is not None:
@@ -127,16 +127,17 @@ class FrameRateReader(_Changed):
             at = Fraction(number) / self._reader.format.frame_rate if time is None else time
             if shown is None:
                 begin = at
-            elif at - end > LONGEST:
+            elif at - end > LONGEST_REPEAT_S:
                 raise GsvcError(
-                    "limit", f"frame {number - 1} would be shown for more than {LONGEST} seconds; cut the video"
+                    "limit",
+                    f"frame {number - 1} would be shown for more than {LONGEST_REPEAT_S} seconds; cut the video",
                 )
             while shown is not None and begin + given * step < at:
                 yield shown
                 given += 1
             end_time = self._reader.end_time
             shown = frame
-            end = at + 1 / self._reader.format.frame_rate if end_time is None else min(end_time, at + LONGEST)
+            end = at + 1 / self._reader.format.frame_rate if end_time is None else min(end_time, at + LONGEST_REPEAT_S)
         while shown is not None and begin + given * step < end:
             yield shown
             given += 1
@@ -188,9 +189,9 @@ def scaled_size(width: int, height: int, scale: Scale) -> tuple[int, int]:
     if isinstance(scale, tuple):
         wide, high = scale
     else:
-        if not LEAST_FACTOR <= scale <= MOST_FACTOR:
+        if not LEAST_SCALING <= scale <= MOST_FACTOR:
             raise UsageError(
-                f"the scale is {scale:g}; it must be 1/{round(1 / LEAST_FACTOR)} to {MOST_FACTOR:g}, or WIDTHxHEIGHT"
+                f"the scale is {scale:g}; it must be 1/{round(1 / LEAST_SCALING)} to {MOST_FACTOR:g}, or WIDTHxHEIGHT"
             )
         wide, high = max(1, round(width * scale)), max(1, round(height * scale))
     if not (1 <= wide <= MAX_DIMENSION and 1 <= high <= MAX_DIMENSION and wide * high <= MAX_PIXELS):

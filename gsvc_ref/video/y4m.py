@@ -8,15 +8,15 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame, Plane
-from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile
+from gsvc_base.arrays import Frame, Plane
+from gsvc_base.errors import GsvcError, UsageError, naming
+from gsvc_base.files import PartialFile
 from gsvc_ref.video.color import conversion, to_planes, to_rgb
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter
-from gsvc_ref.video.y4m_header import SIGNATURE, format_header, malformed, parse_header, planar_format
+from gsvc_ref.video.y4m_header import Y4M_SIGNATURE, format_header, malformed, parse_header, planar_format
 
-MAX_LINE: Final = 4096
+MAX_HEADER_LINE: Final = 4096
 """Longest stream header or frame header in bytes, far beyond what any program writes."""
 READ_SIZE: Final = 1 << 22
 """Bytes asked for at once, so that a short file with a huge size in its header costs no memory."""
@@ -52,14 +52,14 @@ class Y4mReader(VideoReader):
     def _parse(self, size: int | None) -> None:
         """Read the stream header; `size` is that of a whole file, from which follows the number of frames."""
         name = self._name
-        line = self._stream.readline(MAX_LINE + 1)
+        line = self._stream.readline(MAX_HEADER_LINE + 1)
         if not line:
             raise malformed(name, "it is empty")
-        if not line.startswith(SIGNATURE):
+        if not line.startswith(Y4M_SIGNATURE):
             _refuse_stream(line, name)
-            raise malformed(name, f"it does not begin with {SIGNATURE.decode()}")
+            raise malformed(name, f"it does not begin with {Y4M_SIGNATURE.decode()}")
         if not line.endswith(b"\n"):
-            raise malformed(name, f"its header is cut off, or longer than {MAX_LINE} bytes")
+            raise malformed(name, f"its header is cut off, or longer than {MAX_HEADER_LINE} bytes")
         header = parse_header(line[:-1], name)
         self.notes = header.notes
         shapes = header.format.plane_shapes[: 1 if header.mono else 3]
@@ -71,7 +71,7 @@ class Y4mReader(VideoReader):
 
     def _read(self) -> Iterator[Frame]:
         number = 0
-        while (line := self._stream.readline(MAX_LINE + 1)) != b"":
+        while (line := self._stream.readline(MAX_HEADER_LINE + 1)) != b"":
             if not (line.startswith((b"FRAME\n", b"FRAME ")) and line.endswith(b"\n")):
                 raise malformed(self._name, f"frame {number} {_no_frame(line)}")
             yield self._convert(self._samples(number))
@@ -132,8 +132,8 @@ def _no_frame(line: bytes) -> str:
     found = line[:16].decode("ascii", "backslashreplace")
     if not line.startswith((b"FRAME\n", b"FRAME ")):
         return f"must begin with FRAME, found {found!r}"
-    if len(line) > MAX_LINE:
-        return f"has a header of more than {MAX_LINE} bytes, the most that is read"
+    if len(line) > MAX_HEADER_LINE:
+        return f"has a header of more than {MAX_HEADER_LINE} bytes, the most that is read"
     return "is cut off in its header"
 
 

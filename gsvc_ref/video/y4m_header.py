@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Final, Literal, cast
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,
     ChromaFormat,
@@ -20,7 +20,7 @@ from gsvc_ref.video.format import (
     complete_color,
 )
 
-SIGNATURE: Final = b"YUV4MPEG2"
+Y4M_SIGNATURE: Final = b"YUV4MPEG2"
 
 SITING_BY_TAG: Final = {"jpeg": 1, "mpeg2": 0, "paldv": 2, "": 1}
 """ChromaLocType of C420xxx; C420 alone has always meant C420jpeg."""
@@ -106,8 +106,8 @@ def parse_header(line: bytes, name: str) -> Header:
         ``malformed``, ``unsupported`` (a colour space) or ``limit`` (the size).
     """
     first, *words = line.split(b" ")
-    if first != SIGNATURE:
-        raise malformed(name, f"it does not begin with {SIGNATURE.decode()}")
+    if first != Y4M_SIGNATURE:
+        raise malformed(name, f"it does not begin with {Y4M_SIGNATURE.decode()}")
     tags: dict[str, str] = {}
     vendor: dict[str, str] = {}
     for word in filter(None, words):
@@ -176,6 +176,6 @@ def format_header(video: VideoFormat) -> bytes:
     span: Literal["FULL", "LIMITED"] = "FULL" if color.full_range else "LIMITED"
     codes = f"{color.primaries}:{color.transfer}:{color.matrix}:{color.full_range:d}:{color.chroma_location}"
     return (
-        f"{SIGNATURE.decode()} W{video.width} H{video.height} F{rate.numerator}:{rate.denominator} Ip "
+        f"{Y4M_SIGNATURE.decode()} W{video.width} H{video.height} F{rate.numerator}:{rate.denominator} Ip "
         f"A{aspect.numerator}:{aspect.denominator} C{space} XCOLORRANGE={span} XGSVC_COLOR={codes}\n"
     ).encode()

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import times as module
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.times import FrameTimes, read_times, write_times
-from gsvc_ref.errors import UsageError
 
 RATE = Fraction(25)
 runs = st.lists(st.tuples(st.integers(1, 300), st.integers(1, 2**32 - 1)), max_size=5)
@@ -89,7 +89,7 @@ def test_values_that_no_chunk_can_have_are_not_written():
 
 
 def test_a_hostile_stream_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(module, "MOST_KEPT", 3)
+    monkeypatch.setattr(module, "MOST_RUNS_KEPT", 3)
     times = FrameTimes(RATE)
     assert [times.add(payload(1000, 2 * n, 2, 1, 7, 1, 9), 0) for n in range(4)] == [True, True, False, False]
     assert times.time_of(6) == Fraction(32, 1000) + 2 / RATE

@@ -15,7 +15,7 @@ from gsvc_ref.encoder.held_quality import (
     ENOUGH,
     I_TRIES,
     MOST_TRIES,
-    NEAR,
+    NEAR_GOAL,
     ROUNDS,
     coarser,
     fewest_splats,
@@ -109,9 +109,9 @@ def test_of_rounds_in_vain_the_best_is_kept():
 
 def test_a_round_that_changes_nothing_is_the_last():
     done = iter([12, 12, 0])
-    results = iter([30.0 + 2 * NEAR, 30.0 + 3 * NEAR])
+    results = iter([30.0 + 2 * NEAR_GOAL, 30.0 + 3 * NEAR_GOAL])
     frame, _ = held(lambda _: next(done), lambda: (Made(next(results), 0), 1.0), 30.0, 0.5)
-    assert frame.psnr == 30.0 + 2 * NEAR
+    assert frame.psnr == 30.0 + 2 * NEAR_GOAL
 
 
 @pytest.mark.parametrize("most", [1.3, 3.0, 20.0])

@@ -12,10 +12,20 @@ from codec_cases import encoded, paper_fast, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import open as open_stream
 from gsvc_ref.encoder.effects import EFFECT_NAMES, Effects
-from gsvc_ref.encoder.log import MAX_LINE, MAX_STEPS, OFF, SIGNATURE, Decision, FrameLog, percent, read_log, write_log
-from gsvc_ref.errors import UsageError
+from gsvc_ref.encoder.log import (
+    LOG_SIGNATURE,
+    MAX_LOG_LINE,
+    MAX_STEPS,
+    OFF,
+    Decision,
+    FrameLog,
+    percent,
+    read_log,
+    write_log,
+)
 from gsvc_ref.stream import StreamWriter
 
 CLIP = waves(32, 24, 4)
@@ -28,12 +38,12 @@ def without_seconds(frames):
 
 
 def lines_of(payload: bytes) -> list[dict]:
-    return [json.loads(line) for line in zlib.decompress(payload[len(SIGNATURE) :], -15).splitlines()]
+    return [json.loads(line) for line in zlib.decompress(payload[len(LOG_SIGNATURE) :], -15).splitlines()]
 
 
 def packed(body: bytes) -> bytes:
     deflater = zlib.compressobj(wbits=-15)
-    return SIGNATURE + deflater.compress(body) + deflater.flush()
+    return LOG_SIGNATURE + deflater.compress(body) + deflater.flush()
 
 
 def changed(number: int, name: str, **fields) -> bytes:
@@ -108,8 +118,8 @@ def test_ordinary_frames_take_a_few_bytes_each():
     assert len(write_log([clip[0]] * 1000)) < 6_000
 
 
-BODY = zlib.decompress(LOG[len(SIGNATURE) :], -15)
-DEEP = b'{"frame":0,"frames":' + b"[" * (MAX_LINE - 30) + b"\n"
+BODY = zlib.decompress(LOG[len(LOG_SIGNATURE) :], -15)
+DEEP = b'{"frame":0,"frames":' + b"[" * (MAX_LOG_LINE - 30) + b"\n"
 BROKEN = {
     "nothing": b"",
     "another application's": b"something else",
@@ -117,7 +127,7 @@ BROKEN = {
     "a later version": b"LOG\x02" + LOG[4:],
     "cut in its head": LOG[:3],
     "cut": LOG[:-3],
-    "no deflate": SIGNATURE + b"\xff" * 20,
+    "no deflate": LOG_SIGNATURE + b"\xff" * 20,
     "longer": LOG + b"\0",
     "no end of the last line": packed(BODY[:-1]),
     "a frame less": packed(BODY[: BODY[:-1].rindex(b"\n") + 1]),
@@ -127,7 +137,7 @@ BROKEN = {
     "a bomb of one line": packed(bytes(10_000_000)),
     "a bomb of lines": packed(b"\n" * 10_000_000),
     "a bomb behind the log": packed(BODY + b" " * 10_000_000),
-    "a line that is too long": packed(BODY.replace(b"{", b"{" + b" " * MAX_LINE, 1)),
+    "a line that is too long": packed(BODY.replace(b"{", b"{" + b" " * MAX_LOG_LINE, 1)),
     "no JSON": packed(BODY.replace(b"}", b"]")),
     "no text": packed(BODY.replace(b'"', b"\xff")),
     "deep": packed(DEEP + BODY[BODY.index(b"\n") + 1 :]),
@@ -167,7 +177,7 @@ def test_no_damage_does_harm(seed, data):
     for _ in range(data.draw(st.integers(1, 4))):
         good[rng.integers(len(good))] = rng.integers(256)
     try:
-        found = read_log(bytes(good) if good.startswith(SIGNATURE) else packed(bytes(good)), 4)
+        found = read_log(bytes(good) if good.startswith(LOG_SIGNATURE) else packed(bytes(good)), 4)
     except UsageError:
         return
     assert len(found) == 4

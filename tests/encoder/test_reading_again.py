@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from codec_cases import same, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_lab.scenes import Scene
 from gsvc_ref.encoder import reading_again
 from gsvc_ref.encoder.reading_again import Chosen, can_be_read_again, readable_again
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import open_writer
 
 CLIP = waves(8, 6, 5)
@@ -73,7 +73,7 @@ def test_a_fault_comes_again_and_times_are_kept():
 
 
 def test_more_than_fits_is_refused_with_a_sentence(monkeypatch):
-    monkeypatch.setattr(reading_again, "MOST_KEPT", 3 * 8 * 6 * 3)
+    monkeypatch.setattr(reading_again, "MOST_BYTES_KEPT", 3 * 8 * 6 * 3)
     with (
         readable_again((iter(CLIP), FORMAT), None) as opened,
         pytest.raises(UsageError, match="more than 3 of its frames"),

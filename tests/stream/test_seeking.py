@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.cases.seeking import forged
 from gsvc_ref import spec
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.seeking import WINDOW, find_frame
+from gsvc_ref.stream.seeking import SEARCH_SIZE, find_frame
 from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import (
     RICH_HEADER,
@@ -120,7 +120,9 @@ def test_the_last_i_frame_is_found(number: int, found: int, *, index: bool) -> N
     assert place(write_stream(RICH_HEADER, FRAMES, index=index), number) == found
 
 
-@pytest.mark.parametrize("size", [0, 1, 127, 128, WINDOW - 3, WINDOW - 2, WINDOW - 1, WINDOW, 2 * WINDOW + 5])
+@pytest.mark.parametrize(
+    "size", [0, 1, 127, 128, SEARCH_SIZE - 3, SEARCH_SIZE - 2, SEARCH_SIZE - 1, SEARCH_SIZE, 2 * SEARCH_SIZE + 5]
+)
 def test_heads_anywhere_in_a_window_are_read(size: int) -> None:
     """A chunk of any size before each frame: heads lie at, across and beyond the ends of what is read at once."""
     chunks = split_chunks(write_stream(SMALL_HEADER, SMALL, index=False))
@@ -172,11 +174,11 @@ def test_an_index_that_is_broken_does_no_harm() -> None:
 def test_seeking_reads_little() -> None:
     """Of payloads longer than a window only what is decoded is read, and a window of each."""
     chunks = split_chunks(write_stream(SMALL_HEADER, SMALL, index=False))
-    padded = [part for chunk in chunks[1:] for part in ((b"q", bytes(9 * WINDOW)), chunk)]
+    padded = [part for chunk in chunks[1:] for part in ((b"q", bytes(9 * SEARCH_SIZE)), chunk)]
     data = join_chunks([chunks[0], *padded], prefix=MAGIC)
     sought = Counted(data)
     assert [frame.number for frame in StreamReader(sought).frames(4, 5)] == [4]
-    assert 5 * WINDOW < sought.count < 8 * WINDOW
+    assert 5 * SEARCH_SIZE < sought.count < 8 * SEARCH_SIZE
 
 
 def test_start_in_a_damaged_stream() -> None:

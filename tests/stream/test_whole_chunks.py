@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from salvage_checks import salvage
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import crc32c
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.chunks import chunk
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
-from gsvc_ref.stream.source import PIECE, Source
+from gsvc_ref.stream.source import READ_AT_ONCE, Source
 from gsvc_ref.stream.whole_chunks import WholeChunks
 from gsvc_ref.testing import RICH_HEADER, rich_frames, write_stream
 
@@ -127,6 +127,6 @@ def test_a_file_that_becomes_shorter_ends_there() -> None:
 
 
 def test_windows_of_the_lowest_level() -> None:
-    chunks = WholeChunks(Source(bytes(10 * PIECE)), PIECE)
-    assert chunks.after_damaged(0, None) == 10 * PIECE
-    assert chunks.checksummed <= 4 * 10 * PIECE
+    chunks = WholeChunks(Source(bytes(10 * READ_AT_ONCE)), READ_AT_ONCE)
+    assert chunks.after_damaged(0, None) == 10 * READ_AT_ONCE
+    assert chunks.checksummed <= 4 * 10 * READ_AT_ONCE

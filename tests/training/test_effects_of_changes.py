@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
+from gsvc_base.splats import Splats
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.block_quantizer import enough_codewords
-from gsvc_ref.training.effects import STEPS, effects, shape_error, shape_weights, steps_for
+from gsvc_ref.training.effects import FIXED_STEPS, effects, shape_error, shape_weights, steps_for
 from gsvc_ref.training.settings import BlockSettings
 
 SIDE = 48
@@ -65,8 +65,8 @@ def test_what_may_not_change_takes_no_share_of_the_error():
     assert coarser.position_step > finer.position_step
     assert coarser.cholesky_step > finer.cholesky_step
     none = steps_for(p, np.zeros_like(few), 0.02, BLOCK)
-    assert (none.position_step, none.cholesky_step) == (STEPS[1], STEPS[1])
-    assert steps_for(p, None, 0.0, BLOCK).position_step == STEPS[0]
+    assert (none.position_step, none.cholesky_step) == (FIXED_STEPS[1], FIXED_STEPS[1])
+    assert steps_for(p, None, 0.0, BLOCK).position_step == FIXED_STEPS[0]
     assert steps_for(p, None, 0.02, BlockSettings()) == BlockSettings()  # steps that are not fixed stay free
 
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video import ColorDescription, decode_png, encode_png
-from gsvc_ref.video.png import SIGNATURE
+from gsvc_ref.video.png import PNG_SIGNATURE
 
 
 def chunk(kind, body):
@@ -20,7 +20,7 @@ def chunk(kind, body):
 
 
 def png(header, *chunks):
-    return SIGNATURE + chunk(b"IHDR", struct.pack(">IIBBBBB", *header)) + b"".join(chunks) + chunk(b"IEND", b"")
+    return PNG_SIGNATURE + chunk(b"IHDR", struct.pack(">IIBBBBB", *header)) + b"".join(chunks) + chunk(b"IEND", b"")
 
 
 def pillow_png(picture, **options):
@@ -211,9 +211,9 @@ ROW = chunk(b"IDAT", zlib.compress(bytes(4)))
     ("data", "kind", "message"),
     [
         (b"", "malformed", "signature"),
-        (SIGNATURE, "malformed", "cut off"),
-        (SIGNATURE + ROW + chunk(b"IEND", b""), "malformed", "first chunk is not IHDR"),
-        (SIGNATURE + chunk(b"IHDR", b"") + chunk(b"IEND", b""), "malformed", "13 bytes"),
+        (PNG_SIGNATURE, "malformed", "cut off"),
+        (PNG_SIGNATURE + ROW + chunk(b"IEND", b""), "malformed", "first chunk is not IHDR"),
+        (PNG_SIGNATURE + chunk(b"IHDR", b"") + chunk(b"IEND", b""), "malformed", "13 bytes"),
         (png((0, 1, 8, 2, 0, 0, 0), ROW), "malformed", "at least 1"),
         (png((70000, 1, 8, 2, 0, 0, 0), ROW), "limit", "65535"),
         (png((65535, 65535, 16, 6, 0, 0, 0), ROW), "limit", "pixels"),

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import COMPONENT_COUNTS, Expansion, exact, joined, settled, sums_of, where
+from gsvc_base.rendering.bounds import SumBound, error_footprints, gradient_bound
 from gsvc_conformance.elementary import exp
-from gsvc_ref.constants import LN_255
-from gsvc_ref.rendering.bounds import SumBound, error_footprints, gradient_bound
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import PRECISIONS, Expansion, exact, joined, settled, sums_of, where
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -172,7 +172,7 @@ class Weights:
         u2 = (exact(pairs.row + 0.5) - y - l21 * u1) * self.i22[pairs.splat]
         sigma = (u1 * u1 + u2 * u2).scaled(-1)
         side = (sigma - exact(LN_255)).sign()
-        if self._most == PRECISIONS[-1] and np.isnan(side).any():
+        if self._most == COMPONENT_COUNTS[-1] and np.isnan(side).any():
             raise ArithmeticError("whether a splat covers a pixel is open with the most components")
         g = exp(-where(side <= 0, sigma, exact(0.0)))
         g = where(side <= 0, g, exact(0.0))

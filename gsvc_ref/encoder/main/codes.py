@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8, I8
 from gsvc_ref.encoder.main.fitter import MOST_SHEAR
 from gsvc_ref.main.cells import CELL, cell_counts
 from gsvc_ref.main.codes import CodeArrays, IntraCodes

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.cells import Halves, cell_counts, halved, halves_of, halving_count, splats_in_first_halves
 from gsvc_ref.main.codes import IntraCodes
 from gsvc_ref.main.densities import (

@@ -17,8 +17,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.codes import PER_NEPER, put_coordinates
 from gsvc_ref.main.codes import GROUP_ENDS
 from gsvc_ref.main.reconstruct import position_step, sheared_step

@@ -22,11 +22,11 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.settings import InterSettings
 from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS
-from gsvc_ref.portable import log2
 from gsvc_ref.rendering import SampledObjective
 from gsvc_ref.training.motion import estimated_motion
 

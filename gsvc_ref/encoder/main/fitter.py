@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
+from gsvc_base.arrays import F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.training.coordinates import limited, log_kernel, to_parameters
 from gsvc_ref.training.descent import Walk

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.codes import limits_of, nearest_codes
 from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.differences import (

@@ -15,8 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import power
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.codes import nearest_codes
 from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.fitter import descend, fit
@@ -27,7 +28,6 @@ from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.reconstruct import intra_state
 from gsvc_ref.main.state import parameters_of
 from gsvc_ref.main.tables import QUANTIZERS, step_of
-from gsvc_ref.portable import power
 from gsvc_ref.rendering import Precision
 from gsvc_ref.training.coordinates import energies, energy, log_kernel, to_parameters
 from gsvc_ref.training.descent import Walk

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.fitter import keep_inside
-from gsvc_ref.portable import exp, log
 from gsvc_ref.rendering.fast.threads import run_tasks
 from gsvc_ref.training.coordinates import (
     PER_ROOT2,

@@ -9,10 +9,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, I4
 from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.projection import PROJECTED, row_range
-from gsvc_ref.rendering.fast.tiles import F4, I4, ROW, SPARE_ROWS, TILE_WIDTH, aligned
+from gsvc_ref.rendering.fast.tiles import ROW, SPARE_ROWS, TILE_WIDTH, aligned
 
 BATCH: Final = 1 << 12
 """Maximum number of intersections in a batch."""
@@ -23,9 +24,9 @@ trained population of 1920x1080 pixels has 260,000 (N = 10,000). They are writte
 it does not matter that a second-level cache holds fewer: with an eighth of this room, the loss and its gradient took a
 fifth longer."""
 
-INDEX, PLACE = 2, 3
-NOT_KEPT: Final = -1
-"""Columns of `Batch.rows`, and what stands for no place."""
+INDEX, KEPT_AT = 2, 3
+NOWHERE: Final = -1
+"""Columns of `Batch.rows`, and the value of the second for weights that are not kept."""
 
 
 class Batch(NamedTuple):
@@ -35,7 +36,7 @@ class Batch(NamedTuple):
     ----------
     rows
         Per intersection (4,) i4: first row, the one after the last, the intersection's `INDEX` in the order by splat,
-        and the `PLACE` of its weights in `Buffers.kept`, or `NOT_KEPT`.
+        and where its weights begin in `Buffers.kept` (`KEPT_AT`), or `NOWHERE`.
     splats
         Per intersection (PROJECTED,) f4, copied from `Bins`.
     """
@@ -99,7 +100,7 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
         batch.rows[i, 0] = rows[0]
         batch.rows[i, 1] = rows[1]
         batch.rows[i, INDEX] = bins.intersections[first + i, 1]
-        batch.rows[i, PLACE] = NOT_KEPT
+        batch.rows[i, KEPT_AT] = NOWHERE
         for k in range(PROJECTED):
             batch.splats[i, k] = splat[k]
     return count

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.fast.batches import Batch, Buffers, gather_batch, room_for_batch
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.regions import Regions, any_dirty
 from gsvc_ref.rendering.fast.sums import LANE_SUMS, MOMENTS, add_batch, covered_in_tile, grad_add_batch, grad_splat
 from gsvc_ref.rendering.fast.tile_pictures import read_tile, subtract_target, write_frame, write_picture
-from gsvc_ref.rendering.fast.tiles import EMPTY, F4, F8, I8, ROW, SPARE_ROWS, TILE_WIDTH
+from gsvc_ref.rendering.fast.tiles import EMPTY, ROW, SPARE_ROWS, TILE_WIDTH
 
 PICTURE, FRAME, LOSS, LOSS_AND_GRADIENTS, GRADIENTS = range(5)
 """Kinds of jobs, see `Job`."""

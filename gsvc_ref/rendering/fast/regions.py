@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.fast.projection import FIRST_ROW, ROW_COUNT, ProjectedSplats
-from gsvc_ref.rendering.fast.tiles import F4, F8, I8
 
 
 class Regions(NamedTuple):

@@ -12,17 +12,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref._jit import kernel, without_contraction
-from gsvc_ref.constants import HALF, SUPPORT_SQUARED
-from gsvc_ref.rendering.fast.batches import INDEX, NOT_KEPT, PLACE, Batch, Buffers
+from gsvc_ref.rendering.fast.batches import INDEX, KEPT_AT, NOWHERE, Batch, Buffers
 from gsvc_ref.rendering.fast.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.fast.projection import BLUE, GREEN, R1, R2, RED, F, L, X, Y, row_range
-from gsvc_ref.rendering.fast.tiles import CHANNELS, F4, F8, LANES, ROW, ROWS, SPARE_ROWS, TILE_WIDTH
-
-ZERO: Final = np.float32(0)
+from gsvc_ref.rendering.fast.tiles import CHANNELS, GROUP_ROWS, LANES, ROW, SPARE_ROWS, TILE_WIDTH, ZERO
 
 MOMENTS: Final = 8
-U1, U2, U1U1, U1U2, U2U2, E_RED, E_GREEN, E_BLUE = range(MOMENTS)
+M_U1, M_U2, M_U1U1, M_U1U2, M_U2U2, M_RED, M_GREEN, M_BLUE = range(MOMENTS)
 """The moments S of an intersection: the sums of q u1, q u2, q u1 u1, q u1 u2 and q u2 u2 (13-12), and the three sums of
 g e (10-9)."""
 
@@ -41,8 +40,8 @@ each."""
 def at(row: int, lane: int) -> Any:
     """Index of a lane of a row of weights; `at(row * CHANNELS, lane)` is that of the row's first channel in a tile.
 
-    It is unsigned, so that Numba does not look whether it counts from the end, for which LLVM would find every ROWS
-    rows anew whether arrays overlap.
+    It is unsigned, so that Numba does not look whether it counts from the end, for which LLVM would find anew for every
+    GROUP_ROWS rows whether arrays overlap.
     """
     return np.uint64(row * TILE_WIDTH + lane)
 
@@ -52,7 +51,7 @@ def weigh_splat(weights: F4, column: np.float32, first: int, end: int, splat: An
     """Find the weights g of one splat in the rows `first` to `end` - 1 of a tile, zero where m > 2 ln 255.
 
     What does not depend on the row is read in front of the loop: LLVM, which cannot know that the weights are no splat,
-    would otherwise find u1 and the shear anew for every ROWS rows.
+    would otherwise find u1 and the shear anew for every GROUP_ROWS rows.
 
     Parameters
     ----------
@@ -64,12 +63,12 @@ def weigh_splat(weights: F4, column: np.float32, first: int, end: int, splat: An
         (PROJECTED,) f4, see `projection.X`.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
-    for i in range(0, end - first, ROWS):
+    for i in range(0, end - first, GROUP_ROWS):
         row = np.float32(first + i) + HALF
         for k in range(TILE_WIDTH):
             u1 = ((column + LANES[k]) - x) * r1
             shear = (l * u1) * f
-            for j in range(ROWS):
+            for j in range(GROUP_ROWS):
                 u2 = ((row + np.float32(j)) - y) * r2 - shear
                 m = u1 * u1 + u2 * u2  # (9-4)
                 weights[at(i + j, k)] = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
@@ -100,9 +99,9 @@ def add_weighed(tile: F4, weights: F4, first: int, end: int, splat: Any) -> None
     """
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
-    for i in range(0, end - first, ROWS):
+    for i in range(0, end - first, GROUP_ROWS):
         for k in range(TILE_WIDTH):
-            for j in range(ROWS):
+            for j in range(GROUP_ROWS):
                 g, place = weights[at(i + j, k)], (i + j) * CHANNELS
                 rows[at(place, k)] += g * red
                 rows[at(place + 1, k)] += g * green
@@ -118,12 +117,12 @@ def add_splat(tile: F4, weights: F4, column: np.float32, first: int, end: int, s
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
-    for i in range(0, end - first, ROWS):
+    for i in range(0, end - first, GROUP_ROWS):
         row = np.float32(first + i) + HALF
         for k in range(TILE_WIDTH):
             u1 = ((column + LANES[k]) - x) * r1
             shear = (l * u1) * f
-            for j in range(ROWS):
+            for j in range(GROUP_ROWS):
                 u2 = ((row + np.float32(j)) - y) * r2 - shear
                 m = u1 * u1 + u2 * u2  # (9-4)
                 g = exp_minus_half(m) if m <= SUPPORT_SQUARED else ZERO
@@ -151,14 +150,14 @@ def grad_add_splat(lane_sums: F4, tile: F4, weights: F4, column: np.float32, fir
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
-    for i in range(0, end - first, ROWS):
+    for i in range(0, end - first, GROUP_ROWS):
         row = np.float32(first + i) + HALF
         for k in range(TILE_WIDTH):
             u1 = ((column + LANES[k]) - x) * r1
             shear = (l * u1) * f
             of_q, of_qu2, of_qu2u2 = lane_sums[Q + k], lane_sums[QU2 + k], lane_sums[QU2U2 + k]
             of_red, of_green, of_blue = lane_sums[GE_RED + k], lane_sums[GE_GREEN + k], lane_sums[GE_BLUE + k]
-            for j in range(ROWS):
+            for j in range(GROUP_ROWS):
                 g = weights[at(i + j, k)]
                 u2 = ((row + np.float32(j)) - y) * r2 - shear
                 place = (i + j) * CHANNELS
@@ -216,14 +215,14 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
         lane_sums[GE_RED + k] += lane_sums[GE_RED + HALF_TILE + k]
         lane_sums[GE_GREEN + k] += lane_sums[GE_GREEN + HALF_TILE + k]
         lane_sums[GE_BLUE + k] += lane_sums[GE_BLUE + HALF_TILE + k]
-    S[U1] = tree(lane_sums[QU1 : QU1 + HALF_TILE])
-    S[U2] = tree(lane_sums[QU2 : QU2 + HALF_TILE])
-    S[U1U1] = tree(lane_sums[QU1U1 : QU1U1 + HALF_TILE])
-    S[U1U2] = tree(lane_sums[QU1U2 : QU1U2 + HALF_TILE])
-    S[U2U2] = tree(lane_sums[QU2U2 : QU2U2 + HALF_TILE])
-    S[E_RED] = tree(lane_sums[GE_RED : GE_RED + HALF_TILE])  # (10-9)
-    S[E_GREEN] = tree(lane_sums[GE_GREEN : GE_GREEN + HALF_TILE])
-    S[E_BLUE] = tree(lane_sums[GE_BLUE : GE_BLUE + HALF_TILE])
+    S[M_U1] = tree(lane_sums[QU1 : QU1 + HALF_TILE])
+    S[M_U2] = tree(lane_sums[QU2 : QU2 + HALF_TILE])
+    S[M_U1U1] = tree(lane_sums[QU1U1 : QU1U1 + HALF_TILE])
+    S[M_U1U2] = tree(lane_sums[QU1U2 : QU1U2 + HALF_TILE])
+    S[M_U2U2] = tree(lane_sums[QU2U2 : QU2U2 + HALF_TILE])
+    S[M_RED] = tree(lane_sums[GE_RED : GE_RED + HALF_TILE])  # (10-9)
+    S[M_GREEN] = tree(lane_sums[GE_GREEN : GE_GREEN + HALF_TILE])
+    S[M_BLUE] = tree(lane_sums[GE_BLUE : GE_BLUE + HALF_TILE])
 
 
 fold_lanes_strict = without_contraction(fold_lanes)
@@ -244,7 +243,7 @@ def add_batch(buffers: Buffers, t: int, top: int, end: int, batch: Batch, count:
         weights = buffers.weights
         if keep and used + size <= buffers.kept.size:
             weights = buffers.kept[used:]
-            batch.rows[i, PLACE] = used
+            batch.rows[i, KEPT_AT] = used
             used += size
         if strict:
             weigh(weights, column, first, last, splat, strict)
@@ -267,10 +266,10 @@ def grad_add_batch(
     """
     column = np.float32(t * TILE_WIDTH) + HALF
     for i in range(count):
-        splat, first, end, place = batch.splats[i], batch.rows[i, 0], batch.rows[i, 1], batch.rows[i, PLACE]
+        splat, first, end, place = batch.splats[i], batch.rows[i, 0], batch.rows[i, 1], batch.rows[i, KEPT_AT]
         S = moments[batch.rows[i, INDEX]]
         weights = buffers.weights
-        if place == NOT_KEPT:
+        if place == NOWHERE:
             weigh(weights, column, first, end, splat, strict)
         else:
             weights = buffers.kept[place:]
@@ -301,14 +300,14 @@ def grad_splat(moments: F4, parameters: F4, scale: float, S: F8, gradient: F4) -
     l21 = np.float64(parameters[3])
     r2 = 1 / np.float64(parameters[4])
     slope = l21 * r1 * r2
-    gradient[0] = scale * (S[U1] * r1 - S[U2] * slope)  # (10-7) dL/dx = sum q v1
-    gradient[1] = scale * (S[U2] * r2)  # (10-7) dL/dy = sum q v2
-    gradient[2] = scale * (S[U1U1] * r1 - S[U1U2] * slope)  # (10-8) dL/dl11 = sum q v1 u1
-    gradient[3] = scale * (S[U1U2] * r2)  # (10-8) dL/dl21 = sum q v2 u1
-    gradient[4] = scale * (S[U2U2] * r2)  # (10-8) dL/dl22 = sum q v2 u2
-    gradient[5] = scale * S[E_RED]  # (10-9) dL/dc' = sum g e
-    gradient[6] = scale * S[E_GREEN]
-    gradient[7] = scale * S[E_BLUE]
+    gradient[0] = scale * (S[M_U1] * r1 - S[M_U2] * slope)  # (10-7) dL/dx = sum q v1
+    gradient[1] = scale * (S[M_U2] * r2)  # (10-7) dL/dy = sum q v2
+    gradient[2] = scale * (S[M_U1U1] * r1 - S[M_U1U2] * slope)  # (10-8) dL/dl11 = sum q v1 u1
+    gradient[3] = scale * (S[M_U1U2] * r2)  # (10-8) dL/dl21 = sum q v2 u1
+    gradient[4] = scale * (S[M_U2U2] * r2)  # (10-8) dL/dl22 = sum q v2 u2
+    gradient[5] = scale * S[M_RED]  # (10-9) dL/dc' = sum g e
+    gradient[6] = scale * S[M_GREEN]
+    gradient[7] = scale * S[M_BLUE]
 
 
 @kernel()

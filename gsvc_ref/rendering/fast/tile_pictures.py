@@ -4,15 +4,14 @@ Pictures come as their rows, (H, 3 W) with the channels of a pixel side by side.
 tile has a constant bound, without which it would not become vector code; the last tile may be narrower.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import ONE
 from gsvc_ref._jit import kernel
-from gsvc_ref.constants import ONE
-from gsvc_ref.rendering.fast.tiles import CHANNELS, F4, F8, ROW, TILE_WIDTH, aligned, tile_count
-
-ZERO: Final = np.float32(0)
+from gsvc_ref.rendering.fast.tiles import CHANNELS, ROW, TILE_WIDTH, ZERO, aligned, tile_count
 
 
 @kernel(inline=True)

@@ -8,12 +8,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-F4 = NDArray[np.float32]
-F8 = NDArray[np.float64]
-I4 = NDArray[np.int32]
-I8 = NDArray[np.int64]
+from gsvc_base.arrays import F4
 
 TILE_WIDTH: Final = 16
 assert TILE_WIDTH.bit_count() == 1 < TILE_WIDTH, "lanes are added half to half: a power of two"
@@ -21,13 +17,14 @@ CHANNELS: Final = 3
 ROW: Final = CHANNELS * TILE_WIDTH
 """Floats in a row of a tile."""
 
-ROWS: Final = 3
+GROUP_ROWS: Final = 3
 """Rows that the inner loops handle at once, to hide latency. Four spill the 16 vector registers of AVX2, and from about
 eight on LLVM gives up and emits scalar code, ten times slower."""
 
-SPARE_ROWS: Final = ROWS - 1
+SPARE_ROWS: Final = GROUP_ROWS - 1
 """Rows that a buffer holds below the frame, since the last rows of a splat are handled by full groups."""
 
+ZERO: Final = np.float32(0)
 LANES: Final = np.arange(TILE_WIDTH, dtype=np.float32)  # (16,) f4
 
 

@@ -16,7 +16,7 @@ from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.testing.random_streams import SYMBOL_KINDS, paint_symbols
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png
 from gsvc_ref.video.format import ChromaFormat
-from gsvc_ref.video.png import SIGNATURE
+from gsvc_ref.video.png import PNG_SIGNATURE
 from gsvc_ref.video.y4m import Y4mWriter
 
 from .other_targets import PLANE_HEAD, plane_numbers
@@ -97,14 +97,14 @@ def _png(color_type: int, depth: int, interlaced: int) -> bytes:
 
 
 def _joined_png(parts: Sequence[tuple[bytes, bytes]]) -> bytes:
-    made = SIGNATURE
+    made = PNG_SIGNATURE
     for kind, body in parts:
         made += struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(body, zlib.crc32(kind)))
     return made
 
 
 def _split_png(data: bytes) -> list[tuple[bytes, bytes]]:
-    parts, at = [], len(SIGNATURE)
+    parts, at = [], len(PNG_SIGNATURE)
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         parts.append((kind, data[at + 8 : at + 8 + length]))
@@ -125,7 +125,7 @@ def mutate_video(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     how = rng.randrange(4)
     if how == 0 or not data:
         return bytes_changed(data, rng, others)[:MAX_BYTES]
-    if not data.startswith(SIGNATURE):
+    if not data.startswith(PNG_SIGNATURE):
         line, end, rest = data.partition(b"\n")
         words = line.split(b" ")
         place = rng.randrange(len(words) + 1)

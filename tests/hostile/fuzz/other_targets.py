@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
@@ -14,9 +15,8 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_ref.video.images import ImageReader
-from gsvc_ref.video.png import SIGNATURE
+from gsvc_ref.video.png import PNG_SIGNATURE
 from gsvc_ref.video.stream import VideoReader
 from gsvc_ref.video.y4m import Y4mReader
 
@@ -96,7 +96,7 @@ def _frames(data: bytes) -> tuple[list[Any], str]:
     frames: list[Any] = []
     try:
         source = io.BytesIO(data)
-        reader: VideoReader = ImageReader([data], "it") if data.startswith(SIGNATURE) else Y4mReader(source, "it")
+        reader: VideoReader = ImageReader([data], "it") if data.startswith(PNG_SIGNATURE) else Y4mReader(source, "it")
         with reader:
             for frame in reader:
                 video = reader.format

@@ -4,8 +4,8 @@ import socket
 import numpy as np
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import PHOTOGRAPHS, Ball, demo_clip, demo_cut, paint_ball, photograph
-from gsvc_ref.errors import UsageError
 
 
 def as_bytes(**arguments):
