@@ -36,19 +36,11 @@ RISE: Final = 1.01
 
 
 class Pairs(NamedTuple):
-    """The last steps s and the changes y of the gradient along them.
+    """The last steps s and the changes y of the gradient along them, by (u, v, m, r, s, n0, n1, n2)."""
 
-    Attributes
-    ----------
-    steps, changes
-        (MEMORY, N, 8) f8 each, by (u, v, m, r, s, n0, n1, n2).
-    inverse
-        (MEMORY,) f8, 1 / (s . y).
-    """
-
-    steps: F8
-    changes: F8
-    inverse: F8
+    steps: F8  # (MEMORY, N, 8)
+    changes: F8  # (MEMORY, N, 8)
+    inverse: F8  # (MEMORY,), 1 / (s . y)
 
 
 class LBFGS:
@@ -129,17 +121,11 @@ class Point(NamedTuple):
 
 
 class Walk:
-    """L-BFGS over the splats of a picture, which goes back to its best point where the error has risen.
-
-    Attributes
-    ----------
-    best
-        The point of the least error since the function or the splats changed; None: there is none yet.
-    """
+    """L-BFGS over the splats of a picture, which goes back to its best point where the error has risen."""
 
     def __init__(self, count: int, D: float) -> None:
         self._descent = LBFGS(count, D)
-        self.best: Point | None = None
+        self.best: Point | None = None  # that of the least error since the function or the splats changed
 
     def next(self, z: F8, error: float, gradient: F8) -> F8:
         """The coordinates (N, 8) to evaluate after z (N, 8), given the error there and its gradient (N, 8)."""

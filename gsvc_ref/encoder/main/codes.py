@@ -57,16 +57,8 @@ def nearest_codes(z: F8, step: int, width: int, height: int, limits: I8 = INTRA_
     is that which holds l21 / l11 through the rounding of size and aspect, and y compensates for what x lacks along the
     splat, so that long slanted splats need no finer x.
 
-    Parameters
-    ----------
-    z
-        (N, 8) f8.
-    step
-        D in 1/16.
-    width, height
-        The frame's size in pixels; splats outside are moved to its edge.
-    limits
-        (3, classes, 2) i8: the least and the greatest code of size, aspect and shear in every class.
+    `z` is (N, 8) f8, and `step` D in 1/16; splats outside the frame are moved to its edge. `limits` (3, classes, 2) i8
+    are the least and the greatest code of size, aspect and shear in every class.
     """
     codes = CodeArrays.empty(len(z))
     columns, rows = cell_counts(width, height)

@@ -54,17 +54,7 @@ Length = Callable[[Density], int]
 
 
 def choose_densities(codes: IntraCodes, step: int, width: int, height: int) -> Densities:
-    """The densities of splats' codes with about the least code length.
-
-    Parameters
-    ----------
-    codes
-        The codes of at least one splat, in the order of cells.
-    step
-        D in 1/16.
-    width, height
-        Size of the frame in pixels.
-    """
+    """The densities with about the least code length for the codes of at least one splat, in the order of cells."""
     q = magnitude_classes(np.abs(codes.colors))  # (N, 3)
     j = classes(colors_of(codes.colors, step), step)
     chosen: list[Density] = []
@@ -156,15 +146,7 @@ def _length_in_windows(windows: Windows, codes: I8, j: I8, lengths: I8) -> int:
 
 
 def choose_halving_codes(cells: I8, width: int, height: int) -> tuple[int, ...]:
-    """The `halving_code` of each halving with the least code length; 0 where no part has a choice.
-
-    Parameters
-    ----------
-    cells
-        (N, 2), the cells of splats in their order.
-    width, height
-        Size of the frame in pixels.
-    """
+    """The `halving_code` of each halving with the least code length for cells (N, 2); 0 where no part has a choice."""
     inside, halvings = cell_counts(width, height), halving_count(width, height)
     origins, counts = np.zeros((1, 2), np.int64), np.array([len(cells)], np.int64)
     chosen = []

@@ -46,43 +46,21 @@ GX, GS, GY, SIZE, SHEAR = range(5)
 
 
 class Anchors(NamedTuple):
-    """What differences refer to.
+    """What differences refer to."""
 
-    Attributes
-    ----------
-    z
-        (N, 8) f8, the coordinates of the reference after motion.
-    steps
-        (N, 5) f8, see `GX`.
-    D
-        In units of 8 bits.
-    scale
-        f over the loss: pixels times 255^2 / (2 D^2).
-    """
-
-    z: F8
-    steps: F8
-    D: float
-    scale: float
+    z: F8  # (N, 8), the coordinates of the reference after motion
+    steps: F8  # (N, 5), see `GX`
+    D: float  # in units of 8 bits
+    scale: float  # f over the loss: pixels times 255^2 / (2 D^2)
 
 
 class Iterate(NamedTuple):
-    """A point of the descent, changed in place.
+    """A point of the descent, changed in place."""
 
-    Attributes
-    ----------
-    q, y
-        (N, 8) f8, the differences, and those at which the gradient is taken.
-    parameters
-        (N, 8) f4, of the splats at y.
-    length
-        (N,) f8, step lengths.
-    """
-
-    q: F8
-    y: F8
-    parameters: F4
-    length: F8
+    q: F8  # (N, 8), the differences
+    y: F8  # (N, 8), those at which the gradient is taken
+    parameters: F4  # (N, 8), of the splats at y
+    length: F8  # (N,), step lengths
 
 
 class Prices(NamedTuple):

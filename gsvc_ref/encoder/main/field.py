@@ -17,8 +17,8 @@ where the squared error is the quadratic model of the last step. All is in binar
 """
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -73,19 +73,8 @@ VECTOR_BITS: Final[F8] = np.asarray(0.7 + 2 * log2(1.0 + np.arange(2 * LONGEST_V
 """About how many bits a component costs, by the magnitude of its difference to its neighbor; fitted to streams."""
 
 
-@dataclass(frozen=True)
-class Field:
-    """A motion field and what it costs.
-
-    Attributes
-    ----------
-    cell
-        The side of a cell in pixels, 0 for no field.
-    vectors
-        (gy, gx, 2) i8 in quarter pixels.
-    error
-        The squared error with it, in units of 8 bits.
-    """
+class Field(NamedTuple):
+    """The side of a cell in pixels, 0 for no field; vectors (gy, gx, 2) i8 in quarter pixels; the squared error."""
 
     cell: int
     vectors: I8
@@ -98,11 +87,6 @@ def flow_at_points(before: F4, after: F4) -> tuple[F8, F8]:
     y, x = np.mgrid[FLOW_SPACING // 2 : height : FLOW_SPACING, FLOW_SPACING // 2 : width : FLOW_SPACING]
     points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
     return points.astype(np.float64), estimated_motion(before, after, points).astype(np.float64)
-
-
-def field_bits(vectors: I8) -> float:
-    """About how many bits the vectors (gy, gx, 2) cost."""
-    return float(bits_of_field(vectors, VECTOR_BITS))
 
 
 def best_field(
@@ -118,20 +102,8 @@ def best_field(
     Fields of different cells are compared by the logarithm of the error: later steps take back most of a large error
     for few bits. Where smaller cells are worth no more than those before, still smaller ones are not tried.
 
-    Parameters
-    ----------
-    objective
-        Of the picture to come.
-    reference
-        (N, 8) f4, the splats before they move.
-    flow
-        By `flow_at_points`.
-    previous
-        The field of the frame before, None if it had none.
-    settings
-        The cells, the price of a bit, and how long to search.
-    D
-        In units of 8 bits.
+    `reference` (N, 8) f4 are the splats before they move, `flow` is by `flow_at_points`, and `previous` the field of
+    the frame before.
     """
     price = settings.motion_price * D * D
     search = _Search(objective, reference, price)
@@ -145,19 +117,30 @@ def best_field(
             cell_means(*flow, cell, vectors)
         else:
             read_coarse_field(fine[1], fine[0], cell, vectors)
+        vectors = search.descend(cell, vectors, settings.motion_steps)
+        fine = cell, vectors
         former = np.zeros(vectors.shape, np.int64)
         if previous is not None and previous.cell == cell:
             former = previous.vectors
-        vectors = search.descend(cell, vectors, settings.motion_steps)
-        fine = cell, vectors
         found = search.choose(cell, vectors, former, settings.motion_rounds)
-        bits = worth * float(log2(max(found.error, 1.0))) + field_bits(found.vectors)
+        bits = worth * float(log2(max(found.error, 1.0))) + bits_of_field(found.vectors, VECTOR_BITS)
         if bits < least:
             best, least = found, bits
         if bits > coarser:
             break
         coarser = bits
     return best
+
+
+class Model(NamedTuple):
+    """The squared error around a field, to second order: H as (gy, gx, 5, 3), b and what damps H, (gy, gx, 2) each.
+
+    H has the entries xx, xy, yy for each of PAIRS.
+    """
+
+    matrix: F8
+    gradient: F8
+    damping: F8
 
 
 class _Search:
@@ -179,64 +162,68 @@ class _Search:
         return loss * self.scale, by_vector
 
     def matrix(self, vectors: F8, cell: int) -> F8:
-        """H, (gy, gx, 5, 3): for each of PAIRS the entries xx, xy, yy."""
+        """H of the picture drawn last; `quarter` has one in four of its pixels."""
         out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
         sum_products(self.objective.quarter(), vectors, cell, 2 * SQUARE_OF_8_BITS * 4 / (UNITS * UNITS), out)
         return out
 
     def descend(self, cell: int, start: F8, steps: int) -> F8:
-        """The vectors after some damped Gauss-Newton steps, those that lower the error."""
-        vectors = start
-        error, gradient = self.evaluate(vectors, cell)
-        if error > self.error_of_none:
-            vectors = np.zeros(start.shape)
-            error, gradient = self.evaluate(vectors, cell)
-        stiffness, damping = self.stiffness(start, cell), FIRST_DAMPING
-        matrix = self.matrix(vectors, cell)
-        for _ in range(steps):
+        """The vectors after some Gauss-Newton steps from a field, or from none if that is better."""
+
+        def stepped(model: Model, vectors: F8) -> F8:
             step = np.zeros(vectors.shape)
-            solve(matrix, gradient, damping * stiffness + LEAST_DAMPING, LONGEST_STEP, SWEEPS, step)
-            trial = np.clip(vectors + step, -LONGEST_VECTOR, LONGEST_VECTOR)
-            new_error, new_gradient = self.evaluate(trial, cell)
-            if new_error < error:
-                is_little = new_error > (1 - LITTLE) * error
-                vectors, error, gradient, damping = trial, new_error, new_gradient, damping / LESS_DAMPING
-                if is_little:
-                    break
-                matrix = self.matrix(vectors, cell)
-            else:
-                damping *= MORE_DAMPING
-        return vectors
+            solve(model._replace(damping=model.damping + LEAST_DAMPING), step)
+            return np.clip(vectors + step, -LONGEST_VECTOR, LONGEST_VECTOR)
+
+        first = self.evaluate(start, cell)
+        if first[0] > self.error_of_none:
+            start = np.zeros(start.shape)
+            first = self.evaluate(start, cell)
+        return self._improved(cell, start, first, steps, stepped)[0]
 
     def choose(self, cell: int, vectors: F8, former: I8, rounds: int) -> Field:
         """Whole vectors near those given, chosen by error and bits."""
-        best = np.floor(vectors + 0.5).astype(np.int64)
-        stiffness, damping = self.stiffness(vectors, cell), FIRST_DAMPING
-        error, gradient = self.evaluate(best.astype(np.float64), cell)
-        cost = error + self.price * field_bits(best)
+
+        def chosen(model: Model, vectors: F8) -> F8:
+            field = vectors.astype(np.int64)
+            choose_vectors(model, former, self.price, VECTOR_BITS, field)
+            return field.astype(np.float64)
+
+        def cost(vectors: F8) -> float:
+            return self.price * bits_of_field(vectors.astype(np.int64), VECTOR_BITS)
+
+        whole = np.floor(vectors + 0.5)
+        vectors, error = self._improved(cell, whole, self.evaluate(whole, cell), rounds, chosen, cost)
+        return Field(cell, vectors.astype(np.int64), error)
+
+    def _improved(
+        self,
+        cell: int,
+        vectors: F8,
+        evaluated: tuple[float, F8],
+        rounds: int,
+        propose: Callable[[Model, F8], F8],
+        cost: Callable[[F8], float] = lambda vectors: 0.0,
+    ) -> tuple[F8, float]:
+        """The vectors after damped steps that a model proposes, those that lower error plus cost, and the error."""
+        error, gradient = evaluated
+        stiff, damping = np.zeros(vectors.shape), FIRST_DAMPING
+        stiffness(self.reference, cell, SQUARE_OF_8_BITS * math.pi / (UNITS * UNITS), stiff)
         matrix = self.matrix(vectors, cell)
         for _ in range(rounds):
-            trial = best.copy()
-            choose_vectors(matrix, gradient, damping * stiffness, trial, former, self.price, CHOICE_SWEEPS, VECTOR_BITS)
-            if (trial == best).all():
+            trial = propose(Model(matrix, gradient, damping * stiff), vectors)
+            if (trial == vectors).all():
                 break
-            new_error, new_gradient = self.evaluate(trial.astype(np.float64), cell)
-            new_cost = new_error + self.price * field_bits(trial)
-            if new_cost < cost:
-                is_little = new_cost > (1 - LITTLE) * cost
-                best, error, cost, gradient, damping = trial, new_error, new_cost, new_gradient, damping / LESS_DAMPING
-                if is_little:
+            new_error, new_gradient = self.evaluate(trial, cell)
+            before, after = error + cost(vectors), new_error + cost(trial)
+            if after < before:
+                vectors, error, gradient, damping = trial, new_error, new_gradient, damping / LESS_DAMPING
+                if after > (1 - LITTLE) * before:
                     break
                 matrix = self.matrix(vectors, cell)
             else:
                 damping *= MORE_DAMPING
-        return Field(cell, best, error)
-
-    def stiffness(self, vectors: F8, cell: int) -> F8:
-        """The curvature if every splat moved alone, by (metric) of `coordinates`, (gy, gx, 2)."""
-        out = np.zeros(vectors.shape)
-        stiffness(self.reference, cell, SQUARE_OF_8_BITS * math.pi / (UNITS * UNITS), out)
-        return out
+        return vectors, error
 
 
 @kernel(inline=True)
@@ -393,10 +380,11 @@ def coupling(matrix: F8, step: F8, row: int, column: int) -> tuple[float, float]
 
 
 @kernel()
-def solve(matrix: F8, gradient: F8, damping: F8, longest: float, sweeps: int, step: F8) -> None:
-    """Sweeps over (H + damping) step = -gradient, components limited to `longest`."""
+def solve(model: Model, step: F8) -> None:
+    """Sweeps over (H + damping) step = -b, components limited to LONGEST_STEP."""
+    matrix, gradient, damping = model
     rows, columns = step.shape[:2]
-    for _ in range(sweeps):
+    for _ in range(SWEEPS):
         for row in range(rows):
             for column in range(columns):
                 p, q = coupling(matrix, step, row, column)
@@ -404,8 +392,8 @@ def solve(matrix: F8, gradient: F8, damping: F8, longest: float, sweeps: int, st
                 xx, xy = matrix[row, column, 0, 0] + damping[row, column, 0], matrix[row, column, 0, 1]
                 yy = matrix[row, column, 0, 2] + damping[row, column, 1]
                 determinant = xx * yy - xy * xy
-                step[row, column, 0] = min(max((yy * p - xy * q) / determinant, -longest), longest)
-                step[row, column, 1] = min(max((xx * q - xy * p) / determinant, -longest), longest)
+                step[row, column, 0] = min(max((yy * p - xy * q) / determinant, -LONGEST_STEP), LONGEST_STEP)
+                step[row, column, 1] = min(max((xx * q - xy * p) / determinant, -LONGEST_STEP), LONGEST_STEP)
 
 
 @kernel()
@@ -444,15 +432,14 @@ def bits_around(field: I8, row: int, column: int, bits: F8) -> float:
 
 
 @kernel()
-def choose_vectors(
-    matrix: F8, gradient: F8, damping: F8, field: I8, former: I8, price: float, sweeps: int, bits: F8
-) -> None:
+def choose_vectors(model: Model, former: I8, price: float, bits: F8, field: I8) -> None:
     """Descent of the quadratic model plus price * bits from the field, vector by vector, in place."""
+    matrix, gradient, damping = model
     rows, columns = field.shape[:2]
     start = field.copy()
     step = np.zeros(field.shape)
     tried = np.empty((3 + 2 * len(NEXT), 2), np.int64)
-    for _ in range(sweeps):
+    for _ in range(CHOICE_SWEEPS):
         changed = False
         for row in range(rows):
             for column in range(columns):

@@ -86,30 +86,15 @@ ROUNDING_OFFSET: Final = 0.4
 
 @dataclass(frozen=True)
 class PFrame:
-    """What a P-frame is made from.
+    """What a P-frame is made from."""
 
-    Attributes
-    ----------
-    state
-        The decoder's state after the frame before.
-    objective, sampled
-        Of the new picture: all of it, and a lattice of pixels in each turn.
-    before, after
-        (H, W, 3) f4, the pictures between which the optical flow is estimated: the source of the frame before, or its
-        decoded picture, and the new source.
-    quantizer
-        0..79.
-    total
-        The clip's number of splats, of which new ones are a share.
-    """
-
-    state: MainState
-    objective: Objective
-    sampled: SampledObjective
-    before: F4
-    after: F4
+    state: MainState  # the decoder's, after the frame before
+    objective: Objective  # of all pixels of the new picture
+    sampled: SampledObjective  # of a lattice of its pixels in each turn
+    before: F4  # (H, W, 3), where the optical flow begins: the source of the frame before, or its decoded picture
+    after: F4  # (H, W, 3), the new source
     quantizer: int
-    total: int
+    total: int  # the clip's number of splats, of which new ones are a share
 
     @property
     def step(self) -> int:
@@ -118,13 +103,7 @@ class PFrame:
 
 
 class InterEncoder:
-    """Encodes one P-frame after the other, by its settings.
-
-    Attributes
-    ----------
-    previous
-        The field of the frame before; None at first, and to be set to None at every I-frame.
-    """
+    """Encodes one P-frame after the other, by its settings; another one begins at every I-frame."""
 
     def __init__(self, settings: InterSettings) -> None:
         self.settings = settings
@@ -154,21 +133,7 @@ class InterEncoder:
 
 
 class _Updates:
-    """The differences and new splats of one frame in the making.
-
-    Attributes
-    ----------
-    q, y
-        (N, 8) f8, the differences, and those at which the gradient is taken.
-    new
-        The new splats.
-    parameters
-        (N + n, 8) f4, of the splats with the differences y and of the new ones.
-    length
-        (N,) f8, step lengths.
-    idle
-        (N,) bool, the splats at rest, which the objectives hold.
-    """
+    """The differences and new splats of one frame in the making."""
 
     def __init__(self, frame: PFrame, motion: I8, settings: InterSettings) -> None:
         self.frame, self.motion, self.settings = frame, motion, settings
@@ -178,11 +143,11 @@ class _Updates:
         self.scale = pixels * SQUARE_OF_8_BITS  # loss to squared error
         self.anchors = anchors_of(frame.state.values, motion, frame.step, pixels)
         self.limits = limits_of(frame.state.densities or NO_DENSITIES)
-        self.q, self.y = np.zeros((self.count, 8)), np.zeros((self.count, 8))
-        self.parameters = to_parameters(self.anchors.z)
-        self.length = np.clip(settings.length / crowding(self.parameters), LEAST_LENGTH, MOST_LENGTH)
+        self.q, self.y = np.zeros((self.count, 8)), np.zeros((self.count, 8))  # see `Iterate`
+        self.parameters = to_parameters(self.anchors.z)  # (N + n, 8) f4, of the splats at y and of the new ones
+        self.length = np.clip(settings.length / crowding(self.parameters), LEAST_LENGTH, MOST_LENGTH)  # (N,) f8
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
-        self.idle = np.zeros(self.count, np.bool_)
+        self.idle = np.zeros(self.count, np.bool_)  # the splats at rest, which the objectives hold
 
     def codes(self) -> tuple[I8, NDArray[np.bool_], IntraCodes]:
         """Descend, add, descend, round: the differences, which splats are removed, and the new ones."""

@@ -45,37 +45,17 @@ BAND: Final = 32
 
 
 class Grid(NamedTuple):
-    """Round splats of one size, on a grid.
+    """Round splats of one size, on a grid."""
 
-    Attributes
-    ----------
-    rest
-        (H, W, 3) f8, what is left of the residual in opponent colors.
-    size
-        Their deviation s in pixels.
-    spacing, radius
-        The distance between them, and how far one reaches, in pixels.
-    weights
-        (2 (radius + spacing) + 1,) f8, exp(-x^2 / (2 s^2)) of the pixels around a center along an axis.
-    """
-
-    rest: F8
-    size: float
-    spacing: int
-    radius: int
-    weights: F8
+    rest: F8  # (H, W, 3), what is left of the residual in opponent colors
+    size: float  # their deviation s in pixels
+    spacing: int  # the distance between them in pixels
+    radius: int  # how far one reaches in pixels
+    weights: F8  # (2 (radius + spacing) + 1,), exp(-x^2 / (2 s^2)) of the pixels around a center along an axis
 
 
 class _Candidates:
-    """The responses of the splats of a grid to what is left of a residual, which may change, if `update` says where.
-
-    Attributes
-    ----------
-    response
-        (rows, columns, 3) f8, n.
-    gains, columns
-        (rows,) f8 and i8: the largest gain in each row, and where it is.
-    """
+    """The responses of the splats of a grid to what is left of a residual, which may change, if `update` says where."""
 
     def __init__(self, rest: F8, size: float, threads: int | None) -> None:
         height, width = rest.shape[:2]
@@ -83,8 +63,8 @@ class _Candidates:
         places = np.arange(-radius - spacing, radius + spacing + 1) / size
         self.grid = Grid(rest, size, spacing, radius, exp(-0.5 * (places * places)))
         rows, columns = -(-height // spacing), -(-width // spacing)
-        self.response = np.zeros((rows, columns, 3))
-        self.gains, self.columns = np.zeros(rows), np.zeros(rows, np.int64)
+        self.response = np.zeros((rows, columns, 3))  # n
+        self.gains, self.columns = np.zeros(rows), np.zeros(rows, np.int64)  # the largest gain in a row, and where
         bands = -(-rows // BAND)
         run_tasks(lambda i: self._respond(i * BAND, 0, min((i + 1) * BAND, rows), columns), bands, threads)
 
@@ -109,20 +89,10 @@ class _Candidates:
 
 
 def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: int, threads: int | None = None) -> F8:
-    """The coordinates (n, 8) f8 of new splats, best first.
+    """The coordinates (n, 8) f8 of at most `most` new splats, best first.
 
-    Parameters
-    ----------
-    residual
-        (H, W, 3) f4, target minus picture.
-    sizes
-        The deviations to try, in pixels.
-    least
-        A splat's gain must be above this, in squared error of 8-bit units.
-    most
-        Most splats to give.
-    threads
-        None: one per CPU; the result does not depend on it.
+    `residual` (H, W, 3) f4 is target minus picture, `sizes` are the deviations to try in pixels. A splat's gain must be
+    above `least`, in squared error of 8-bit units. The result does not depend on the threads.
     """
     height, width = residual.shape[:2]
     rest = np.empty((height, width, 3))
@@ -146,13 +116,7 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
 
 
 class NewSplats:
-    """New splats in fitting, by Adam in steps of D.
-
-    Attributes
-    ----------
-    z
-        (n, 8) f8, their coordinates.
-    """
+    """New splats in fitting, by Adam in steps of D, with the coordinates z (n, 8) f8."""
 
     def __init__(self, z: F8, D: float, width: int, height: int) -> None:
         self.z, self._D, self._width, self._height = z, D, width, height
