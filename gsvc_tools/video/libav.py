@@ -21,7 +21,8 @@ from gsvc_ref.video.format import (
     check_size,
     complete_color,
 )
-from gsvc_ref.video.libav_probe import (
+from gsvc_ref.video.stream import VideoReader
+from gsvc_tools.video.libav_probe import (
     Orientation,
     interlaced,
     is_even,
@@ -31,8 +32,7 @@ from gsvc_ref.video.libav_probe import (
     orientation,
     packet_times,
 )
-from gsvc_ref.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
-from gsvc_ref.video.stream import VideoReader
+from gsvc_tools.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
 
 if TYPE_CHECKING:
     import av

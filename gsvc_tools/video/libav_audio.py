@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.video.libav_probe import codec_name, open_container
+from gsvc_tools.video.libav_probe import codec_name, open_container
 
 LEAD_S: Final = 0.1
 """Seconds by which sound may begin before the pictures: encoders put a packet in front that a decoder warms up with."""

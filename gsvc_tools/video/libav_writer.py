@@ -16,11 +16,11 @@ from gsvc_base.errors import UsageError, naming
 from gsvc_base.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, to_planes
 from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
-from gsvc_ref.video.libav import import_av
-from gsvc_ref.video.libav_audio import Sound
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
+from gsvc_tools.video.libav import import_av
+from gsvc_tools.video.libav_audio import Sound
+from gsvc_tools.video.suffixes import CONTAINERS
 
-CONTAINERS: Final = {".mp4": "mp4", ".mkv": "matroska", ".mov": "mov", ".webm": "webm"}
 ENCODERS: Final = {
     "libx264": {"crf": "12", "preset": "medium"},
     "libvpx-vp9": {"crf": "15", "b": "0", "deadline": "good", "cpu-used": "4", "row-mt": "1"},
