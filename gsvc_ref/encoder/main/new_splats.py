@@ -139,7 +139,7 @@ class NewSplats:
 
     def keep(self, least: float) -> None:
         """Drop the splats whose energy is below `least` times D."""
-        kept = energies(self.z) >= (least * self._D) ** 2
+        kept = energies(self.z) >= (least * self._D) * (least * self._D)
         self.z, self._first, self._second = self.z[kept], self._first[kept], self._second[kept]
 
 
