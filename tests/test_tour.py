@@ -1,7 +1,9 @@
-"""docs/tour.md: its paths and names exist, its table has the rooms in the order of their use, its pixel is right."""
+"""docs/tour.md: its paths and names exist, its table has the rooms in the order of their use, its numbers are right."""
 
 import ast
 import re
+from contextlib import chdir
+from dataclasses import fields
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -10,7 +12,10 @@ import numpy as np
 import pytest
 
 import gsvc_ref
-from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
+from gsvc_ref.main.tables import step_of
+from gsvc_ref.stream import StreamReader
+from gsvc_ref.syntax import named
+from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream
 
 ROOT = Path(__file__).parents[1]
 TOUR = ROOT / "docs" / "tour.md"
@@ -50,7 +55,8 @@ def test_what_is_linked_exists(words, target):
 def test_names_without_a_link_stand_beside_one():
     linked = {words.strip("`").split(".")[-1] for words, _ in LINKS}
     plain = set(re.findall(r"(?<!\[)`([a-z]+_[a-z_]+)`", TEXT))
-    assert plain - linked <= {"adan_step"}  # the function of spec.md
+    elements, settings = set(named()), {field.name for field in fields(gsvc_ref.Settings)}
+    assert plain - linked <= elements | settings | {"adan_step"}  # the function of spec.md
 
 
 def rooms():
@@ -73,7 +79,8 @@ def imported(path):
 
 def test_every_room_of_the_package_is_in_the_table():
     packages = {f"gsvc_ref.{path.parent.name}" for path in ROOT.glob("gsvc_ref/*/__init__.py")}
-    assert packages | {"gsvc_ref", "gsvc_tools", "gsvc_lab", "gsvc_conformance", "viewer"} == set(chain(*rooms()))
+    others = {path.parent.name for home in (ROOT, ROOT / "conformance") for path in home.glob("gsvc_*/__init__.py")}
+    assert packages | others | {"gsvc_ref.encoder.main", "viewer"} == set(chain(*rooms()))
 
 
 def test_rooms_use_those_above_them():
@@ -90,10 +97,72 @@ def test_rooms_use_those_above_them():
     assert upward == []
 
 
-def test_the_pixel_of_the_tour():
+PLAIN = " ".join(TEXT.split())
+"""The text in one line."""
+
+
+@pytest.fixture(scope="module")
+def splat_of_main(tmp_path_factory):
+    """The frames that the tour encodes, and the stream that its lines of Python make."""
+    code = re.search(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)[1]
+    names = {}
+    with chdir(tmp_path_factory.mktemp("tour")):
+        exec(code, names)
+        return names["frames"], Path("splat.gsvc").read_bytes()
+
+
+def shown(values):
+    """Numbers as the tour writes them."""
+    return f"({', '.join(map(str, np.ravel(values).tolist()))})".replace("-", "−")
+
+
+def test_the_codes_of_the_tour(splat_of_main):
+    _, stream = splat_of_main
+    listed = gsvc_ref.read_main_stream(stream)
+    assert bytes(listed.frame_types) == b"IPR"
+    assert listed.modes.tolist() == [0]
+    assert f"Its one vector is {shown(listed.fields)}, in quarter pixels" in PLAIN
+    codes = next(iter(StreamReader(stream))).codes
+    assert f"`quantizer` {codes.quantizer}" in PLAIN
+    assert f"D, the step of all codes, is {step_of(codes.quantizer) / 16:g}" in PLAIN
+    new = codes.new
+    said = f"cell {shown(new.cells)}, the place {shown(new.places)} in it, the shape {shown(new.shapes)} and the colour"
+    assert f"{said} {shown(new.colors)}" in PLAIN
+    X, _, A, *_ = listed.states[0].tolist()
+    assert f"X = 1024 + 32 · 16 + 8 = {X}" in PLAIN
+    assert f"A = 205 · 5 = {A}" in PLAIN
+    assert f"X = {listed.states[1][0]}." in PLAIN
+
+
+def test_the_bytes_of_the_tour(splat_of_main):
+    chunks = dict(split_chunks(splat_of_main[1]))
+    intra, predicted = (chunks[letter].hex(" ").upper() for letter in (b"I", b"P"))
+    assert f"Ours takes {len(chunks[b'I'])} bytes as an I-frame: `{intra[:11]}`" in PLAIN
+    assert "18 bytes of densities follow" in PLAIN
+    assert f"two words, `{intra[3 * (4 + 18) :]}`" in PLAIN
+    assert f"just a state: `{predicted}`" in PLAIN
+
+
+def test_the_pixel_of_the_tour(splat_of_main):
+    frames, stream = splat_of_main
+    x, y, l11, l21, l22, *color = gsvc_ref.reconstruct_stream(stream).parameters[0].tolist()
+    assert f"x = {x}, y = {y}, l11 = l22 = {l11:.5f}" in PLAIN
+    assert (l21, l22) == (0, l11)
+    colors = f"({', '.join(f'{value:.5f}' for value in color)})"
+    assert f"the colour {colors}" in PLAIN
+    sigma = (((6.5 - x) / l11) ** 2 + ((4.5 - y) / l22) ** 2) / 2
+    g = np.exp(-sigma)
+    assert f"σ = {sigma:.5f} and g = {g:.5f}" in PLAIN
+    pixel = next(gsvc_ref.decode(stream))[4, 6]
+    assert f"255 · {g:.5f} · {colors} = {shown(pixel)}." in PLAIN
+    assert np.rint(255 * g * np.array(color)).tolist() == pixel.tolist()
+    assert f"The source has {shown(frames[0, 4, 6])}." in PLAIN
+
+
+def test_the_pixel_of_profile_paper():
     stream = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
     pixel = next(gsvc_ref.decode(stream))[4, 6]
-    assert f"({', '.join(map(str, pixel))})." in TEXT
+    assert f"{shown(pixel)}." in TEXT
     g = np.exp(-1 / 32)
     assert f"g = {g:.5f}" in TEXT
     assert np.rint(255 * g * np.array([0.75, 0.5, 0.25])).tolist() == pixel.tolist()
